@@ -122,7 +122,7 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
     extents = np.array(list(statement.extents.values()))
     found = Decrease(statement.loop, equilibrium, stretched, extents, witness.multipliers)
-    linear, radius = found.deviations(Boxes(np.array([[0.375, 0.625]]), np.array([[3, 3]])), 4)
+    linear, radius = found.symbols_on(Boxes(np.array([[0.375, 0.625]]), np.array([[3, 3]])))
     for i, (centre, factor) in enumerate(((0.375, 3), (0.625, 7))):
         value, *slopes = (Fraction(each) for each in linear[2 + i, :, 0].tolist())
         off = abs(value - Fraction(centre) / factor) + abs(sum(slopes) - Fraction(1, 8) / factor)
@@ -237,7 +237,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "units": (_put(["ft", "K"], "state_units"), "state_units"),
     "an unknown entry": (_put("x", "note"), "unknown entry"),
     "a negative multiplier": (_witness(multipliers=[[-0.1, 0.5], [0.5, 0.5]]), "multipliers"),
-    "few boxes": (_witness(boxes=3), "more than 3 boxes"),
+    "few boxes": (_witness(boxes=3), "decided on 3 boxes"),
     "a witness that claims": (_witness(rho=1.0), "unknown entry"),
 }
 

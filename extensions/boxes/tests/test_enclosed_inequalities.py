@@ -12,7 +12,7 @@ from hfa_boxes.check.cost import CostInequality, Guess
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Decrease, Loop
-from hfa_boxes.check.piece import Piece, Polynomial
+from hfa_boxes.check.piece import OnPiece, Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import Gain
 from hfa_boxes.enclosure.taylor import lowest
@@ -182,7 +182,7 @@ def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
     """-V', the room to the limits of an output, and that to the extents in the set."""
     places = _places(radius, 11)
     decrease = _decrease(radius)
-    bounds = lowest(decrease._functions.of(*decrease._inputs(places.boxes)), 2)
+    bounds = lowest(decrease._functions.of(*decrease.symbols_on(places.boxes)), 2)
     x = places.z + places.e[:, :2]
     commands = -x @ K.T
     commands[:, 0] += 0.25 * x[:, 0] ** 2
@@ -206,7 +206,7 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
     piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
     small = Boxes(place[None], np.array([[40, 40]]))
     inequality = CostInequality(_inequality(0.0).plant, _equilibrium(0.0, 4), piece, Q, R)
-    assert inequality.is_beyond(small).tolist() == [share > 0.0]
+    assert OnPiece.is_outside(inequality, small).tolist() == [share > 0.0]
 
 
 def test_the_hole_is_smaller_about_an_equilibrium_that_is_less_known() -> None:

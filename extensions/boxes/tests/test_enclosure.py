@@ -45,7 +45,7 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
     function = every_operation()
     centres = generator.uniform(-0.5, 0.5, (100, 3))
     half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
-    models = TaylorProgram(Program(function, "f")).over(centres, half_widths)
+    models = TaylorProgram(Program(function, "f"), 3).over(centres, half_widths)
     low = lowest(models, 3)
     high = highest(models, 3)
     for _ in range(20):
@@ -57,7 +57,7 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
 def test_a_square_of_a_square_holds_the_ends_of_a_box() -> None:
     """The linear part of y² is 0 at the centre of the first box, and the rest is all of it."""
     y = ca.SX.sym("y", 1)
-    program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"))
+    program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
     centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
     models = program.over(centres, half_widths)
     assert np.all(highest(models, 1) >= (centres + half_widths).T ** 4)
@@ -140,7 +140,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
     """(1 + y)² - 4 y + margin is (1 - y)² + margin: at y = 1 the margin alone is left."""
     y = ca.SX.sym("y")
     function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
-    models = TaylorProgram(Program(function, "f")).over(np.array([[1.0]]), np.array([[1e-8]]))
+    models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
     exact = Fraction(margin)
     assert Fraction(float(lowest(models, 1)[0, 0])) <= exact
     assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
@@ -154,7 +154,7 @@ def test_folded_constants_are_the_function(margin: float) -> None:
     y = ca.SX.sym("y")
     folded = 5 * (0.2 * y) - y + margin
     assert Fraction(0.2) * 5 != 1
-    models = TaylorProgram(Program(ca.Function("f", [y], [folded]), "f")).over(
+    models = TaylorProgram(Program(ca.Function("f", [y], [folded]), "f"), 1).over(
         np.array([[0.5]]), np.array([[0.5]])
     )
     assert (lowest(models, 1)[0, 0] > 0.0) == (margin > 0.0)
@@ -165,7 +165,7 @@ def test_rounding_of_a_long_sum_is_covered() -> None:
     """Σ 0.1 k y less its rational value: doubles lose digits that the radius holds."""
     y = ca.SX.sym("y", 2)
     total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
-    models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f")).over(
+    models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f"), 2).over(
         np.array([[0.3, 0.7]]), np.full((1, 2), 2.0**-40)
     )
     exact = sum(

@@ -72,7 +72,9 @@ class Positive:
 
 
 def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive:
-    return Positive(TaylorProgram(Program(ca.Function("f", [y], [expression]), "f")), hole)
+    return Positive(
+        TaylorProgram(Program(ca.Function("f", [y], [expression]), "f"), y.numel()), hole
+    )
 
 
 def test_a_planted_negative_place_is_found() -> None:

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_boxes.check.cover import OpenBoxError, cover, rejected
+from hfa_boxes.check.cover import cover
 from hfa_boxes.check.equilibrium import Equilibrium, check_near
 from hfa_boxes.check.loop import Decrease, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement
@@ -72,10 +72,7 @@ def check_region(
     _check_limits(statement, equilibrium)
     extents = np.array([statement.extents[name] for name in loop.states])
     decrease = Decrease(loop, equilibrium, statement.piece, extents, witness.multipliers)
-    try:
-        return cover(decrease, witness.boxes, progress)
-    except OpenBoxError as error:
-        raise rejected(error) from error
+    return cover(decrease, witness.boxes, progress)
 
 
 def _check_limits(statement: BoxStatement, at: Equilibrium) -> None:

@@ -11,20 +11,17 @@ from the last time that it enters D, where W = c, it pays at least c."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from flint import arb, arb_mat
 
 from hfa_boxes.check.cover import Boxes, refute
 from hfa_boxes.check.piece import ROUNDING, OnPiece
-from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
-from hfa_proof.arithmetic.balls import is_positive_definite, matrix
+from hfa_proof.arithmetic.balls import doubles, hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 
@@ -59,11 +56,6 @@ class CostInequality(OnPiece):
     R: np.ndarray
 
     @property
-    def m(self) -> int:
-        """Number of inputs."""
-        return len(self.R)
-
-    @property
     def at_once(self) -> int:
         """Boxes of a batch."""
         return self._values.at_once
@@ -84,19 +76,9 @@ class CostInequality(OnPiece):
         return np.asarray(limits - at + slack * np.array([-1.0, 1.0]))
 
     @cached_property
-    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """y, z, v and the error of the equilibrium."""
-        return (
-            ca.SX.sym("y", self.n),
-            ca.SX.sym("z", self.n),
-            ca.SX.sym("v", self.m),
-            ca.SX.sym("e", self.n + self.m),
-        )
-
-    @cached_property
     def _margin(self) -> ca.SX:
         """g."""
-        y, z, v, e = self._symbols
+        y, z, v, e = self.symbols
         at = ca.DM(self.equilibrium.x)
         rates, _ = self.plant.rates_at(
             at[: self.n] + z + e[: self.n], at[self.n :] + v + e[self.n :]
@@ -105,29 +87,22 @@ class CostInequality(OnPiece):
         price = ca.dot(ca.DM(self.Q) @ z, z) + ca.dot(ca.DM(self.R) @ v, v)
         return ca.dot(slopes, ca.DM(self.piece.M) @ rates) + price
 
-    def _program(self, outputs: Sequence[ca.SX]) -> Program:
-        inputs = ca.vertcat(*self._symbols)
-        function = ca.Function("g", [inputs], [ca.densify(ca.vertcat(*outputs))])
-        return Program(function, self.plant.model.name)
-
     @cached_property
     def _values(self) -> TaylorProgram:
         """g."""
-        return TaylorProgram(self._program([self._margin]), n=self.n)
+        return self.taylor([self._margin])
 
     @cached_property
     def _slopes(self) -> TaylorProgram:
         """The slopes of g in v."""
-        slopes = ca.gradient(self._margin, self._symbols[2])
-        return TaylorProgram(self._program([slopes]), n=self.n)
+        return self.taylor([ca.gradient(self._margin, self.symbols.v)])
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
         """Return the second derivatives of g in v, (m m,), and the v on which they depend;
         BadInputError where one of these has no limits."""
-        g = self._margin
-        v = self._symbols[2]
-        second = ca.hessian(g, v)[0]
+        v = self.symbols.v
+        second = ca.hessian(self._margin, v)[0]
         taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
         for name, ends, is_taken in zip(self.plant.inputs, self.ends, taken, strict=True):
             if is_taken and not np.all(np.isfinite(ends)):
@@ -135,13 +110,13 @@ class CostInequality(OnPiece):
                     f"{name} has no limits, and the rates are not affine in it; give the model's "
                     "signal min and max"
                 )
-        return TaylorProgram(self._program([ca.vec(second)]), n=self.n), taken
+        return self.taylor([ca.vec(second)]), taken
 
     @cached_property
     def _centre(self) -> ca.Function:
         """(z, v) -> gradient in v, Hessian in v, its slope in z, in doubles."""
         g = self._margin
-        y, z, v, e = self._symbols
+        y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
         slope = ca.gradient(here, v)
         outputs = [slope, ca.vec(ca.jacobian(slope, v)), ca.vec(ca.jacobian(slope, z))]
@@ -203,7 +178,7 @@ class CostInequality(OnPiece):
 
     def _undecided(self, boxes: Boxes) -> np.ndarray:
         N = self.inverse[0]
-        left = ~self.is_beyond(boxes)
+        left = ~super().is_outside(boxes)
         near = np.flatnonzero(left)
         if not len(near):
             return left
@@ -223,12 +198,15 @@ class CostInequality(OnPiece):
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Taylor models of y, z, v and the error of the equilibrium."""
-        n, m = self.n, self.m
-        linear, radius = self.deviations(boxes, 3 * n + 2 * m)
-        linear[2 * n : 2 * n + m, 0] = guess.value.T
-        linear[2 * n : 2 * n + m, 1:] = guess.slopes.transpose(1, 2, 0)
-        radius[2 * n + m :] = self.equilibrium.radius[:, None]
+        linear, radius = self.symbols_on(boxes)
+        linear[self._of_inputs, 0] = guess.value.T
+        linear[self._of_inputs, 1:] = guess.slopes.transpose(1, 2, 0)
         return linear, radius
+
+    @property
+    def _of_inputs(self) -> slice:
+        """Rows of v among the symbols."""
+        return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
         """Return (boxes,), a bound of the difference of g between the guess and the best inputs.
@@ -257,13 +235,11 @@ class CostInequality(OnPiece):
         from least to most (boxes, m): Gershgorin's."""
         program, taken = self._bent
         n, m = self.n, self.m
-        linear, radius = self._inputs(
-            boxes, Guess(np.zeros_like(least), np.zeros((*least.shape, n)))
-        )
+        linear, radius = self.symbols_on(boxes)
         middle = np.where(taken, 0.5 * (least + most), 0.0)
-        linear[2 * n : 2 * n + m, 0] = middle.T
+        linear[self._of_inputs, 0] = middle.T
         width = np.where(taken, np.maximum(most - middle, middle - least) * (1.0 + ROUNDING), 0.0)
-        radius[2 * n : 2 * n + m] = width.T
+        radius[self._of_inputs] = width.T
         models = program.of(linear, radius)
         low = lowest(models, n).T.reshape(-1, m, m)
         high = highest(models, n).T.reshape(-1, m, m)
@@ -295,13 +271,12 @@ class CostInequality(OnPiece):
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
         """(m,), bounds of the best |v_i| on a box about the equilibrium; None where g is not
         proved convex in v."""
-        rest = Guess(np.zeros((1, self.m)), np.zeros((1, self.m, self.n)))
         if not self.m:
             return np.zeros(0)
         curvature = self._curvature(box, self.ends[None, :, 0], self.ends[None, :, 1])[0]
         if not np.all(curvature > 0.0):
             return None
-        slopes = self._slopes.of(*self._inputs(box, rest))
+        slopes = self._slopes.of(*self.symbols_on(box))
         b = np.maximum(-lowest(slopes, self.n), highest(slopes, self.n))[:, 0]
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
@@ -309,21 +284,20 @@ class CostInequality(OnPiece):
         """Return whether the Hessian of g in (z, v) is positive definite on a box with |v_i| <=
         radii."""
         n, m = self.n, self.m
-        linear, radius = self._inputs(box, Guess(np.zeros((1, m)), np.zeros((1, m, n))))
-        radius[2 * n : 2 * n + m] = radii[:, None]
+        linear, radius = self.symbols_on(box)
+        radius[self._of_inputs] = radii[:, None]
         models = self._hessian.of(linear, radius)
         low = lowest(models, n)[:, 0]
         high = highest(models, n)[:, 0]
         if not np.all(np.isfinite(low) & np.isfinite(high)):
             return False
         size = 2 * n + m
-        balls = [arb(float(a)).union(arb(float(b))) for a, b in zip(low, high, strict=True)]
-        full = arb_mat(size, size, balls)
+        full = hull(low.reshape(size, size), high.reshape(size, size))
         lift = np.zeros((size, n + m))
         lift[:n, :n] = self.piece.M
         lift[n:, :] = np.eye(n + m)
         lifted = matrix(lift).transpose() * full * matrix(lift)
-        middle = np.array([[float(lifted[i, j].mid()) for j in range(n + m)] for i in range(n + m)])
+        middle = doubles(lifted)
         try:
             C = np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))).T
         except np.linalg.LinAlgError:
@@ -334,26 +308,18 @@ class CostInequality(OnPiece):
     @cached_property
     def _hessian(self) -> TaylorProgram:
         """Second derivatives of g in (y, z, v)."""
-        g = self._margin
-        y, z, v, _ = self._symbols
-        second = ca.hessian(g, ca.vertcat(y, z, v))[0]
-        return TaylorProgram(self._program([ca.vec(second)]), n=self.n)
+        y, z, v, _ = self.symbols
+        second = ca.hessian(self._margin, ca.vertcat(y, z, v))[0]
+        return self.taylor([ca.vec(second)])
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where no
     d exists."""
-    vertex = np.where(curvature > 0.0, -b / np.where(curvature > 0.0, curvature, 1.0), low)
-    inside = (curvature > 0.0) & (vertex > low) & (vertex < high)
-    at_vertex = -0.5 * b * b / np.where(inside, curvature, 1.0) * (1.0 + ROUNDING)
-    at_low = _parabola(b, curvature, low)
-    at_high = np.where(curvature > 0.0, at_low, _parabola(b, curvature, high))
-    at_high = np.where(
-        (curvature > 0.0) & (vertex >= high),
-        _parabola(b, curvature, np.minimum(high, vertex)),
-        at_high,
-    )
-    least = np.where(inside, at_vertex, np.minimum(at_low, at_high))
+    is_convex = curvature > 0.0
+    vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
+    at_ends = np.minimum(_parabola(b, curvature, low), _parabola(b, curvature, high))
+    least = np.where(is_convex, _parabola(b, curvature, vertex), at_ends)
     return np.asarray(np.where(high < low, 0.0, least))
 
 

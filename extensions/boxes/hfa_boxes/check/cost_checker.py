@@ -15,7 +15,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_statement import CostStatement
-from hfa_boxes.check.cover import OpenBoxError, cover, rejected
+from hfa_boxes.check.cover import cover
 from hfa_boxes.check.equilibrium import Equilibrium, check_near, open_rates, zero_near
 from hfa_boxes.check.plant import Plant
 from hfa_proof.checker.reading import Rejected, naming, require
@@ -87,12 +87,9 @@ def check_cost(
         raise Rejected("the equilibrium is outside the limits")
     counts = []
     shapes = witness.longer.tolist()
-    try:
-        for piece, most, longer in zip(statement.pieces, witness.boxes, shapes, strict=True):
-            inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
-            counts.append(cover(inequality, most, progress, longer))
-    except OpenBoxError as error:
-        raise rejected(error) from error
+    for piece, most, longer in zip(statement.pieces, witness.boxes, shapes, strict=True):
+        inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
+        counts.append(cover(inequality, most, progress, longer))
     return tuple(counts)
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from hfa_proof.checker.reading import Rejected
-from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
 #: A box with narrower edges than 2^-this is not halved: what holds there by less is not proved.
@@ -65,7 +64,7 @@ def cube(n: int) -> Boxes:
     return Boxes(np.zeros((1, n)), np.zeros((1, n), dtype=int))
 
 
-class OpenBoxError(NoSolutionError):
+class OpenBoxError(Rejected):
     """A box that is not decided.
 
     place: its centre (n,)
@@ -95,9 +94,8 @@ class Question(Protocol):
     def at_once(self) -> int:
         """Boxes of a batch."""
 
-    @property
-    def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Boxes -> the mask of those that do not meet the set."""
+    def is_outside(self, boxes: Boxes) -> np.ndarray:
+        """Return the mask of the boxes that do not meet the set."""
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""
@@ -108,7 +106,7 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:
         if within(centres[index]):
-            raise RefutedError("not positive at a place of the set", centres[index])
+            raise RefutedError("the inequality does not hold at a place of the set", centres[index])
 
 
 def cover(
@@ -143,12 +141,14 @@ def cover(
         done += _volume(batch.part(~open_boxes))
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
-            raise OpenBoxError(f"more than {most} boxes", wide.centres[-1])
+            raise OpenBoxError(f"the inequality is not decided on {most} boxes", wide.centres[-1])
         is_smallest = wide.depths.sum(axis=1) >= _DEEPEST * n
         is_smallest |= wide.depths.max(axis=1) >= _FINEST
         smallest = np.flatnonzero(is_smallest)
         if len(smallest):
-            raise SmallestBoxError("a box as small as any", wide.centres[smallest[0]])
+            raise SmallestBoxError(
+                "the inequality is not decided on a box as small as any", wide.centres[smallest[0]]
+            )
         waiting = _joined(waiting, wide.halves(shape))
         turn += 1
         if progress is not None and turn % _TOLD == 0:
@@ -165,8 +165,3 @@ def _joined(first: Boxes, last: Boxes) -> Boxes:
     return Boxes(
         np.concatenate([first.centres, last.centres]), np.concatenate([first.depths, last.depths])
     )
-
-
-def rejected(error: OpenBoxError) -> Rejected:
-    """Return the error as the checker's rejection."""
-    return Rejected(f"the inequality is not proved: {error}")

@@ -4,13 +4,11 @@ V is the polynomial W of a piece, in coordinates y = M z."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from flint import arb, arb_mat
 
 from hfa_boxes.check.cover import Boxes, refute
 from hfa_boxes.check.equilibrium import ROUNDING, Equilibrium, zero_near
@@ -19,7 +17,7 @@ from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
-from hfa_proof.arithmetic.balls import is_positive_definite, matrix
+from hfa_proof.arithmetic.balls import hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 
 #: The hole about the equilibrium is |y_i| <= 2^-k for the first k that closes, up to this one.
@@ -94,45 +92,27 @@ class Decrease(OnPiece):
         """Boxes of a batch."""
         return self._functions.at_once
 
-    @property
-    def is_outside(self) -> Callable[[Boxes], np.ndarray]:
-        """Boxes -> the mask of those that do not meet the set."""
-        return self.is_beyond
-
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return which boxes are not proved; RefutedError at a place where a function is
         negative."""
-        models = self._functions.of(*self._inputs(boxes))
+        models = self._functions.of(*self.symbols_on(boxes))
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole
         refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
         return np.asarray(~(proved.all(axis=0) & (boxes.reach < 1.0)))
 
-    def _inputs(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
-        """Taylor models of y, z and the error of the equilibrium."""
-        linear, radius = self.deviations(boxes, 3 * self.n)
-        radius[2 * self.n :] = self.equilibrium.radius[:, None]
-        return linear, radius
-
-    @cached_property
-    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return symbols of y, z and the error of the equilibrium."""
-        return ca.SX.sym("y", self.n), ca.SX.sym("z", self.n), ca.SX.sym("e", self.n)
-
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:
         """z' and the limited outputs."""
-        _, z, error = self._symbols
-        return self.plant.rates(ca.DM(self.equilibrium.x) + z + error)
+        return self.plant.rates(ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e)
 
     @cached_property
     def _functions(self) -> TaylorProgram:
         """-W', then the functions that are positive where limits and extents hold.
 
         An extent h of z_i holds in the set where h - z_i > k (c - W), k >= 0."""
-        y, z, _ = self._symbols
         rates, outputs = self._rates
-        W, slopes = self.piece.W.expressions(y)
+        W, slopes = self.piece.W.expressions(self.symbols.y)
         functions = [-ca.dot(slopes, ca.DM(self.piece.M) @ rates)]
         for name, output in zip(self.plant.limited_outputs, ca.vertsplit(outputs), strict=True):
             low, high = self.plant.limits[name]
@@ -142,13 +122,9 @@ class Decrease(OnPiece):
         for i, ((low, high), (of_low, of_high)) in enumerate(
             zip(self.extents.tolist(), self.multipliers.tolist(), strict=True)
         ):
-            functions += [z[i] - low - of_low * room, high - z[i] - of_high * room]
-        return TaylorProgram(self._program(functions), n=self.n)
-
-    def _program(self, outputs: Sequence[ca.SX]) -> Program:
-        inputs = ca.vertcat(*self._symbols)
-        function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
-        return Program(function, self.plant.model.name)
+            z = self.symbols.z[i]
+            functions += [z - low - of_low * room, high - z - of_high * room]
+        return self.taylor(functions)
 
     @cached_property
     def hole(self) -> int:
@@ -157,17 +133,16 @@ class Decrease(OnPiece):
         The slopes of W are G y and the rates J z, G and J in the enclosures, so that
         W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""
         n = self.n
-        y, _, _ = self._symbols
-        slopes = self._program([self.piece.W.expressions(y)[1], self._rates[0]])
+        slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self._rates[0]])
         M = matrix(self.piece.M)
         N, off = self.inverse
         for k in range(1, _SMALLEST_HOLE + 1):
             reach = 2.0**-k * (np.abs(N) + off).sum(axis=1) * (1.0 + ROUNDING)
             radius = np.concatenate([np.full(n, 2.0**-k), reach, self.equilibrium.radius])
             found = jacobian(slopes, Intervals(np.zeros(3 * n), radius)).slopes
-            if np.all(np.isfinite(found.middle)) and np.all(np.isfinite(found.radius)):
-                G = _balls(Intervals(found.middle[:n, :n], found.radius[:n, :n]))
-                J = _balls(Intervals(found.middle[n:, n : 2 * n], found.radius[n:, n : 2 * n]))
+            if np.all(np.isfinite(found.middle) & np.isfinite(found.radius)):
+                G = hull(found.low[:n, :n], found.high[:n, :n])
+                J = hull(found.low[n:, n : 2 * n], found.high[n:, n : 2 * n])
                 S = G.transpose() * M * J * M.inv()
                 if is_positive_definite(-(S + S.transpose())):
                     return k
@@ -175,10 +150,3 @@ class Decrease(OnPiece):
             "V' < 0 is not proved about the equilibrium: V is not a Lyapunov function of the "
             "linearization, or a kink is at the equilibrium"
         )
-
-
-def _balls(values: Intervals) -> arb_mat:
-    """A matrix of intervals as balls."""
-    rows, columns = values.middle.shape
-    pairs = zip(values.middle.ravel().tolist(), values.radius.ravel().tolist(), strict=True)
-    return arb_mat(rows, columns, [arb(middle, radius) for middle, radius in pairs])

@@ -115,12 +115,22 @@ class Piece(NamedTuple):
         return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
 
 
+class Symbols(NamedTuple):
+    """y and z (n,), the deviation v of the inputs (m,), and the error of the equilibrium
+    (n + m,)."""
+
+    y: ca.SX
+    z: ca.SX
+    v: ca.SX
+    e: ca.SX
+
+
 @dataclass(frozen=True, eq=False)
 class OnPiece:
     """A property of an aircraft on the set of a piece; a base of questions for `cover`.
 
     plant: with limits
-    equilibrium: enclosed
+    equilibrium: enclosed; of the states, or of states and inputs
     piece: the set
     """
 
@@ -132,6 +142,11 @@ class OnPiece:
     def n(self) -> int:
         """Dimension of the boxes."""
         return len(self.piece.M)
+
+    @property
+    def m(self) -> int:
+        """Number of inputs that are variables: none of a loop."""
+        return len(self.equilibrium.x) - self.n
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:
@@ -153,8 +168,8 @@ class OnPiece:
         is_allowed = bool(np.all((low <= x) & (x <= high)))
         return is_allowed and bool(self.piece.W.at(place[None])[0] <= self.piece.c)
 
-    def is_beyond(self, boxes: Boxes) -> np.ndarray:
-        """Return on which boxes W > c everywhere."""
+    def is_outside(self, boxes: Boxes) -> np.ndarray:
+        """Return the mask of the boxes on which W > c everywhere."""
         level = self._level.over(boxes.centres, boxes.half_widths)
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
@@ -163,22 +178,39 @@ class OnPiece:
         """W of y."""
         y = ca.SX.sym("y", self.n)
         function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
-        return TaylorProgram(Program(function, self.plant.model.name))
+        return TaylorProgram(Program(function, self.plant.model.name), self.n)
 
-    def deviations(self, boxes: Boxes, inputs: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return Taylor models of y and z on boxes, as the first of `inputs` inputs; the others are
-        0.
+    @cached_property
+    def symbols(self) -> Symbols:
+        """The variables of the functions that are enclosed."""
+        sizes = (self.n, self.n, self.m, self.n + self.m)
+        return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
 
-        Coefficients (inputs, 1 + n, boxes) and radii (inputs, boxes)."""
+    def program(self, outputs: Sequence[ca.SX]) -> Program:
+        """Functions of the symbols, to be enclosed."""
+        inputs = ca.vertcat(*self.symbols)
+        function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
+        return Program(function, self.plant.model.name)
+
+    def taylor(self, outputs: Sequence[ca.SX]) -> TaylorProgram:
+        """Functions of the symbols, on boxes of y."""
+        return TaylorProgram(self.program(outputs), self.n)
+
+    def symbols_on(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
+        """Return the symbols on boxes, v = 0: coefficients (symbols, 1 + n, boxes) and radii
+        (symbols, boxes)."""
         n = self.n
-        count = len(boxes.centres)
         N, off = self.inverse
-        linear = np.zeros((inputs, 1 + n, count))
-        radius = np.zeros((inputs, count))
-        linear[:n, 0] = boxes.centres.T
-        linear[np.arange(n), np.arange(1, n + 1)] = boxes.half_widths.T
-        linear[n : 2 * n, 0] = N @ boxes.centres.T
-        linear[n : 2 * n, 1:] = N[:, :, None] * boxes.half_widths.T[None]
-        sizes = np.abs(boxes.centres) + boxes.half_widths
-        radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes.T) * (1.0 + ROUNDING)
+        centres = boxes.centres.T
+        half_widths = boxes.half_widths.T
+        count = 3 * n + 2 * self.m
+        linear = np.zeros((count, 1 + n, len(boxes.centres)))
+        radius = np.zeros((count, len(boxes.centres)))
+        linear[:n, 0] = centres
+        linear[np.arange(n), np.arange(1, n + 1)] = half_widths
+        linear[n : 2 * n, 0] = N @ centres
+        linear[n : 2 * n, 1:] = N[:, :, None] * half_widths[None]
+        sizes = np.abs(centres) + half_widths
+        radius[n : 2 * n] = ((off + 1e-15 * (n + 2) * np.abs(N)) @ sizes) * (1.0 + ROUNDING)
+        radius[2 * n + self.m :] = self.equilibrium.radius[:, None]
         return linear, radius

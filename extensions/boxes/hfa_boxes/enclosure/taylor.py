@@ -87,17 +87,12 @@ def _sizes(models: Models, n: int) -> _Sizes:
 class TaylorProgram:
     """A program on boxes.
 
-    program: of inputs (y (n,), e)
-    errors: (k,), radii of e: numbers that are known to lie within them of 0
-    n: dimension of the boxes, where inputs are given by `of`
+    n: dimension of the boxes
     """
 
-    def __init__(
-        self, program: Program, errors: np.ndarray | None = None, n: int | None = None
-    ) -> None:
+    def __init__(self, program: Program, n: int) -> None:
         self.program = program
-        self._errors = np.zeros(0) if errors is None else errors
-        self.n = program.inputs - len(self._errors) if n is None else n
+        self.n = n
         self._pairs = pairs_of(self.n)
         terms = sum(program.widths) + len(program.widths) + 20
         self._row = 1.01 * terms * _U
@@ -106,18 +101,16 @@ class TaylorProgram:
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
-        """The outputs over the boxes centres ± half_widths, (boxes, n) each; a radius that is inf
-        or nan bounds nothing."""
+        """The outputs over the boxes centres ± half_widths, (boxes, n) each, of the inputs."""
         n = self.n
-        linear = np.zeros((self.program.inputs, 1 + n, len(centres)))
-        linear[:n, 0] = centres.T
+        linear = np.zeros((n, 1 + n, len(centres)))
+        linear[:, 0] = centres.T
         linear[np.arange(n), np.arange(1, n + 1)] = half_widths.T
-        radius = np.zeros((self.program.inputs, len(centres)))
-        radius[n:] = self._errors[:, None]
-        return self.of(linear, radius)
+        return self.of(linear, np.zeros((n, len(centres))))
 
     def of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
-        """The outputs where each input is c_0 + Σ c_i s_i ± radius.
+        """The outputs where each input is c_0 + Σ c_i s_i ± radius; a radius of the outputs that is
+        inf or nan bounds nothing.
 
         linear: (inputs, 1 + n, boxes), the c
         radius: (inputs, boxes)

@@ -36,6 +36,13 @@ def matrix(values: Any) -> arb_mat:
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
 
 
+def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
+    """A matrix of balls that hold the intervals between two matrices of doubles."""
+    rows, columns = low.shape
+    pairs = zip(low.ravel().tolist(), high.ravel().tolist(), strict=True)
+    return arb_mat(rows, columns, [arb(a).union(arb(b)) for a, b in pairs])
+
+
 def doubles(values: arb_mat) -> np.ndarray:
     """Midpoints rounded to doubles: for searching, never for proving."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
