@@ -14,7 +14,7 @@ import pytest
 
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.checker import _check_limits, check_region, read_content
+from hfa_boxes.check.checker import BoxWitness, check_region, read_content
 from hfa_boxes.check.cover import Boxes
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
@@ -79,6 +79,13 @@ def checked(content: Content) -> int:
     return check_region(*read_content(content, TANK, None))
 
 
+def _decrease(
+    statement: BoxStatement, witness: BoxWitness, at: Equilibrium, piece: Piece | None = None
+) -> Decrease:
+    extents = np.array(list(statement.extents.values()))
+    return Decrease(statement.loop, at, piece or statement.piece, extents, witness.multipliers)
+
+
 def test_the_tank_is_proved() -> None:
     assert 0 < checked(tank()) < 1000
 
@@ -97,8 +104,7 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
     statement, witness = read_content(content, TANK, None)
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
-    extents = np.array(list(statement.extents.values()))
-    found = Decrease(statement.loop, equilibrium, statement.piece, extents, witness.multipliers)
+    found = _decrease(statement, witness, equilibrium)
     assert found.hole == 2
     box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
     assert found.undecided(box).tolist() == [True]
@@ -110,8 +116,7 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
     side = 0.5**0.5
     turned = statement.piece._replace(M=np.array([[side, side], [-side, side]]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
-    extents = np.array(list(statement.extents.values()))
-    found = Decrease(statement.loop, equilibrium, turned, extents, witness.multipliers)
+    found = _decrease(statement, witness, equilibrium, turned)
     assert found.hole == 2
 
 
@@ -120,8 +125,7 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
-    extents = np.array(list(statement.extents.values()))
-    found = Decrease(statement.loop, equilibrium, stretched, extents, witness.multipliers)
+    found = _decrease(statement, witness, equilibrium, stretched)
     linear, radius = found.symbols_on(Boxes(np.array([[0.375, 0.625]]), np.array([[3, 3]])))
     for i, (centre, factor) in enumerate(((0.375, 3), (0.625, 7))):
         value, *slopes = (Fraction(each) for each in linear[2 + i, :, 0].tolist())
@@ -134,8 +138,7 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     """V' < 0 holds from 0.25 to 0.5 about 0, and not about all points within 0.3 of it."""
     statement, witness = read_content(tank(), TANK, None)
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
-    extents = np.array(list(statement.extents.values()))
-    found = Decrease(statement.loop, equilibrium, statement.piece, extents, witness.multipliers)
+    found = _decrease(statement, witness, equilibrium)
     box = Boxes(np.array([[0.375, 0.0]]), np.array([[3, 3]]))
     assert found.undecided(box).tolist() == [radius > 0.0]
 
@@ -154,10 +157,11 @@ def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
     """The level moves by 0.91, about an equilibrium within 0.001."""
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
-    statement, _ = read_content(content, TANK, None)
-    _check_limits(statement, Equilibrium(np.zeros(2), np.zeros(2)))
+    statement, witness = read_content(content, TANK, None)
+    _decrease(statement, witness, Equilibrium(np.zeros(2), np.zeros(2))).check_limits()
+    about = Equilibrium(np.zeros(2), np.array([0.001, 0.0]))
     with pytest.raises(NoSolutionError, match="level may leave"):
-        _check_limits(statement, Equilibrium(np.zeros(2), np.array([0.001, 0.0])))
+        _decrease(statement, witness, about).check_limits()
 
 
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:

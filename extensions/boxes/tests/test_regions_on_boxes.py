@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -18,7 +17,7 @@ from small_networks import imitation
 from hfa.main import main
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
-from hfa_boxes.check.checker import BoxWitness, _check_limits, check_region, read_content
+from hfa_boxes.check.checker import BoxWitness, check_region, read_content
 from hfa_boxes.check.cover import (
     Boxes,
     OpenBoxError,
@@ -28,9 +27,8 @@ from hfa_boxes.check.cover import (
     refute,
 )
 from hfa_boxes.check.equilibrium import Equilibrium, zero_near
-from hfa_boxes.check.loop import Loop
+from hfa_boxes.check.loop import Decrease, Loop
 from hfa_boxes.check.piece import Piece, Polynomial
-from hfa_boxes.check.plant import Plant
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.commands.region import scalars
 from hfa_boxes.enclosure.program import Program
@@ -246,16 +244,20 @@ def test_the_hole_is_one_of_first_function_alone() -> None:
 SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
 
 
-@pytest.mark.parametrize("extent", [0.6, 0.7])
-def test_a_state_beyond_its_limit_is_refused(extent: float) -> None:
-    loop = Plant(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)})
-    statement = SimpleNamespace(loop=loop, extents={"x": (-0.5, extent)})
-    at = Equilibrium(np.array([0.35]), np.zeros(1))
-    if extent > 0.65:
-        with pytest.raises(NoSolutionError, match="x may leave its limits"):
-            _check_limits(statement, at)
+@pytest.mark.parametrize("limit", [0.65, 0.55])
+def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
+    """The prover and the checker decide it at the same place."""
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.25)
+    at = Equilibrium(np.zeros(1), np.zeros(1))
+    extents = np.array([[-0.6, 0.6]])
+    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, limit)}, none)
+    decrease = Decrease(loop, at, piece, extents, np.zeros((1, 2)))
+    if limit > 0.6:
+        assert decrease.proved(1000) > 0
     else:
-        _check_limits(statement, at)
+        with pytest.raises(NoSolutionError, match="x may leave its limits"):
+            decrease.proved(1000)
 
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])

@@ -156,6 +156,13 @@ class CostInequality(OnPiece):
         by_column = cross.reshape(len(z), self.n, self.m).transpose(0, 2, 1)
         return b, H.reshape(shape), by_column
 
+    def check_limits(self) -> None:
+        """Rejected unless the equilibrium is within the envelope."""
+        low, high = self.plant.ends(self.plant.states).T
+        at = self.equilibrium.x[: self.n]
+        if not np.all((low <= at) & (at <= high)):
+            raise Rejected("the equilibrium is outside the limits")
+
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes that do not meet the envelope."""
         N, off = self.inverse

@@ -92,6 +92,18 @@ class Decrease(OnPiece):
         """Boxes of a batch."""
         return self._functions.at_once
 
+    def check_limits(self) -> None:
+        """Rejected unless every state within its extents is within its limits."""
+        at = self.equilibrium
+        limits = self.plant.ends(self.plant.states)
+        for i, name in enumerate(self.plant.states):
+            low, high = limits[i]
+            least, most = self.extents[i]
+            off = at.radius[i] + 1e-15 * abs(at.x[i])
+            room = (max(-least, most) + off) * 1e-12 + off
+            if not (low <= at.x[i] + least - room and at.x[i] + most + room <= high):
+                raise Rejected(f"{name} may leave its limits in the set")
+
     def undecided(self, boxes: Boxes) -> np.ndarray:
         """Return which boxes are not proved; RefutedError at a place where a function is
         negative."""

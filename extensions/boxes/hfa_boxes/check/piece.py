@@ -5,6 +5,7 @@ cube |y_i| <= 1, which it does not leave: W > c on every box that meets a face o
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,13 +15,14 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_boxes.check.cover import Boxes
+from hfa_boxes.check.cover import Boxes, Question, cover
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
 from hfa_proof.arithmetic.balls import matrix
 from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
+from hfa_support.progress import Progress
 
 #: Higher degrees are refused.
 HIGHEST = 12
@@ -126,8 +128,8 @@ class Symbols(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class OnPiece:
-    """A property of an aircraft on the set of a piece; a base of questions for `cover`.
+class OnPiece(Question):
+    """A property of an aircraft on the set of a piece; decided on boxes.
 
     plant: with limits
     equilibrium: enclosed; of the states, or of states and inputs
@@ -147,6 +149,21 @@ class OnPiece:
     def m(self) -> int:
         """Number of inputs that are variables: none of a loop."""
         return len(self.equilibrium.x) - self.n
+
+    @abstractmethod
+    def check_limits(self) -> None:
+        """Rejected where limits that no box decides do not hold."""
+
+    def proved(
+        self, most: int, progress: Progress | None = None, longer: Sequence[int] | None = None
+    ) -> int:
+        """Number of boxes on which it is proved; Rejected where it is not.
+
+        most, progress, longer: as in `cover`
+        """
+        self.plant.check_held()
+        self.check_limits()
+        return cover(self, most, progress, longer)
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ import numpy as np
 from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_checker import CostWitness, VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
-from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError, cover
+from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
@@ -246,7 +246,7 @@ class CostSearch:
             try:
                 inequality = self._inequality(piece)
                 longer = self._longer(inequality, fit.places(_TRIED))
-                boxes = cover(inequality, _ENDLESS, self._tell, longer)
+                boxes = inequality.proved(_ENDLESS, self._tell, longer)
             except SmallestBoxError as error:
                 fit.open_at(error.place)
                 W = fit.fitted()

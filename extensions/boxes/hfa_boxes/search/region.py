@@ -14,7 +14,7 @@ import scipy.linalg
 from scipy.integrate import solve_ivp
 
 from hfa_boxes.check.checker import BoxWitness
-from hfa_boxes.check.cover import OpenBoxError, RefutedError, cover
+from hfa_boxes.check.cover import OpenBoxError, RefutedError
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
@@ -208,7 +208,7 @@ class RegionSearch:
         decrease = Decrease(
             self.loop, self.equilibrium, smaller.piece(), extents.ends, extents.multipliers
         )
-        boxes = cover(decrease, _ENDLESS, self._count)
+        boxes = decrease.proved(_ENDLESS, self._count)
         size = smaller.size()
         if size <= self._largest:
             return
