@@ -44,6 +44,14 @@ class Slopes(NamedTuple):
     high: np.ndarray
 
 
+class Enclosed(NamedTuple):
+    """Enclosure of a kind of node: one or both of curve and line, and its slopes."""
+
+    curve: Callable[[Ranges], Parabola] | None
+    line: Callable[[Ranges], Parabola] | None
+    slopes: Callable[[np.ndarray, np.ndarray], Slopes]
+
+
 def _reach(ranges: Ranges) -> np.ndarray:
     """The largest |t - t0|, rounded upward."""
     centre, low, high = ranges
@@ -260,44 +268,33 @@ def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(least * (1.0 - 4.0 * ROUNDING), most * (1.0 + 4.0 * ROUNDING))
 
 
-def _sin_curve(ranges: Ranges) -> Parabola:
-    sine, cosine = sin_cos(ranges[0])
-    errors = (SIN_ERROR, SIN_ERROR, SIN_ERROR)
-    third = np.full_like(sine, 1.0 / 6.0)
-    return _parabola(sine, cosine, -0.5 * sine, third, errors, _reach(ranges))
+def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
+    """Enclosure of f'' = -f, |f'| <= 1; pair: t -> f and f', within `SIN_ERROR`."""
+
+    def curve(ranges: Ranges) -> Parabola:
+        value, slope = pair(ranges[0])
+        errors = (SIN_ERROR, SIN_ERROR, SIN_ERROR)
+        third = np.full_like(value, 1.0 / 6.0)
+        return _parabola(value, slope, -0.5 * value, third, errors, _reach(ranges))
+
+    def line(ranges: Ranges) -> Parabola:
+        value, _ = pair(ranges[0])
+        return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
+
+    def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
+        """f' = f'(m) ± |t - m|, m the middle."""
+        middle = 0.5 * (low + high)
+        _, slope = pair(middle)
+        width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR
+        return Slopes(np.maximum(slope - width, -1.0), np.minimum(slope + width, 1.0))
+
+    return Enclosed(curve, line, slopes)
 
 
-def _cos_curve(ranges: Ranges) -> Parabola:
-    sine, cosine = sin_cos(ranges[0])
-    errors = (SIN_ERROR, SIN_ERROR, SIN_ERROR)
-    third = np.full_like(sine, 1.0 / 6.0)
-    return _parabola(cosine, -sine, -0.5 * cosine, third, errors, _reach(ranges))
-
-
-def _sin_line(ranges: Ranges) -> Parabola:
-    sine, _ = sin_cos(ranges[0])
-    return _by_slopes(sine, SIN_ERROR, _sin_slopes(*ranges[1:]), _reach(ranges))
-
-
-def _cos_line(ranges: Ranges) -> Parabola:
-    _, cosine = sin_cos(ranges[0])
-    return _by_slopes(cosine, SIN_ERROR, _cos_slopes(*ranges[1:]), _reach(ranges))
-
-
-def _sin_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    """cos t = cos m ± |t - m|, m the middle, and within ±1."""
-    middle = 0.5 * (low + high)
-    return _near(sin_cos(middle)[1], low, middle, high)
-
-
-def _cos_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    middle = 0.5 * (low + high)
-    return _near(-sin_cos(middle)[0], low, middle, high)
-
-
-def _near(value: np.ndarray, low: np.ndarray, middle: np.ndarray, high: np.ndarray) -> Slopes:
-    width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR
-    return Slopes(np.maximum(value - width, -1.0), np.minimum(value + width, 1.0))
+def _cos_sin(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and its slope."""
+    sine, cosine = sin_cos(t)
+    return cosine, -sine
 
 
 def _atan_curve(ranges: Ranges) -> Parabola:
@@ -317,14 +314,6 @@ def _atan_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
     return Slopes(ends.min(axis=0) * (1.0 - 8.0 * ROUNDING), most)
 
 
-class Enclosed(NamedTuple):
-    """Enclosure of a kind of node: one or both of curve and line, and its slopes."""
-
-    curve: Callable[[Ranges], Parabola] | None
-    line: Callable[[Ranges], Parabola] | None
-    slopes: Callable[[np.ndarray, np.ndarray], Slopes]
-
-
 ENCLOSED: Mapping[str, Enclosed] = {
     "tanh": Enclosed(_tanh_curve, _tanh_line, _tanh_slopes),
     "relu": Enclosed(None, _relu_line, _relu_slopes),
@@ -334,7 +323,7 @@ ENCLOSED: Mapping[str, Enclosed] = {
     "sqrt": Enclosed(_sqrt_curve, None, _sqrt_slopes),
     "exp": Enclosed(_exp_curve, _exp_line, _exp_slopes),
     "log": Enclosed(_log_curve, None, _log_slopes),
-    "sin": Enclosed(_sin_curve, _sin_line, _sin_slopes),
-    "cos": Enclosed(_cos_curve, _cos_line, _cos_slopes),
+    "sin": _wave(sin_cos),
+    "cos": _wave(_cos_sin),
     "atan": Enclosed(_atan_curve, None, _atan_slopes),
 }
