@@ -83,7 +83,6 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
     "tanh": (np.tanh, lambda t: 1.0 - np.tanh(t) ** 2),
     "relu": (lambda t: np.maximum(t, 0.0), lambda t: np.where(t > 0.0, 1.0, 0.0)),
     "step": (lambda t: np.where(t > 0.0, 1.0, 0.0), np.zeros_like),
-    "square": (np.square, lambda t: 2.0 * t),
     "inverse": (np.reciprocal, lambda t: -1.0 / t**2),
     "sqrt": (np.sqrt, lambda t: 0.5 / np.sqrt(t)),
     "exp": (np.exp, np.exp),

@@ -187,16 +187,6 @@ def _step_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 # polynomials, powers and transcendental functions
 
 
-def _square_curve(ranges: Ranges) -> Parabola:
-    centre = ranges[0]
-    value = centre * centre
-    return Parabola(value, 2.0 * centre, np.ones_like(centre), 2.0 * ROUNDING * value)
-
-
-def _square_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-    return Slopes(2.0 * low, 2.0 * high)
-
-
 def _inverse_curve(ranges: Ranges) -> Parabola:
     centre, low, high = ranges
     nearest = np.where(low > 0.0, low, np.where(high < 0.0, -high, np.nan))
@@ -318,7 +308,6 @@ ENCLOSED: Mapping[str, Enclosed] = {
     "tanh": Enclosed(_tanh_curve, _tanh_line, _tanh_slopes),
     "relu": Enclosed(None, _relu_line, _relu_slopes),
     "step": Enclosed(None, _step_line, _step_slopes),
-    "square": Enclosed(_square_curve, None, _square_slopes),
     "inverse": Enclosed(_inverse_curve, None, _inverse_slopes),
     "sqrt": Enclosed(_sqrt_curve, None, _sqrt_slopes),
     "exp": Enclosed(_exp_curve, _exp_line, _exp_slopes),

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 from scipy.sparse import csr_array
 
+from hfa_proof.arithmetic.operations import operation_name
 from hfa_support.errors import BadInputError
 
 Row = Mapping[int, Fraction]
@@ -34,7 +35,6 @@ _LINEAR = {
     ca.OP_TWICE: (2, 0),
 }
 _UNIVARIATE = {
-    ca.OP_SQ: "square",
     ca.OP_TANH: "tanh",
     ca.OP_SIN: "sin",
     ca.OP_COS: "cos",
@@ -52,7 +52,7 @@ _SPARSE = 0.5
 class Node(NamedTuple):
     """A node that is not affine.
 
-    kind: "product", "square", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
+    kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
         one variable.
     rows: of its one or two arguments.
     level: 1 more than the highest of the nodes in its rows.
@@ -174,9 +174,9 @@ class _Reader:
         if operation in _SPECIAL:
             return _SPECIAL[operation](self, first, last)
         raise BadInputError(
-            f"{self._name}: uses {_called(operation)}, which is not enclosed; proofs on boxes take"
-            " sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan, asin, atan,"
-            " atan2, min, max and abs"
+            f"{self._name}: uses {operation_name(operation)}, which is not enclosed; proofs on"
+            " boxes take sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan,"
+            " asin, atan, atan2, min, max and abs"
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
@@ -202,8 +202,6 @@ class _Reader:
         for row, other in ((first, last), (last, first)):
             if set(row) <= {0}:
                 return _plus({}, other, row.get(0, Fraction(0)))
-        if first == last:
-            return self._node("square", first)
         return self._node("product", first, last)
 
     def _quotient(self, first: Row, last: Row) -> Row:
@@ -256,7 +254,7 @@ class _Reader:
 
     def _node(self, kind: str, *rows: Row) -> Row:
         """Return the variable of a new or known node; a constant where that is exact."""
-        if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "square", "relu"):
+        if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
             return {}
         key = _key(kind, rows)
         if key not in self._known:
@@ -275,6 +273,7 @@ class _Reader:
 
 _SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
     ca.OP_MUL: _Reader._product,
+    ca.OP_SQ: _Reader._product,
     ca.OP_DIV: _Reader._quotient,
     ca.OP_FMAX: _Reader._maximum,
     ca.OP_FMIN: _Reader._minimum,
@@ -310,11 +309,3 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
 
 def _key(kind: str, rows: Sequence[Row]) -> tuple[Any, ...]:
     return (kind, *(frozenset(row.items()) for row in rows))
-
-
-def _called(operation: int) -> str:
-    """The name of one of CasADi's codes."""
-    for name in dir(ca):
-        if name.startswith("OP_") and getattr(ca, name) == operation:
-            return name.removeprefix("OP_").lower()
-    return str(operation)

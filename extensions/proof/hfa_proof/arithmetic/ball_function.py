@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 from flint import arb, arb_series
 
+from hfa_proof.arithmetic.operations import operation_name
 from hfa_support.errors import BadInputError, NoSolutionError
 
 
@@ -88,13 +89,8 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]
-    word = str(code)
-    for casadi_name in dir(ca):
-        if casadi_name.startswith("OP_") and getattr(ca, casadi_name) == code:
-            word = casadi_name.removeprefix("OP_").lower()
-            break
     raise BadInputError(
-        f"{name}: its equations use {word}, which a proof does not support;"
+        f"{name}: its equations use {operation_name(code)}, which a proof does not support;"
         " replace a table or a switch by a polynomial"
     )
 

@@ -1,0 +1,13 @@
+"""Names of the operations in CasADi functions."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+
+def operation_name(code: int) -> str:
+    """Return the name of one of CasADi's codes, in lower case."""
+    for name in dir(ca):
+        if name.startswith("OP_") and getattr(ca, name) == code:
+            return name.removeprefix("OP_").lower()
+    return str(code)
