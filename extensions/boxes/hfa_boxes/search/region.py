@@ -30,9 +30,11 @@ _SHARES = (0.5, 0.8, 0.95, 0.985)
 _LARGE = 0.95
 _LEAST = 0.004
 #: Part of the time that is left in which a first V is chosen or a set grows, that one level gets
-#: while none is proved, and that the large share of a later V gets, which is tried first.
+#: while none is proved, that a higher level of a V gets which grows later, and that the large share
+#: of a later V gets, which is tried first.
 _OF_GROWTH = 0.4
 _FIRST = 0.3
+_OF_HIGHER = 0.15
 _OF_LARGE = 0.6
 #: Refuted places that become rows of linear programs, for one V.
 _REFUTED = 12
@@ -144,8 +146,9 @@ class RegionSearch:
             shape = Shape.of_piece(earlier.piece, self._degree)
             self._prove(shape, 1.0, origin)
         growth = Growth(self.samples, self.J, shape, self._tell)
-        self._levels(growth, origin)
-        for degree in sorted({2, self._degree}):
+        self._levels(growth, origin, is_last=False)
+        degrees = sorted({2, self._degree})
+        for degree in degrees:
             if degree < growth.shape.basis.degree:
                 continue
             growth.of_degree(degree)
@@ -159,17 +162,22 @@ class RegionSearch:
                 return
             level = growth.shape.bound(self.samples, _HIGHEST).level
             growth.shape = growth.shape.of_level(min(level, _HIGHEST))
-            self._levels(growth, f"one of degree {degree} that was searched for")
+            origin = f"one of degree {degree} that was searched for"
+            self._levels(growth, origin, is_last=degree == degrees[-1])
 
-    def _levels(self, growth: Growth, origin: str) -> None:
-        """Prove growing shares of the set of a V, which changes where a place refutes it."""
+    def _levels(self, growth: Growth, origin: str, *, is_last: bool) -> None:
+        """Prove growing shares of the set of a V, which changes where a place refutes it.
+
+        is_last: whether no further V follows, for which time is kept"""
         refuted = 0
         low = 0.0
         high = 1.0
         share = _SHARES[0] if self._best is None else _LARGE
         while share > _LEAST:
-            # most of the time is for sets that may be proved
-            part = 1.0 if low > 0.0 else _FIRST if self._best is None else _OF_LARGE
+            if low > 0.0:
+                part = 1.0 if is_last else _OF_HIGHER
+            else:
+                part = _FIRST if self._best is None else _OF_LARGE
             self._deadline = time.process_time() + part * self._left()
             try:
                 self._prove(growth.shape, share, origin)
