@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+import scipy.linalg
 from scipy.optimize import linprog, minimize
 
 from hfa_boxes.check.equilibrium import Equilibrium
@@ -336,9 +337,11 @@ class Growth:
         self._samples = samples
         self._tell = tell
         self._random = np.random.default_rng(1)
+        self._J = J
         self._decay = shape.linear_decay(J)
         self._first_M = shape.M
         self._refuted = np.zeros((0, len(J)))
+        self._slowest = np.zeros((0, len(J)))
         self._growths = _GROWTHS
         self.shape = shape
 
@@ -401,8 +404,9 @@ class Growth:
         inner = np.concatenate([inner, self._refuted @ last.M.T])
         edge = self._edge(last, level, _FIRST // 2)
         falls, least = self._rows(last, inner)
-        rows = [basis.at(edge), falls]
-        sides = [np.full(len(edge), 1.02), least]
+        near = self._linear_rows(last, self._slowest)
+        rows = [basis.at(edge), falls, near]
+        sides = [np.full(len(edge), 1.02), least, np.full(len(near), _DECAY)]
         unknowns = self._unknowns(last)
         mean = basis.at(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
@@ -427,11 +431,14 @@ class Growth:
             slack = falls @ coefficients - least
             worst = np.argsort(slack)[:_ADDED]
             worst = worst[slack[worst] < -0.5 * _DECAY]
-            if not len(worst) and not len(low):
+            slow = self._slow(shape)
+            self._slowest = np.concatenate([self._slowest, slow])
+            near = self._linear_rows(last, slow)
+            if not len(worst) and not len(low) and not len(near):
                 break
-            rows += [low, falls[worst]]
-            sides += [np.full(len(low), 1.02), least[worst]]
-        return shape
+            rows += [low, falls[worst], near]
+            sides += [np.full(len(low), 1.02), least[worst], np.full(len(near), _DECAY)]
+        return None if shape is None or len(self._slow(shape)) else shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
         """(K, k), the coefficients of which V is a sum. Above degree 2 the quadratic part only
@@ -462,12 +469,27 @@ class Growth:
         The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the decay of the first
         V in the linear loop; beyond a limit they are V."""
         z = y @ last.N.T
-        rates = self._samples.rates(z) @ last.M.T
-        first = z @ self._first_M.T
-        decay = np.einsum("ki,ij,kj->k", first, self._decay, first)
-        slopes = np.einsum("ktj,kj->kt", last.basis.slopes(y), rates)
         monomials = last.basis.at(y)
         k = _LEEWAY * np.clip((monomials @ last.coefficients - 0.9) / 0.2, 0.0, 1.0)
-        rows = k[:, None] * monomials - slopes / decay[:, None]
+        rows = k[:, None] * monomials + self._decays(last, z, self._samples.rates(z))
         beyond = self._samples.beyond(z)
         return np.where(beyond[:, None], monomials, rows), np.where(beyond, 1.02, _DECAY + k)
+
+    def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """(N, K), -V' of each monomial at z (N, n) over the decay of the first V."""
+        first = z @ self._first_M.T
+        decay = np.einsum("ki,ij,kj->k", first, self._decay, first)
+        slopes = last.basis.slopes(z @ last.M.T)
+        return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
+
+    def _slow(self, shape: Shape) -> np.ndarray:
+        """(N, n), directions z in which V falls too little in the linear loop, few of them."""
+        T = self._first_M @ shape.N
+        decay = shape.linear_decay(self._J)
+        values, directions = scipy.linalg.eigh(decay, T.T @ self._decay @ T)
+        return np.asarray((shape.N @ directions[:, values < 0.5 * _DECAY]).T)
+
+    def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
+        """(N, K), the rows of `_rows` near 0 in directions z (N, n)."""
+        rows = self._decays(last, z, z @ self._J.T)
+        return np.where(last.basis.degrees == 2, rows, 0.0)
