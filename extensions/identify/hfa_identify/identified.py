@@ -16,7 +16,7 @@ from hfa_identify.records import Record
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
-from hfa_support.reporting.text import Table, shown_unit, shown_value
+from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +29,8 @@ _WHITE_ENOUGH = 0.6
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
+#: Columns of the sentence on errors that the bands assume to be 0.
+_WIDTH = 100
 
 
 @dataclass(frozen=True)
@@ -266,7 +268,8 @@ class Identified(Result, Reported):
         if not errors:
             return []
         stated = ", no ".join(errors)
-        return [f"The bands assume no {stated}, which the records cannot tell from parameters."]
+        text = f"The bands assume no {stated}, which the records cannot tell from parameters."
+        return [wrapped(text, _WIDTH)]
 
     def _columns(self) -> list[Any]:
         """A table of delays, and of errors of columns that the bands assume to be 0."""
