@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from hfa.options.request import Request
     from hfa_aircraft.model import Model
 
+    #: The words -> the command, how it is called, the words of its options.
+    Find = Callable[[list[str]], tuple[Command, str, list[str]]]
+
 #: Exceptions that are the user's to answer, each in one line; any other is a bug.
 FAILURES = (BadInputError, NoSolutionError, OverflowError, UnicodeError, MemoryError, OSError)
 #: Fields of requests: files that a command writes; what names the model.
@@ -44,10 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
 
 
-def reported(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
-    """Run the command that the words name, print errors in one line, and return the exit code.
-
-    find: the words -> the command, how it is called, the words of its options."""
+def reported(words: list[str], find: Find) -> int:
+    """Run the command that the words name, print errors in one line, and return the exit code."""
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
     # loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -101,7 +102,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
     return str(error), BAD_INPUT
 
 
-def _run(words: list[str], find: Callable[[list[str]], tuple[Command, str, list[str]]]) -> int:
+def _run(words: list[str], find: Find) -> int:
     """Make the request that the words state, and answer it."""
     from hfa_support.files import inputs_kept
 

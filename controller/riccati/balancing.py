@@ -137,8 +137,9 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     scaling = balanced_stack(matrices)[1]
     logarithms = 0.5 * (np.log2(scaling[:, :n]) - np.log2(scaling[:, n:]))
     units = np.exp2(np.round(logarithms)).reshape(A.shape[:-1])
-    free = ~Q.any(axis=(-2, -1)) & S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
+    free = ~Q.any(axis=(-2, -1))
     if np.any(free):
+        free &= S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
         in_y = S / (units[..., :, None] * units[..., None, :])
         sizes = [np.abs(matrix).max(axis=(-2, -1)) for matrix in (in_y, A)]
         with np.errstate(all="ignore"):

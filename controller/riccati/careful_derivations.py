@@ -9,7 +9,6 @@ import warnings
 
 import numpy as np
 
-from controller.game.zero_sum import Game
 from controller.riccati.balancing import is_hurwitz
 from controller.riccati.derivations import by_sign
 from controller.riccati.normal_form import NormalForm
@@ -77,18 +76,6 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
         if correction <= ROUNDING * np.abs(X).max():
             break
     return best
-
-
-def schur_solution(game: Game) -> np.ndarray:
-    """P of `by_schur`, (n, n), in the user's units, without a certificate."""
-    form = NormalForm.of(game)
-    return form.value(by_schur(form))
-
-
-def quick_solution(game: Game) -> np.ndarray:
-    """P of `unrefined`, (n, n), in the user's units: for a search, certified afterwards."""
-    form = NormalForm.of(game)
-    return form.value(unrefined(form))
 
 
 def by_refined_sign(form: NormalForm) -> np.ndarray:

@@ -9,14 +9,17 @@ import numpy as np
 
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors: two in double precision, one with twice the digits.
+#: Newton steps after the eigenvectors: one in double precision, the others with more digits.
 STEPS = 3
+#: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
+#: has more digits.
+SETTLED = 1e-12
 #: Newton steps for the matrix sign: 10 are usual, one more for each halving of |Re λ|.
 SIGN_STEPS = 25
 #: A step that changes the matrix sign by less, relative, leaves rounding alone.
-SETTLED_SIGN = 1e-9
+SETTLED_SIGN = 1e-7
 #: Below this change a factor c is 1 but for less than the change.
-NEAR_SIGN = 1e-2
+NEAR_SIGN = 0.1
 
 
 class FromEigenvectors(NamedTuple):
@@ -43,26 +46,30 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
     stable = (values.real < 0.0).sum(axis=1)
-    condition = _norm(vectors) * _norm(_inverse(vectors))
-    distance = np.abs(values.real).min(axis=1) / condition / _norm(form.hamiltonian)
+    condition = norms(vectors) * norms(inverses(vectors))
+    distance = np.abs(values.real).min(axis=1) / condition / norms(form.hamiltonian)
 
     order = np.argsort(values.real, axis=1)[:, :n]
-    rates = np.take_along_axis(values, order, axis=1)
-    basis = np.take_along_axis(vectors, order[:, None, :], axis=2)
+    game = np.arange(len(order))[:, None]
+    rates = values[game, order]
+    basis = vectors.mT[game, order].mT
     V1 = basis[:, :n]
-    inverse = _inverse(V1)
+    inverse = inverses(V1)
     X = (basis[:, n:] @ inverse).real
     X = (X + X.mT) / 2.0
     sums = rates[:, :, None] + rates[:, None, :]
     for step in range(STEPS):
-        if step < STEPS - 1:
+        if step == 0:
             half = X @ (form.A - form.S @ X / 2.0)
             residual = half + half.mT + form.Q
         else:
-            residual = form.residual(X)
+            residual = form.residual(X, slices=3)
         Z = (inverse.mT @ ((V1.mT @ residual @ V1) / -sums) @ inverse).real
         X = X + (Z + Z.mT) / 2.0
-    return FromEigenvectors(X, largest(Z) / largest(X), stable, distance)
+        correction = largest(Z) / largest(X)
+        if step > 0 and not (correction > SETTLED).any():
+            break
+    return FromEigenvectors(X, correction, stable, distance)
 
 
 def by_sign(form: NormalForm, steps: int = SIGN_STEPS) -> np.ndarray:
@@ -77,15 +84,15 @@ def by_sign(form: NormalForm, steps: int = SIGN_STEPS) -> np.ndarray:
         if not is_near:
             W = W * np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
         last = W
-        W = (W + _inverse(W)) / 2.0
-        change = largest(W - last) / largest(W)
-        if not (change > SETTLED_SIGN).any():
+        W = (W + inverses(W)) / 2.0
+        change = np.fmax.reduce(norms(W - last) / norms(W))  # where it is not nan
+        if not change > SETTLED_SIGN:
             break
-        is_near = bool((change < NEAR_SIGN).all())
+        is_near = change < NEAR_SIGN
     columns = W + np.eye(2 * n)
     of_X = columns[:, :, n:]
     constant = -columns[:, :, :n]
-    return _inverse(of_X.mT @ of_X) @ (of_X.mT @ constant)
+    return inverses(of_X.mT @ of_X) @ (of_X.mT @ constant)
 
 
 def largest(matrices: np.ndarray) -> np.ndarray:
@@ -93,17 +100,18 @@ def largest(matrices: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
 
 
-def _norm(matrices: np.ndarray) -> np.ndarray:
-    """Frobenius norm of each, (N,)."""
-    return np.asarray(np.linalg.norm(matrices, axis=(1, 2)))
+def norms(matrices: np.ndarray) -> np.ndarray:
+    """Frobenius norm of each, (...)."""
+    entries = matrices.reshape(*matrices.shape[:-2], -1)
+    return np.sqrt(np.vecdot(entries, entries).real)
 
 
-def _inverse(matrices: np.ndarray) -> np.ndarray:
-    """Inverses, (N, n, n); nan where a matrix is singular, which must not stop the others."""
+def inverses(matrices: np.ndarray) -> np.ndarray:
+    """Inverses, (..., n, n); nan where a matrix is singular, which must not stop the others."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
         regular = np.linalg.slogdet(matrices)[0] != 0.0
-        inverses = np.full_like(matrices, np.nan)
-        inverses[regular] = np.linalg.inv(matrices[regular])
-        return inverses
+        found = np.full_like(matrices, np.nan)
+        found[regular] = np.linalg.inv(matrices[regular])
+        return found

@@ -170,10 +170,11 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
     shifts = np.unique(np.concatenate([[0.0], shifts]))
     frequencies = np.concatenate([shifts, (shifts[1:] + shifts[:-1]) / 2.0])
     size = float(np.abs(form.disturbance).max()) or 1.0
-    into = np.vstack([form.disturbance / size, np.zeros((n, k))])
-    out = np.vstack([np.zeros((n, k)), form.disturbance / size])
-    sizes_into = np.vstack([form.sizes.E / size, np.zeros((n, k))])
-    sizes_out = np.vstack([np.zeros((n, k)), form.sizes.E / size])
+    zero = np.zeros((n, k))
+    into = np.vstack([form.disturbance / size, zero])
+    out = np.vstack([zero, form.disturbance / size])
+    sizes_into = np.vstack([form.sizes.E / size, zero])
+    sizes_out = np.vstack([zero, form.sizes.E / size])
     best = (0.0, 0.0)
     for frequency in frequencies:
         shifted = without - 1j * frequency * np.eye(2 * n)

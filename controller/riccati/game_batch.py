@@ -49,26 +49,21 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
         part = slice(first, first + TOGETHER)
         form = NormalForm.of_plants(A[part], B[part], like)
         finite = np.flatnonzero(form.is_finite)
-        stack = certified_stack(form[finite])
-        P[first + finite] = form[finite].value(stack.X)
-        K[first + finite] = form[finite].gain(stack.X)
+        sound = form if len(finite) == len(form.A) else form[finite]
+        X = certified_stack(sound).X
+        P[first + finite] = sound.value(X)
+        K[first + finite] = sound.gain(X)
         failed = np.flatnonzero(np.isnan(K[part]).any(axis=(1, 2)))
         for i in failed.tolist():
-            P[first + i], K[first + i], reasons[first + i] = _careful_solution(form[i])
+            try:
+                careful = carefully_certified(form[i])
+            except NoSolutionError as failure:
+                reasons[first + i] = str(failure)
+                continue
+            P[first + i] = careful.form.value(careful.X)
+            K[first + i] = careful.form.gain(careful.X)
     certified = np.array([not reason for reason in reasons])
     return GameBatch(P, K, certified, tuple(reasons))
-
-
-def _careful_solution(form: NormalForm) -> tuple[np.ndarray, np.ndarray, str]:
-    """P (n, n) and K (m, n) of one game by the derivations that have more digits, and ""; nan and
-    the test that failed where these do not certify it either."""
-    try:
-        X, certified_form, _ = carefully_certified(form)
-    except NoSolutionError as failure:
-        no_value = np.full_like(form.A, np.nan)
-        no_gain = np.full_like(form.inputs.T, np.nan)
-        return no_value, no_gain, str(failure)
-    return certified_form.value(X), certified_form.gain(X), ""
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:

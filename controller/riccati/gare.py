@@ -10,7 +10,6 @@ import numpy as np
 
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import (
     Certificate,
     Certified,
@@ -141,42 +140,42 @@ def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> So
     accurate = certified.form
     P = accurate.value(X)
     P.setflags(write=False)
-    loop = accurate.A - accurate.B @ (accurate.B.T @ X)
     return Solution(
         P=P,
         K=accurate.gain(X),
         disturbance_gain=accurate.disturbance_gain(X),
         delta=form.delta,
         certificate=certified.certificate,
-        closed_loop_eigenvalues=spectrum(loop).eigenvalues,
-        worst_case_eigenvalues=spectrum(accurate.A - accurate.S @ X).eigenvalues,
-        abscissa_error=_abscissa_error(form, accurate, X),
+        closed_loop_eigenvalues=np.sort_complex(certified.loops.control),
+        worst_case_eigenvalues=np.sort_complex(certified.loops.game),
+        abscissa_error=_abscissa_error(form, certified),
         names=names,
     )
 
 
-def _abscissa_error(form: NormalForm, form_of_X: NormalForm, X: np.ndarray) -> float:
+def _abscissa_error(form: NormalForm, certified: Certified) -> float:
     """Return how far rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order;
     inf where defective.
 
     A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those
     of the form in which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.
     Source: Golub and Van Loan, Matrix Computations, Section 7.2.2."""
+    form_of_X = certified.form
     A = form_of_X.A
     B = form_of_X.B
-    K = B.T @ X
-    values, right = np.linalg.eig(A - B @ K)
-    try:
-        rows = np.linalg.inv(right)  # y with y'x = 1
-        turn = np.linalg.solve(form.T.T, form_of_X.T.T).T  # from the one form to the other
-        right_in_form = np.abs(np.linalg.solve(turn, right))
-    except np.linalg.LinAlgError:
+    K = B.T @ certified.X
+    _, values, right, rows = certified.loops  # rows: y with y'x = 1
+    if not np.isfinite(rows).all():
         return math.inf
-    x = np.abs(right)
-    y = np.abs(rows).T
-    y_in_form = np.abs(rows @ turn).T
-    moved = np.sum(y * (np.abs(A) @ x) + y_in_form * (np.abs(form.A) @ right_in_form), axis=0)
-    through_gain = x + np.abs(turn) @ right_in_form
+    x = x_in_form = turned_x = np.abs(right)
+    y = y_in_form = np.abs(rows).T
+    if form_of_X is not form:
+        turn = form_of_X.T * form.units  # from the one form to the other
+        x_in_form = np.abs(np.linalg.solve(turn, right))
+        turned_x = np.abs(turn) @ x_in_form
+        y_in_form = np.abs(rows @ turn).T
+    moved = np.sum(y * (np.abs(A) @ x) + y_in_form * (np.abs(form.A) @ x_in_form), axis=0)
+    through_gain = x + turned_x
     moved += np.sum(np.abs(rows @ B).T * (np.abs(K) @ through_gain), axis=0)
     moved += np.sum(y * (np.abs(B) @ np.abs(K) @ x), axis=0)
     bound = values.real + len(A) * np.finfo(float).eps * moved

@@ -11,7 +11,16 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import hamiltonian, units_of
-from controller.riccati.double_double import Pair, add, exact, product, transposed
+from controller.riccati.double_double import (
+    SLICES,
+    Pair,
+    add,
+    exact,
+    product,
+    remainder,
+    square,
+    transposed,
+)
 
 #: Smaller cosines belong to a P of more than the inverse of this, in balanced units.
 MODERATE = 1e-4
@@ -95,7 +104,7 @@ class NormalForm:
         units = units_of(A, scaled_B @ scaled_B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
         rows = units[..., :, None]
         columns = units[..., None, :]
-        return cls(
+        form = cls(
             A=A * columns / rows,
             inputs=B / rows,
             disturbance=without_faint(like.E, FAINT**0.5) / rows,
@@ -105,10 +114,12 @@ class NormalForm:
             delta=like.delta,
             R=like.R,
         )
+        vars(form)["B"] = scaled_B / rows  # known, and a stack takes it over
+        return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
         """Return one game of a stack, or some of them; with the index None a stack of one."""
-        return replace(
+        part = replace(
             self,
             A=self.A[index],
             inputs=self.inputs[index],
@@ -116,6 +127,8 @@ class NormalForm:
             Q=self.Q[index],
             T=self.T[index],
         )
+        vars(part)["B"] = self.B[index]
+        return part
 
     def with_delta(self, delta: float) -> Self:
         """Return the game with another delta, in these coordinates."""
@@ -147,17 +160,14 @@ class NormalForm:
         n), to first order.
 
         Next to the smallest delta the two nearly cancel, and P would be that of another game."""
-        n, m = self.B.shape[-2:]
-        root = np.broadcast_to(self.root, (*self.B.shape[:-2], m, m))
-        R = np.broadcast_to(np.eye(m) if self.R is None else self.R, root.shape)
-        high, low = product(exact(np.concatenate([self.B, root], axis=-2)), exact(root.mT))
-        left = (np.concatenate([self.inputs, R], axis=-2) - high) - low
-        of_B = np.linalg.solve(root, left[..., :n, :].mT).mT
-        of_R = np.linalg.solve(root, np.linalg.solve(root, left[..., n:, :]).mT)
-        half = self.B @ (0.5 * self.B @ of_R - of_B).mT
+        root = self.root
+        R = np.eye(len(root)) if self.R is None else self.R
+        over_R = np.linalg.solve(root.T, self.B.mT).mT
+        of_B = remainder(self.inputs, self.B, root)
+        half = over_R @ (0.5 * over_R @ remainder(R, root, root) - of_B).mT
         if math.isfinite(self.delta):
-            high, low = product(exact(self.E), exact(np.eye(self.E.shape[-1]) * self.delta))
-            half = half + ((self.disturbance - high) - low) / self.delta @ self.E.mT
+            deltas = np.eye(self.E.shape[-1]) * self.delta
+            half = half + remainder(self.disturbance, self.E, deltas) / self.delta @ self.E.mT
         return np.asarray(half + half.mT)
 
     @property
@@ -194,8 +204,9 @@ class NormalForm:
         E = E / self.delta
         return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
 
-    def residual(self, X: np.ndarray) -> np.ndarray:
-        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
+    def residual(self, X: np.ndarray, slices: int = SLICES) -> np.ndarray:
+        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits; with 3
+        slices to 2^-66 of its terms.
 
         What cancels in it leaves no rounding: corrections of X by such residuals end at the
         rounding of X itself, however badly conditioned the equation (Wilkinson's iterative
@@ -205,18 +216,28 @@ class NormalForm:
         m = self.B.shape[-1]
         k = self.E.shape[-1]
         factors = np.concatenate([self.A, self.B, self.E], axis=-1)
-        high, low = product(exact(X), exact(factors))
+        high, low = product(exact(X), exact(factors), slices)
         linear = high[..., :n], low[..., :n]
         inputs = high[..., n:], low[..., n:]
-        signs = np.repeat([-1.0, 1.0], [m, k])
-        signed = inputs[0] * signs, inputs[1] * signs
         total = add(linear, add(transposed(linear), exact(self.Q)))
-        total = add(total, product(signed, transposed(inputs)))
+        total = add(total, square(inputs, np.array([-1.0] * m + [1.0] * k), slices))
         return np.asarray(total[0] + X @ self.rounded @ X)
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
-        """`relative_residuals` of the normal form."""
-        return relative_residuals(self.A, self.B @ self.B.mT, self.E @ self.E.mT, self.Q, X)
+        """max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|) of each game, X
+        (..., n, n), |·| entry by entry.
+
+        |S| denotes |B B'| + |E E'|: cancellation between the two players does not count as
+        smallness."""
+        S_size = np.abs(self.B @ self.B.mT) + np.abs(self.E @ self.E.mT)
+        size = np.abs(X)
+        residual = self.A.mT @ X + X @ self.A + self.Q - X @ self.S @ X
+        terms = np.abs(self.A).mT @ size + size @ np.abs(self.A) + np.abs(self.Q)
+        terms = terms + size @ S_size @ size
+        largest = terms.max(axis=(-2, -1))
+        return np.asarray(
+            np.abs(residual).max(axis=(-2, -1)) / np.where(largest > 0.0, largest, 1.0)
+        )
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """P of the game in the user's coordinates, (..., n, n), symmetric."""
@@ -313,24 +334,3 @@ def precise_inverse(W: np.ndarray) -> Pair:
 def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
     """The matrix with 0 in place of numbers so small that their products have no digits."""
     return np.where(np.abs(matrix) < least, 0.0, matrix)
-
-
-def relative_residuals(
-    A: np.ndarray, S_control: np.ndarray, S_disturbance: np.ndarray, Q: np.ndarray, P: np.ndarray
-) -> np.ndarray:
-    """max |A'P + P A + Q - P S P| / max (|A|'|P| + |P||A| + |Q| + |P||S||P|), of each game.
-
-    Every argument: (..., n, n); |·| is entry by entry. |S| denotes |B R⁻¹ B'| + |E E'|/δ²:
-    cancellation between the two players does not count as smallness."""
-    size = np.abs(P)
-    residual = A.mT @ P + P @ A + Q - P @ (S_control - S_disturbance) @ P
-    terms = np.abs(A).mT @ size + size @ np.abs(A) + np.abs(Q)
-    terms = terms + size @ (np.abs(S_control) + np.abs(S_disturbance)) @ size
-    largest = terms.max(axis=(-2, -1))
-    return np.asarray(np.abs(residual).max(axis=(-2, -1)) / np.where(largest > 0.0, largest, 1.0))
-
-
-def relative_residual(game: Game, P: np.ndarray) -> float:
-    """`relative_residuals` of one game, in its own units."""
-    S_disturbance = game.S_disturbance / game.delta**2
-    return float(relative_residuals(game.A, game.S_control, S_disturbance, game.Q, P))

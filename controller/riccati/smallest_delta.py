@@ -100,12 +100,13 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
     search starts above the L2 gain of the LQR policy, which is never below delta_min because that
     policy attains it. Where that policy cannot be certified the policy of the game itself serves as
     well. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
-    X, inside, _ = _some_solution(form)
+    found = _some_solution(form)
+    inside = found.form
     if not inside.disturbance.any():
         return DeltaMin(0.0, 0.0)
     # A disturbance of the size of 1; a power of two leaves the digits alone.
     size = 2.0 ** round(math.log2(np.linalg.norm(inside.disturbance, 2)))
-    K = inside.B.T @ X
+    K = inside.B.T @ found.X
     loop = inside.A - inside.B @ K
     E = inside.disturbance / size
     C = np.vstack([square_root(inside.Q), K])
@@ -193,14 +194,10 @@ class Obstacle(NamedTuple):
 
         reach, show: "the inputs reach" and "Q shows", or others.
         """
-        candidates = [
-            (self.reach, BARELY, f"{reach} the {self.mode}"),
-            (self.shown, BARELY, f"{show} the {self.undamped}"),
-        ]
-        faint = [(part, text) for part, limit, text in candidates if part <= limit]
-        if not faint:
+        reached = self.reach, f"{reach} the {self.mode}"
+        part, text = min(reached, (self.shown, f"{show} the {self.undamped}"))
+        if part > BARELY:
             return ""
-        part, text = min(faint)
         size = f"only {part:.2g}" if part > RANK else f"less than {RANK:g}"
         return f"{text} by {size} of the size of the matrices"
 

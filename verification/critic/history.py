@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +20,6 @@ from verification.critic.critic_errors import critic_errors
 from verification.critic.error_table import COLUMNS, ErrorTable, time_checks
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, shown_number
-
-if TYPE_CHECKING:
-    pass
 
 #: Rows of the table in a report. Files have all.
 _TIMES = 9

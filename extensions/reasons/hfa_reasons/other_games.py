@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import quick_solution
+from controller.riccati.careful_derivations import unrefined
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import minimum_delta
 from hfa_discrete.discrete_game import DiscreteGame
@@ -190,7 +190,8 @@ def _stepped(whose: str, how: str, answer: Callable[[float], Answer]) -> Family:
 
 def solved(game: Game) -> Answer:
     """The answer of a game, neither refined nor certified."""
-    P = quick_solution(game)
+    form = NormalForm.of(game)
+    P = form.value(unrefined(form))
     return Answer(P, game.gain(P))
 
 

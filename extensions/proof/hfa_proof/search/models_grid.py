@@ -17,7 +17,7 @@ from flint import arb, arb_mat
 
 from controller.game.zero_sum import Game
 from controller.hfa_game import usual_game
-from controller.riccati.careful_derivations import schur_solution
+from controller.riccati.careful_derivations import by_schur
 from controller.riccati.normal_form import NormalForm
 from hfa_proof.arithmetic.balls import doubles, matrix, norm
 from hfa_proof.arithmetic.taylor_model import TaylorModel
@@ -228,5 +228,6 @@ def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterato
     """P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
     for s in (-_ZERO, 0.0, _ZERO):
         A, B = (doubles(model.polynomial_at(s)) for model in (linear.A, linear.B))
-        P = schur_solution(replace(game, A=A, B=B)) * np.outer(units, units)
+        form = NormalForm.of(replace(game, A=A, B=B))
+        P = form.value(by_schur(form)) * np.outer(units, units)
         yield (P + P.T) / 2

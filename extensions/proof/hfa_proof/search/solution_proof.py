@@ -14,7 +14,7 @@ from flint import acb, acb_mat, arb, arb_mat
 
 from controller.critic.critic import Critic
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import schur_solution
+from controller.riccati.careful_derivations import by_schur
 from controller.riccati.gare import solve_game
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
@@ -188,8 +188,9 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
     """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
 
     NoSolutionError when the Schur method finds none, or a mode of A - S P may lie on the axis."""
-    units = NormalForm.of(game).units
-    start = schur_solution(game) * np.outer(units, units)
+    form = NormalForm.of(game)
+    units = form.units
+    start = by_schur(form)
     if not np.isfinite(start).all():
         raise NoSolutionError("the Riccati equation has no finite solution to begin with")
     T = matrix(np.diag(units))
