@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -154,6 +155,17 @@ class LevelSearch:
         """Return name and polynomial of the constraint on {V <= share rho}: share - V / rho."""
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
+    @cached_property
+    def decreases(self) -> list[dict[str, Any]] | None:
+        """Evidence that V' < 0 on each part of {V <= rho}; None where a part has none."""
+        found = []
+        for part in self.parts:
+            evidence = self.decrease(part, 1.0)
+            if evidence is None:
+                return None
+            found.append(evidence)
+        return found
+
     def holds(self, share: float) -> bool:
         """Return whether V' < 0 is found on every part of {V <= share rho}; the part that refused
         last is tried first."""
@@ -183,12 +195,12 @@ class LevelSearch:
 
     def evidence(self) -> dict[str, Any] | None:
         """The whole witness of {V <= rho}; None where a part is not found."""
-        parts = []
-        for part in self.parts:
-            found = self.decrease(part, 1.0)
-            if found is None:
-                return None
-            parts.append({"inputs": list(part.values()), "evidence": found})
+        if self.decreases is None:
+            return None
+        parts = [
+            {"inputs": list(part.values()), "evidence": found}
+            for part, found in zip(self.parts, self.decreases, strict=True)
+        ]
         empty = []
         for part in self.empty:
             found = nothing_of(self.ball, part)

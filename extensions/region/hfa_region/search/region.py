@@ -247,7 +247,7 @@ class RegionSearch:
                 continue
             try:
                 search = LevelSearch(self.loop, tried, 1.0, held, setting)
-                if not search.holds(1.0):
+                if search.decreases is None:
                     continue
             except NoSolutionError:  # the equations or outputs on so large a ball
                 continue

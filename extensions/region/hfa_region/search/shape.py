@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -53,9 +54,11 @@ class _Step:
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
         """The next V in z, its level 1."""
-        for part in self.search.parts:
-            if not self._decrease(part):
-                return None
+        decreases = self.search.decreases
+        if decreases is None:
+            return None
+        for part, evidence in zip(self.search.parts, decreases, strict=True):
+            self._decrease(part, evidence)
         self._positive()
         self._bounded(Terms.packed(_ball(self.n, self.reach)), 1)
         for row, (low, high) in zip(rows, room.tolist(), strict=True):
@@ -68,14 +71,10 @@ class _Step:
         in_y = PolynomialFunction(coefficients, self.exponents)
         return in_y.substituted(np.linalg.inv(self.search.T))
 
-    def _decrease(self, part: Mapping[str, str]) -> bool:
-        """-V' - σ (1 - V) - .. is a sum of squares, σ that of the V at hand; False where that has
-        none."""
+    def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
+        """-V' - σ (1 - V) - .. is a sum of squares, σ that of the evidence of the V at hand."""
         search = self.search
         half = search.setting.half
-        evidence = search.decrease(part, 1.0)
-        if evidence is None:
-            return False
         problem = self.problem
         scale = 1.0 / search.target(part).size
         identity = problem.identity(Terms(np.zeros(0, dtype=np.int64), np.zeros(0)))
@@ -101,7 +100,6 @@ class _Step:
             problem.subtract(identity, low, half - 1, in_ball)
         for _, limit, degrees in limits_within(search.ball, part, low, half):
             problem.subtract(identity, *degrees, limit)
-        return True
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
         """Keys and coefficients (n, k) of y' = T⁻¹ z' up to a degree."""
