@@ -21,6 +21,7 @@ from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.search.kinks import kink_at
 from hfa_boxes.search.shape import Bound, Growth, Samples, Shape
 from hfa_proof.checker.reading import Rejected
+from hfa_proof.results import place_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
@@ -186,7 +187,10 @@ class RegionSearch:
             except RefutedError as error:
                 refuted += 1
                 place = self._place(growth.shape, share, error)
-                self._stopped = f"V' >= 0 was found at {share:.3g} of the set by samples, linearly"
+                where = place_in_words(self.loop, place)
+                self._stopped = (
+                    f"V' >= 0 or a limit is passed at {where}, in {share:.3g} of the set by samples"
+                )
                 if refuted <= _REFUTED and growth.refuted(place) is not None:
                     continue
                 high = share
