@@ -30,9 +30,9 @@ from hfa_model.choice import aircraft
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
-from trim.linear.level_model import level_model
-from trim.linear.linear_model import linearize
 from trim.point.condition import TrimCondition, usual_condition
+from trim.point.level_model import level_model
+from trim.point.linearize import linearize
 from trim.point.solve import find_operating_point
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import compiled_trim

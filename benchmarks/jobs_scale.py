@@ -29,7 +29,7 @@ from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_networks.files.network import from_network
 from hfa_stores.sweep_store import stream_sweep
-from trim.linear.level_model import level_model
+from trim.point.level_model import level_model
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 from verification.critic.critic_check import check_critic
 from verification.critic.scope import Scope

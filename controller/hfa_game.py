@@ -13,7 +13,6 @@ from hfa_aircraft.model import Model
 from hfa_model.published_data import published_data
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.units import si_factor
-from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -28,7 +27,7 @@ def plant_names(linear: LinearModel) -> PlantNames:
     model = linear.point.model
     origin = model.name
     if _is_flexible(model):
-        origin = f"the aircraft {at_scheduled(linear.point)}, {model.title}"
+        origin = f"the aircraft {linear.point.at_scheduled}, {model.title}"
     return names_of_linear(linear)._replace(origin=origin)
 
 

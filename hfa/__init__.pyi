@@ -31,8 +31,9 @@ from hfa_policy.environment import (
     vector_environment as vector_environment,
 )
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
-from trim.linear.linear_model import LinearModel as LinearModel, linearize as linearize
+from trim.linear.linear_model import LinearModel as LinearModel
 from trim.point.condition import TrimCondition as TrimCondition
+from trim.point.linearize import linearize as linearize
 from trim.point.operating_point import OperatingPoint as OperatingPoint
 from trim.point.solve import find_operating_point as find_operating_point
 from trim.sweeps.sweep import sweep as sweep

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
-from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -57,5 +56,5 @@ UNNAMED = PlantNames()
 
 def names_of_linear(linear: LinearModel) -> PlantNames:
     """Return the names and units of a linear model's states and inputs, and its condition."""
-    origin = f"{linear.point.called} {at_scheduled(linear.point)}".rstrip()
+    origin = f"{linear.point.model.title} {linear.point.at_scheduled}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

@@ -23,7 +23,6 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Report
 from trim.hfa.printed import bands_known, compared_with_print, entry_bands, printed_at, with_bands
-from trim.linear import linear_model
 from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel
 from trim.linear.linear_report import linear_model_report
@@ -94,7 +93,7 @@ def linearize(request: LinearizeRequest) -> int:
         report = linear_model_report(model)
     else:
         report = _of_the_hfa(request, condition, model)
-    report = with_qualities(report, aircraft, point)
+    report = with_qualities(report, point)
     if request.bode:
         from trim.linear.frequency import with_transfers
 
@@ -134,15 +133,13 @@ def _with_winds(
     of the kept states has no column for that. The HFA always has its winds.
     """
     winds = tuple(aircraft.disturbances)
-    linear = linear_model.linearize(aircraft, point, full=True, outputs=outputs, disturbances=winds)
+    linear = point.linearize(full=True, outputs=outputs, disturbances=winds)
     if hfa_model.is_hfa(aircraft):
         return linear
     rows = [i for i, name in enumerate(linear.states) if name in kept]
     for i in range(len(linear.states)):
         if i not in rows and np.any(linear.A[rows, i]) and np.any(linear.E[i]):
-            return linear_model.linearize(
-                aircraft, point, full=True, outputs=outputs, disturbances=()
-            )
+            return point.linearize(full=True, outputs=outputs, disturbances=())
     return linear
 
 
@@ -156,9 +153,7 @@ def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: Line
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
         changed = choice.aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
-            comparison = linear_model.linearize(
-                changed, find_operating_point(changed, condition, model.point)
-            )
+            comparison = find_operating_point(changed, condition, model.point).linearize()
     return with_bands(linear_model_report(model), model, bands, comparison)
 
 

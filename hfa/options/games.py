@@ -25,7 +25,7 @@ from hfa_support.entry_points import PARTS, about_part, loaded, offered, part
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
@@ -198,7 +198,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
-        linear = linearize(aircraft, point)
+        linear = point.linearize()
         warnings = (*point.warnings, *linear.kinks)
         missing = [name for name in ("Q", "R", "delta") if name not in self.changed_weights()]
         if self.own and missing:

@@ -29,10 +29,10 @@ from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table, matrix_table
 from hfa_support.units import si_factor
 from trim.hfa.level_flight import level_flight
-from trim.linear.level_model import level_model
 from trim.linear.linear_model import LinearModel
 from trim.linear.linear_report import matrices
 from trim.point.condition import TrimCondition
+from trim.point.level_model import level_model
 from trim.point.operating_point import OperatingPoint
 
 #: Parameters identified with another seed, or on another machine, differ by less than this from the

@@ -50,5 +50,5 @@ def dataset(model: LinearModel) -> xarray.Dataset:
             "output": outputs,
             "rate": ("rate", list(model.states)),
         },
-        attrs={"model": model.point.called},
+        attrs={"model": model.point.model.title},
     )

@@ -81,7 +81,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 
     if not model.inputs:
         raise BadInputError("the model has no inputs: no Bode plot is drawn")
-    response = model.frequency_response(bode_frequencies(model))
+    response = model.to_control().frequency_response(bode_frequencies(model))
     values = np.moveaxis(response.frdata, 2, 0)
     size = np.abs(values)
     if not size.any():

@@ -6,15 +6,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from trim.linear.linear_model import LinearModel, linearize
-from trim.point.operating_point import OperatingPoint
+from trim.linear.linear_model import LinearModel
+
+if TYPE_CHECKING:
+    from trim.point.operating_point import OperatingPoint
 
 #: Modes that oscillate, as models name them.
 _OSCILLATING = ("short period", "phugoid", "dutch roll")
@@ -45,7 +47,7 @@ class Qualities(Result):
     handling_qualities: Mapping[str, Quantity]
 
 
-def handling_qualities(model: Model, point: OperatingPoint) -> list[Quantity]:
+def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     """Return the handling qualities that the declaration of the model allows, at a trim.
 
     Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping,
@@ -55,8 +57,8 @@ def handling_qualities(model: Model, point: OperatingPoint) -> list[Quantity]:
     3.2.2.1). n/alpha is the steady change of load factor divided by that of alpha, after a step of
     the input that pitches the aircraft most, with every state except alpha and pitch rate held.
     """
-    outputs = ("load_factor",) if "load_factor" in model.outputs else None
-    linear = linearize(model, point, outputs=outputs, disturbances=())
+    outputs = ("load_factor",) if "load_factor" in point.model.outputs else None
+    linear = point.linearize(outputs=outputs, disturbances=())
     quantities = []
     for name in _OSCILLATING:
         oscillation = _oscillation(linear, name)
@@ -80,10 +82,10 @@ def handling_qualities(model: Model, point: OperatingPoint) -> list[Quantity]:
     return quantities
 
 
-def with_qualities(report: Report, model: Model, point: OperatingPoint) -> Report:
+def with_qualities(report: Report, point: OperatingPoint) -> Report:
     """The report of a linear model with its handling qualities, a row each; as it is where there
     are none."""
-    quantities = handling_qualities(model, point)
+    quantities = handling_qualities(point)
     if not quantities:
         return report
     rows = [(each.name, f"{each.value:.4f}", each.unit) for each in quantities]

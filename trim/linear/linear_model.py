@@ -1,4 +1,4 @@
-"""A linear model at an operating point, and how it is made."""
+"""A linear model at an operating point."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from hfa_aircraft.model import Model
-from hfa_support.arguments import checks_arguments
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
-from trim.linear.kinks import linearization_at
 from trim.linear.mode import Mode
-from trim.linear.positions import positions
-from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import control
     import xarray
     from matplotlib.axes import Axes
+
+    from trim.point.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,12 +108,12 @@ class LinearModel(ByValue, Result, Reported):
     @property
     def state_offsets(self) -> Vector:
         """X0 of the model's states, (n,)."""
-        return np.array([getattr(self.point.states, name) for name in self.states])
+        return np.array([self.point.values[name] for name in self.states])
 
     @property
     def input_offsets(self) -> Vector:
         """U0, (m,)."""
-        return np.array([getattr(self.point.inputs, name) for name in self.inputs])
+        return np.array([self.point.values[name] for name in self.inputs])
 
     def select(
         self,
@@ -134,12 +131,14 @@ class LinearModel(ByValue, Result, Reported):
 
         return reduced(self, states, inputs, residualize)
 
-    def frequency_response(self, omega: Any = None) -> control.FrequencyResponseData:
-        """C (iω - A)⁻¹ B + D at ω, rad/s, (outputs, inputs, N); python-control chooses ω unless
-        given."""
-        import control
+    def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
+        """The model from named inputs to named outputs: linear["pitch_rate", "elevator_center"].
 
-        return control.frequency_response(self.to_control(), omega)
+        BadInputError when the model has no such name, or it comes twice."""
+        from trim.linear.responses import chosen
+
+        outputs, inputs = names
+        return chosen(self, inputs, outputs)
 
     def poles(self) -> np.ndarray:
         """The eigenvalues of A, (n,) complex, 1/s, fastest first."""
@@ -209,11 +208,11 @@ class LinearModel(ByValue, Result, Reported):
             """Return another attribute of `to_control()`: `damp`, `dcgain`, `sample`, `ninputs`."""
             if name.startswith("_"):
                 raise AttributeError(name)
-            system = self.to_control()
-            if not hasattr(system, name):
+            try:
+                return getattr(self.to_control(), name)
+            except AttributeError:
                 message = f"a LinearModel has no attribute {name!r}"
-                raise AttributeError(message, name=name, obj=self)
-            return getattr(system, name)
+                raise AttributeError(message, name=name, obj=self) from None
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with
@@ -221,59 +220,3 @@ class LinearModel(ByValue, Result, Reported):
         from trim.linear.exchange import dataset
 
         return dataset(self)
-
-
-@checks_arguments
-def linearize(
-    model: Model,
-    point: OperatingPoint,
-    *,
-    full: bool = False,
-    outputs: tuple[str, ...] | None = None,
-    disturbances: tuple[str, ...] | None = None,
-) -> LinearModel:
-    """The linear model at an operating point, exact to rounding.
-
-    A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0, by
-    algorithmic differentiation; at a kink the means of two slopes.
-
-    model: the aircraft
-    point: its operating point
-    full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
-    outputs: names of outputs or of states; None for the states of the model.
-    disturbances: names; None for the first one where `outputs` are given, else for none.
-
-    BadInputError when the point is of another model, or a name is unknown.
-
-    >>> import hfa
-    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))
-    >>> hfa.linearize(hfa.aircraft(), point).A.shape
-    (6, 6)
-    """
-    point.refuse_other(model)
-    every_state = tuple(model.states)
-    states = every_state if full else model.linear
-    rows = np.array([every_state.index(name) for name in states])
-    shown = tuple(outputs or states)
-    if outputs:
-        positions("output", shown, (*every_state, *model.outputs))
-    if disturbances is None:
-        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
-    else:
-        positions("disturbance", disturbances, tuple(model.disturbances))
-    slopes, kinks = linearization_at(model, point.x, point.u, shown, disturbances)
-    return LinearModel(
-        A=slopes.A.take(rows, axis=0).take(rows, axis=1),
-        B=slopes.B.take(rows, axis=0),
-        states=states,
-        inputs=tuple(model.inputs),
-        point=point,
-        outputs=shown,
-        C=slopes.C.take(rows, axis=1),
-        D=slopes.D,
-        E=slopes.E.take(rows, axis=0),
-        F=slopes.F,
-        output_offsets=slopes.y,
-        disturbances=tuple(disturbances),
-        kinks=kinks,
-    )

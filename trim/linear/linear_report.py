@@ -10,7 +10,6 @@ import numpy as np
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, degrees, matrix_table
 from trim.linear.modes import modes_table
-from trim.point.operating_point import at_scheduled
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -45,7 +44,7 @@ def linear_model_report(model: LinearModel) -> Report:
     equations = "x' = A x + B u, "
     if "C" in matrix_names:
         equations += "y = C x + D u, "
-    where = ", ".join(word for word in (at_scheduled(point), point.called) if word)
+    where = ", ".join(word for word in (point.at_scheduled, point.model.title) if word)
     title = (
         f"Linear model {where} ({equations}x = X - X0, u = U - U0)\n"
         f"{', '.join(matrix_names[:-1])} and {matrix_names[-1]} in {units_in_words(model)}; the "

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hfa_support.reporting.text import in_degrees
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from trim.linear.linear_model import LinearModel
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
@@ -74,7 +75,7 @@ class OperatingPoint(Result, Reported):
     @property
     def scaled_residuals(self) -> dict[str, float]:
         """Equation -> residual in its scaled unit."""
-        return {name: value / self._scale(name) for name, value in self.residuals.items()}
+        return {name: value / self.scale(name) for name, value in self.residuals.items()}
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -143,9 +144,13 @@ class OperatingPoint(Result, Reported):
         return {name: self.values[name]} if name in self.values else {}
 
     @property
-    def called(self) -> str:
-        """Name of the model in reports."""
-        return self.model.title
+    def at_scheduled(self) -> str:
+        """The scheduling variable and its value: "at dihedral 15 deg"; "" where it is neither a
+        state nor an input."""
+        name = self.model.schedule
+        if name not in self.values:
+            return ""
+        return f"at {name} {self.model.describe(name, self.values[name])}"
 
     @property
     def warnings(self) -> list[str]:
@@ -175,7 +180,8 @@ class OperatingPoint(Result, Reported):
                 f" {model.name!r}; trim it again"
             )
 
-    def _scale(self, equation: str) -> float:
+    def scale(self, equation: str) -> float:
+        """Return the unit of an equation's scaled residual, in its own unit."""
         model = self.model
         return (
             model.rate_scale(equation)
@@ -191,15 +197,11 @@ class OperatingPoint(Result, Reported):
             else self.model.unit(equation)
         )
 
-    def tolerance(self, equation: str) -> float:
-        """The residual that an equation may have, in its own unit."""
-        return BALANCE * self._scale(equation)
-
     @property
     def title(self) -> str:
         """Return the model, the verdict on the point, and the initial guess if it is not the usual
         one."""
-        words = [f"Trim, {self.called}: {self.status}"]
+        words = [f"Trim, {self.model.title}: {self.status}"]
         if self.far_out:
             words.append(f"far out, {self.far_out[0]}")
         if self.started:
@@ -216,6 +218,12 @@ class OperatingPoint(Result, Reported):
         from trim.point.saved_point import saved_report
 
         return saved_report(self)
+
+    def linearize(self, **options: Any) -> LinearModel:
+        """Return the linear model at the point; options: those of `hfa.linearize`."""
+        from trim.point.linearize import linearize
+
+        return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
         """Draw every variable between its limits in a figure of pyplot; returns its Axes."""
@@ -248,14 +256,3 @@ def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
             end = model.describe(name, limit)
             sentences.append(f"{name} {value} lies beyond {range_name}, which ends at {end}")
     return sentences
-
-
-def at_scheduled(point: OperatingPoint) -> str:
-    """The value of the scheduling variable at a point, in words: "at dihedral 15 deg".
-
-    "" for a model whose scheduling variable is neither a state nor an input of the point.
-    """
-    name = point.model.schedule
-    if name not in point.values:
-        return ""
-    return f"at {name} {point.model.describe(name, point.values[name])}"

@@ -172,16 +172,17 @@ def _nearest_row(margin: Margin) -> tuple[str, ...]:
 def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dict[str, Any]]:
     """Return equation -> imposed value, residual, and whether it balances, as JSON data."""
     imposed = {**condition.imposed, **condition.rates}
-    return {
-        name: {
+    equations = {}
+    for name, residual in point.residuals.items():
+        tolerance = BALANCE * point.scale(name)
+        equations[name] = {
             "imposed": imposed[name],
             "residual": residual,
-            "tolerance": point.tolerance(name),
+            "tolerance": tolerance,
             "unit": point.equation_unit(name),
-            "ok": abs(residual) <= point.tolerance(name),
+            "ok": abs(residual) <= tolerance,
         }
-        for name, residual in point.residuals.items()
-    }
+    return equations
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hfa_aircraft.signals import record
 from hfa_support.errors import NoSolutionError
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
 from trim.sweeps.points import condition_at, model_at
@@ -37,4 +37,4 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     found = OperatingPoint(states, inputs, {}, Status.TRIMMED, model)
     problem = TrimProblem.of(condition, found)
     point = problem.point(problem.unknowns(found.values), Status.TRIMMED)
-    return linearize(model, point)
+    return point.linearize()

@@ -27,7 +27,7 @@ from hfa_proof.commands.check import CheckRequest
 from hfa_proof.subject import Given, compare, entries_of
 from hfa_region.commands.given import _same_coefficients, given_on_boxes
 from hfa_support.errors import BadInputError, NoSolutionError
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 from trim.point.solve import find_operating_point
 
 WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}

@@ -68,7 +68,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
     """
     found = summary(plan, read)
     flown = (
-        f"Monte Carlo, {plan.point.called}, law {plan.policy.name}: "
+        f"Monte Carlo, {plan.point.model.title}, law {plan.policy.name}: "
         f"{plan.members} members of {plan.scenario.duration:g} s, seed {plan.seed}"
     )
     if where:

@@ -49,7 +49,7 @@ from hfa_support.reporting.report import Part, Picture, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
 from trim.limits import Limits
-from trim.point.operating_point import OperatingPoint, at_scheduled
+from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import pandas
@@ -389,8 +389,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def title(self) -> str:
         """Return the first lines of the report: the verdict, the flight, each further finding."""
-        flight = f"Flight, {self.point.called}"
-        scheduled = at_scheduled(self.point).removeprefix("at ")
+        flight = f"Flight, {self.point.model.title}"
+        scheduled = self.point.at_scheduled.removeprefix("at ")
         if scheduled:
             flight += f", {scheduled}"
         flight += f", law {self.loop.policy.name}"

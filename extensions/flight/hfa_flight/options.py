@@ -39,7 +39,8 @@ from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.limits import Limits
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
-from trim.point.operating_point import OperatingPoint, at_scheduled
+from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -195,7 +195,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def title(self) -> str:
         """Whose flight, from where, and its cost."""
-        place = at_scheduled(self.point)
+        place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
         if self.over_bound is not None:

@@ -21,7 +21,6 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from trim.point.operating_point import at_scheduled
 from verification.hfa_box import ordinary_box
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ class StartsTable(OfProblem, Result, Reported):
     def report(self) -> Report:
         """Return the number found, each policy over the best, and the reasons of refused
         flights."""
-        place = at_scheduled(self.point)
+        place = self.point.at_scheduled
         title = (
             f"Best flights found, {self.problem.model.title} {place}".rstrip()
             + f": from {self.found} of {self.starts} initial conditions"

@@ -19,7 +19,8 @@ from hfa_optimal.smooth import smoothed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.limits import Limits
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 #: How far inside the limits of the states a proposal stays, as a part of the distance from the

@@ -21,7 +21,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
-from trim.point.operating_point import OperatingPoint, at_scheduled
+from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -156,7 +156,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def title(self) -> str:
         """Whose flight, how long it takes, and from where."""
-        whose = f"{self.model.title} {at_scheduled(self.point)}".strip()
+        whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
         return f"Quickest flight found, to {whose}: {self.seconds:.4g} s\nfrom {begin} off it"
 

@@ -23,8 +23,9 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.text import angle_text, in_degrees
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
+from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 from trim.sweeps.sweep import Sweep, sweep

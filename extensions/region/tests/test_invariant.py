@@ -39,7 +39,7 @@ from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
 from hfa_support.errors import NoSolutionError
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 from trim.point.solve import find_operating_point
 
 OF_CHECK = ("prove", "--aircraft", PENDULUM, "--check")

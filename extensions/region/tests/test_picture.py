@@ -16,7 +16,7 @@ from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, saturated_loop
 from hfa_region.search.region import Bounds, Region
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 from trim.point.solve import find_operating_point
 
 

@@ -29,8 +29,8 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.jsonable import finite_or_none
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.checks import Check
-from trim.linear.level_model import level_model
 from trim.linear.linear_model import LinearModel
+from trim.point.level_model import level_model
 
 
 @dataclass(frozen=True, eq=False)

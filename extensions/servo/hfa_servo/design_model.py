@@ -17,7 +17,8 @@ from hfa_servo.design import Design, signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.fields import Shown
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 
 #: Rows whose smallest singular value is below this, in units in which rows and columns have size 1,

@@ -29,8 +29,8 @@ from hfa_support.reporting.checks import Check, Checked, below, checks_block
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table, shown_value
-from trim.linear.level_model import level_model
 from trim.linear.linear_model import LinearModel
+from trim.point.level_model import level_model
 
 #: Of the actuators behind which margins are computed.
 ORDERS = (1, 2)

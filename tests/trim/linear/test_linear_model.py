@@ -260,6 +260,10 @@ def test_released_columns_need_drag_over_ground() -> None:
 def test_linear_models_have_poles_plots_and_arrays() -> None:
     """Poles plots and arrays of a linear model by method."""
     linear = model_at(15.0)
+    assert np.array_equal(linear.point.linearize().A, linear.A)
+    loop = linear["pitch_rate", "elevator_center"]
+    assert np.array_equal(loop.B[:, 0], linear.B[:, linear.inputs.index("elevator_center")])
+    assert np.array_equal(loop.C[0], np.eye(6)[linear.states.index("pitch_rate")])
     upper = [pole for pole in linear.poles() if pole.imag >= 0.0]
     assert upper == pytest.approx([mode.eigenvalue for mode in linear.modes], abs=1e-12)
     axes = linear.bode()

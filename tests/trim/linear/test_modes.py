@@ -128,7 +128,7 @@ def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
 
 
 def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
-    return {quality.name: quality.value for quality in handling_qualities(aircraft, point)}
+    return {quality.name: quality.value for quality in handling_qualities(point)}
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:

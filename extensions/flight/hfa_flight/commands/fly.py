@@ -27,7 +27,6 @@ from hfa_flight.options import FlightOptions
 from hfa_identify.draws.parameters import spread_of
 from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
-from trim.point.operating_point import at_scheduled
 
 _MOST_MEMBERS = 10_000_000
 _MOST_STEPS = 1_000_000
@@ -90,7 +89,7 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
-    from trim.linear.linear_model import linearize
+    from trim.point.linearize import linearize
 
     request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
@@ -98,7 +97,7 @@ def fly(request: FlyRequest) -> int:
     planned = request.flight()
     if request.at is None and request.model.extras.names_schedule:
         warnings.warn(
-            f"no --{request.model.schedule} is given: the flight is {at_scheduled(planned.point)}",
+            f"no --{request.model.schedule} is given: the flight is {planned.point.at_scheduled}",
             stacklevel=2,
         )
     # A linear model about the first trim says nothing about the others.

@@ -14,8 +14,9 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress, told
 from hfa_support.reporting.results import Result
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
+from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, find_operating_point
 

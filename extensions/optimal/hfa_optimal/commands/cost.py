@@ -17,7 +17,7 @@ from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
 from hfa.output import ProgressLine, print_report, show
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import forget_read
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions

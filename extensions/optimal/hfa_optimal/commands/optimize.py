@@ -18,7 +18,7 @@ from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions, pictu
 from hfa.output import ProgressLine, show
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown, said_of
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game

@@ -27,7 +27,7 @@ from hfa_proof.search.family import Box, Family
 from hfa_servo.design import Actuator
 from hfa_servo.scheduled_controller import ScheduledController
 from hfa_support.errors import BadInputError
-from trim.linear.linear_model import linearize
+from trim.point.linearize import linearize
 
 #: Distance between two gains of `exact_gains`, in steps of the family: of the dihedral 2 deg.
 _STEP = 2.0

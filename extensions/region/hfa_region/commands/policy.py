@@ -12,7 +12,8 @@ import numpy as np
 from hfa_proof.checker.reading import Terms
 from hfa_region.check.statement import HIGHEST_POLICY
 from hfa_support.errors import BadInputError, NoSolutionError, said_of
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
+from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic

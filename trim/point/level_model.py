@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
-from trim.linear.linear_model import LinearModel, linearize
+from trim.linear.linear_model import LinearModel
 from trim.point.condition import usual_condition
 from trim.point.solve import find_operating_point
 
@@ -23,4 +23,4 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     ('speed', 'alpha', 'pitch', 'pitch_rate', 'dihedral', 'dihedral_rate')
     """
     condition = usual_condition(model).at(hold={model.schedule: scheduled})
-    return linearize(model, find_operating_point(model, condition))
+    return find_operating_point(model, condition).linearize()

@@ -1,0 +1,68 @@
+"""The exact linear model at an operating point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_support.arguments import checks_arguments
+from trim.linear.kinks import linearization_at
+from trim.linear.linear_model import LinearModel
+from trim.linear.positions import positions
+from trim.point.operating_point import OperatingPoint
+
+
+@checks_arguments
+def linearize(
+    model: Model,
+    point: OperatingPoint,
+    *,
+    full: bool = False,
+    outputs: tuple[str, ...] | None = None,
+    disturbances: tuple[str, ...] | None = None,
+) -> LinearModel:
+    """The linear model at an operating point, exact to rounding.
+
+    A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0, by
+    algorithmic differentiation; at a kink the means of two slopes.
+
+    model: the aircraft
+    point: its operating point
+    full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
+    outputs: names of outputs or of states; None for the states of the model.
+    disturbances: names; None for the first one where `outputs` are given, else for none.
+
+    BadInputError when the point is of another model, or a name is unknown.
+
+    >>> import hfa
+    >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))
+    >>> hfa.linearize(hfa.aircraft(), point).A.shape
+    (6, 6)
+    """
+    point.refuse_other(model)
+    every_state = tuple(model.states)
+    states = every_state if full else model.linear
+    rows = np.array([every_state.index(name) for name in states])
+    shown = tuple(outputs or states)
+    if outputs:
+        positions("output", shown, (*every_state, *model.outputs))
+    if disturbances is None:
+        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
+    else:
+        positions("disturbance", disturbances, tuple(model.disturbances))
+    slopes, kinks = linearization_at(model, point.x, point.u, shown, disturbances)
+    return LinearModel(
+        A=slopes.A.take(rows, axis=0).take(rows, axis=1),
+        B=slopes.B.take(rows, axis=0),
+        states=states,
+        inputs=tuple(model.inputs),
+        point=point,
+        outputs=shown,
+        C=slopes.C.take(rows, axis=1),
+        D=slopes.D,
+        E=slopes.E.take(rows, axis=0),
+        F=slopes.F,
+        output_offsets=slopes.y,
+        disturbances=tuple(disturbances),
+        kinks=kinks,
+    )
