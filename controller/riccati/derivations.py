@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors: one in double precision, the others with more digits.
-STEPS = 3
+#: Newton steps after the eigenvectors: one in double precision, one with more digits.
+STEPS = 2
 #: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
 #: has more digits.
 SETTLED = 1e-12
