@@ -156,7 +156,10 @@ class Game(ByValue, Reported):
 
 def _with_diagonal(name: str, weights: Any) -> Any:
     """Return the matrix with a diagonal of numbers, (n, n); anything else as it is."""
-    is_row = isinstance(weights, (list, tuple, np.ndarray)) and np.ndim(weights[:1]) == 1
+    if isinstance(weights, np.ndarray):
+        is_row = weights.ndim == 1
+    else:
+        is_row = isinstance(weights, (list, tuple)) and np.ndim(weights[:1]) == 1
     return np.diag(numbers_in(f"the diagonal of {name}", weights)) if is_row else weights
 
 

@@ -6,6 +6,6 @@ DAVEML = CommandEntry(
     "model",
     "compute the check cases of a DAVE-ML file",
     "hfa_daveml.commands.daveml:daveml",
-    example="hfa daveml aero.dml",
+    example="hfa daveml examples/uav.dml",
     results=("hfa_daveml.check_cases:CheckedDocument",),
 )
