@@ -109,7 +109,7 @@ class PythonPolicy(Policy):
         name = getattr(function, "__name__", type(function).__name__)
         try:
             inspect.signature(function).bind(0.0, point.states)
-        except TypeError:
+        except (TypeError, ValueError):
             raise BadInputError(f"the policy {name} does not take (t, X); {_FORMS}") from None
         held = np.zeros((1, len(point.model.inputs)))
         return cls(name, function, point, tick, held=held)
