@@ -9,8 +9,8 @@ import numpy as np
 
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors: one in double precision, one with more digits.
-STEPS = 2
+#: Newton steps after the eigenvectors: one in double precision, the others with twice the digits.
+STEPS = 3
 #: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
 #: has more digits.
 SETTLED = 1e-12
@@ -63,7 +63,7 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
             half = X @ (form.A - form.S @ X / 2.0)
             residual = half + half.mT + form.Q
         else:
-            residual = form.residual(X, slices=3)
+            residual = form.residual(X)
         Z = (inverse.mT @ ((V1.mT @ residual @ V1) / -sums) @ inverse).real
         X = X + (Z + Z.mT) / 2.0
         correction = largest(Z) / largest(X)

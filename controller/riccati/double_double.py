@@ -33,26 +33,25 @@ def add(left: Pair, right: Pair) -> Pair:
     return total, low - (total - high)
 
 
-def product(left: Pair, right: Pair, slices: int = SLICES) -> Pair:
-    """left right to about 2^-105 of the largest entry of the row times that of the column; with 3
-    slices to 2^-66.
+def product(left: Pair, right: Pair) -> Pair:
+    """left right to about 2^-105 of the largest entry of the row times that of the column.
 
     left: (..., p, n); right: (..., n, q).
     """
-    bits = _bits(left[0].shape[-1], slices)
-    of_rows = _slices(left, bits, -1, slices)
-    return _summed(of_rows, _slices(right, bits, -2, slices))
+    bits = _bits(left[0].shape[-1])
+    of_rows = _slices(left, bits, -1)
+    return _summed(of_rows, _slices(right, bits, -2))
 
 
-def square(left: Pair, signs: np.ndarray, slices: int = SLICES) -> Pair:
+def square(left: Pair, signs: np.ndarray) -> Pair:
     """`product` of left, (..., p, n), with diag(signs) left'; signs: (n,), of 1 and -1."""
-    of_rows = _slices(left, _bits(len(signs), slices), -1, slices)
+    of_rows = _slices(left, _bits(len(signs)), -1)
     return _summed(of_rows, [(each * signs).mT for each in of_rows])
 
 
-def _bits(columns: int, slices: int) -> int:
+def _bits(columns: int) -> int:
     """Return how many bits of a number a slice has, so that sums of products are exact."""
-    return (53 - math.ceil(math.log2(slices * max(columns, 1)))) // 2
+    return (53 - math.ceil(math.log2(SLICES * max(columns, 1)))) // 2
 
 
 def _summed(of_rows: list[np.ndarray], of_columns: list[np.ndarray]) -> Pair:
@@ -60,7 +59,7 @@ def _summed(of_rows: list[np.ndarray], of_columns: list[np.ndarray]) -> Pair:
     parts = [  # products of slices of one size at once, largest first
         np.concatenate(of_rows[:order], axis=-1)
         @ np.concatenate(of_columns[order - 1 :: -1], axis=-2)
-        for order in range(1, len(of_rows) + 1)
+        for order in range(1, SLICES + 1)
     ]
     total = exact(parts.pop() + parts.pop())  # rounded below the digits of the result
     while parts:
@@ -97,7 +96,7 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, numbers - high
 
 
-def _slices(pair: Pair, bits: int, axis: int, count: int) -> list[np.ndarray]:
+def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
     """Return slices of a number of bits whose sum is the pair, but for bits below the last slice.
 
     Each row (axis -1) or column (axis -2) has one scale.
@@ -108,7 +107,7 @@ def _slices(pair: Pair, bits: int, axis: int, count: int) -> list[np.ndarray]:
     # Beside this number a double has no bits below the first slice.
     shift = np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits))
     slices = []
-    for number in range(1, count + 1):
+    for number in range(1, SLICES + 1):
         if has_low_part and number in (3, SLICES):  # the low part begins below two slices
             remainder, low = add((remainder, 0.0), (low, 0.0))
         piece = (remainder + shift) - shift

@@ -12,7 +12,6 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import hamiltonian, units_of
 from controller.riccati.double_double import (
-    SLICES,
     Pair,
     add,
     exact,
@@ -204,9 +203,8 @@ class NormalForm:
         E = E / self.delta
         return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
 
-    def residual(self, X: np.ndarray, slices: int = SLICES) -> np.ndarray:
-        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits; with 3
-        slices to 2^-66 of its terms.
+    def residual(self, X: np.ndarray) -> np.ndarray:
+        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
 
         What cancels in it leaves no rounding: corrections of X by such residuals end at the
         rounding of X itself, however badly conditioned the equation (Wilkinson's iterative
@@ -216,11 +214,11 @@ class NormalForm:
         m = self.B.shape[-1]
         k = self.E.shape[-1]
         factors = np.concatenate([self.A, self.B, self.E], axis=-1)
-        high, low = product(exact(X), exact(factors), slices)
+        high, low = product(exact(X), exact(factors))
         linear = high[..., :n], low[..., :n]
         inputs = high[..., n:], low[..., n:]
         total = add(linear, add(transposed(linear), exact(self.Q)))
-        total = add(total, square(inputs, np.array([-1.0] * m + [1.0] * k), slices))
+        total = add(total, square(inputs, np.array([-1.0] * m + [1.0] * k)))
         return np.asarray(total[0] + X @ self.rounded @ X)
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
