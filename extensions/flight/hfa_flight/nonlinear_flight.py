@@ -242,7 +242,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """Name of the aircraft."""
+        """The aircraft."""
         return self.point.model
 
     @property
