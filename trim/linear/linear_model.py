@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -137,8 +138,10 @@ class LinearModel(ByValue, Result, Reported):
         BadInputError when the model has no such name, or it comes twice."""
         from trim.linear.responses import chosen
 
-        outputs, inputs = names
-        return chosen(self, inputs, outputs)
+        match names:
+            case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
+                return chosen(self, inputs, outputs)
+        raise BadInputError("write linear[outputs, inputs], with names")
 
     def poles(self) -> np.ndarray:
         """The eigenvalues of A, (n,) complex, 1/s, fastest first."""
