@@ -374,7 +374,7 @@ def _on_a_line(
 
 
 def test_inputs_reach_their_limits_from_all_equilibria() -> None:
-    """Of an equilibrium within 1e-3 the deviations reach 0.101."""
+    """Where the equilibrium is known within 1e-3, the deviations reach 0.101."""
     low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
     assert low <= -0.101
     assert high >= 0.101

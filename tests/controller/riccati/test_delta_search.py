@@ -175,8 +175,8 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
-    """Of two modes with one input it is a bound below the least relative change found, a fraction
-    of the distance between them, or where the loop shows none that change itself."""
+    """Two unstable modes with one input: the stated reach is at most the least relative change found,
+    which is a fraction of the distance between the modes."""
     modes = np.diag([1.0, 1.0 + apart])
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)
     form = NormalForm.of(game)[None]

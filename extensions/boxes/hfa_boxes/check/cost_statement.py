@@ -41,7 +41,7 @@ class CostStatement:
         content: of its entry `statement`
         own: the user's model, if the statement concerns one
 
-        Malformed names the first entry that cannot be; BadInputError another model.
+        Malformed names the first wrong entry; BadInputError another model.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)

@@ -92,7 +92,7 @@ class Piece(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
-        """The piece of a certificate; Malformed names the first entry that cannot be."""
+        """The piece of a certificate; Malformed names the first wrong entry."""
         M = entries.array("M", n, n)
         terms = entries.terms("W", n, HIGHEST)
         for number, (value, powers) in enumerate(terms):

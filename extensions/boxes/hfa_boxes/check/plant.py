@@ -94,7 +94,7 @@ class Plant:
 
 
 def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
-    """The model about a trim, and its limits; Malformed names the first entry that cannot be.
+    """The model about a trim, and its limits; Malformed names the first wrong entry.
 
     content: that of the entries
     own: the user's model, if the statement concerns one

@@ -109,7 +109,7 @@ class BoxStatement:
         policy: the user's; deviations of the states -> those of the inputs. None where the
             certificate has its coefficients
 
-        Malformed names the first entry that cannot be; BadInputError another model or policy.
+        Malformed names the first wrong entry; BadInputError another model or policy.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)

@@ -303,7 +303,7 @@ class ScheduleStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Malformed names the first entry that cannot be."""
+        """Malformed names the first wrong entry."""
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
         actuators: Actuators | None = None
@@ -362,7 +362,7 @@ class GameStatement:
         entries: of the statement
         model: of the aircraft; None where the game is of a plant's matrices
 
-        Malformed names the first entry that cannot be.
+        Malformed names the first wrong entry.
         """
         plant: Flight | Plant
         if model is None:
@@ -418,7 +418,7 @@ class ModelsStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Malformed names the first entry that cannot be."""
+        """Malformed names the first wrong entry."""
         flight = Flight.read(entries.fields("flight"), model, point=False)
         n = len(model.linear)
         m = len(model.inputs)

@@ -156,14 +156,15 @@ class LevelSearch:
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     @cached_property
-    def decreases(self) -> list[dict[str, Any]] | None:
-        """Evidence that V' < 0 on each part of {V <= rho}; None where a part has none."""
+    def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
+        """Each part of {V <= rho} with the evidence that V' < 0 on it; None where a part has
+        none."""
         found = []
         for part in self.parts:
             evidence = self.decrease(part, 1.0)
             if evidence is None:
                 return None
-            found.append(evidence)
+            found.append((part, evidence))
         return found
 
     def holds(self, share: float) -> bool:
@@ -195,12 +196,9 @@ class LevelSearch:
 
     def evidence(self) -> dict[str, Any] | None:
         """The whole witness of {V <= rho}; None where a part is not found."""
-        if self.decreases is None:
+        if self.proofs is None:
             return None
-        parts = [
-            {"inputs": list(part.values()), "evidence": found}
-            for part, found in zip(self.parts, self.decreases, strict=True)
-        ]
+        parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
         empty = []
         for part in self.empty:
             found = nothing_of(self.ball, part)

@@ -247,7 +247,7 @@ class RegionSearch:
                 continue
             try:
                 search = LevelSearch(self.loop, tried, 1.0, held, setting)
-                if search.decreases is None:
+                if search.proofs is None:
                     continue
             except NoSolutionError:  # the equations or outputs on so large a ball
                 continue

@@ -54,10 +54,10 @@ class _Step:
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
         """The next V in z, its level 1."""
-        decreases = self.search.decreases
-        if decreases is None:
+        proofs = self.search.proofs
+        if proofs is None:
             return None
-        for part, evidence in zip(self.search.parts, decreases, strict=True):
+        for part, evidence in proofs:
             self._decrease(part, evidence)
         self._positive()
         self._bounded(Terms.packed(_ball(self.n, self.reach)), 1)
