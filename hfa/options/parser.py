@@ -147,7 +147,7 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE` words of a repeatable option, as name -> kind(name, text)."""
+    """`NAME=VALUE,NAME=VALUE` words of a repeatable option, as name -> kind(name, text)."""
 
     def __init__(
         self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any
@@ -160,19 +160,20 @@ class _Named(argparse.Action):
     def __call__(
         self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None
     ) -> None:
-        name, separator, text = values.partition("=")
-        if not separator:
-            raise argparse.ArgumentError(self, f"{shortened(values)!r} is not NAME=VALUE")
-        name = self._aliases.get(name, name)
-        before = self._texts.setdefault(name, text)
-        if before != text:
-            twice = f"is given twice, {shortened(before)} and {shortened(text)}; give it once"
-            raise argparse.ArgumentError(self, f"{shortened(name)} {twice}")
-        try:
-            value = self._kind(name, text)
-        except BadInputError as error:
-            raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
-        setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: value})
+        for word in re.split(r",(?=\w+=)", values):
+            name, separator, text = word.partition("=")
+            if not separator:
+                raise argparse.ArgumentError(self, f"{shortened(word)!r} is not NAME=VALUE")
+            name = self._aliases.get(name, name)
+            before = self._texts.setdefault(name, text)
+            if before != text:
+                twice = f"is given twice, {shortened(before)} and {shortened(text)}; give it once"
+                raise argparse.ArgumentError(self, f"{shortened(name)} {twice}")
+            try:
+                value = self._kind(name, text)
+            except BadInputError as error:
+                raise argparse.ArgumentError(self, f"{shortened(name)} {error}") from error
+            setattr(namespace, self.dest, {**getattr(namespace, self.dest, {}), name: value})
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:

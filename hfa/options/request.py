@@ -32,7 +32,7 @@ class Option:
     form: how help shows its value; "" for a switch.
     kind: word -> value; its BadInputError is the rest of a sentence that begins with the option.
     names: as in "-o --output"; a name without dashes is a positional argument.
-    named: its words are NAME=VALUE and it may be repeated; kind takes the name and the word.
+    named: its words are NAME=VALUE[,NAME=VALUE...], repeatable; kind takes the name and the value.
     repeated: it may be repeated; the field has all values.
     count: how many words it has, as argparse's nargs; None for one.
     required: whether it must be typed.

@@ -250,11 +250,13 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
     """A saved operating point, or the values of some variables."""
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
-    typed_words = dict(word.partition("=")[::2] for word in text.split(","))
-    words = {_name(model, name): word for name, word in typed_words.items()}
-    for name in words:
+    values = {}
+    for word in text.split(","):
+        typed, _, value = word.partition("=")
+        name = _name(model, typed)
         refuse_unknown("no variable is called", name, model.variables)
-    return {name: quantity(model, name, word) for name, word in words.items()}
+        values[name] = quantity(model, name, value)
+    return values
 
 
 def condition_help(model: Model | None) -> str:

@@ -19,6 +19,7 @@ from scipy.optimize import root
 from hfa import find_operating_point
 from hfa_aircraft.model import Model
 from hfa_jsbsim.reader import read_model
+from hfa_support.errors import BadInputError
 from studies.jsbsim.__main__ import RESULTS
 from studies.jsbsim.reference import GRAVITY, answered
 from trim.point.condition import release, usual_condition
@@ -101,14 +102,14 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """The conditions that a trim of an aircraft imposes. KeyError where it has no level trim."""
+    """Return the values that a trim of an aircraft imposes. BadInputError where it has none."""
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
     for row in json.loads(RESULTS.read_text())["aircraft"]:
         level = [point["at"] for point in row["points"] if point["kind"] == "level"]
         if row["aircraft"] == name and level:
             return dict(level[0])
-    raise KeyError(f"{name} has no level trim in {RESULTS.name}")
+    raise BadInputError(f"{name} has no level trim in {RESULTS.name}")
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
@@ -208,4 +209,7 @@ def _second(model: Model) -> ca.Function:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    try:
+        raise SystemExit(main(sys.argv[1:]))
+    except BadInputError as error:
+        raise SystemExit(f"studies.jsbsim.flights: {error}") from None

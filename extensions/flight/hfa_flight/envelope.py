@@ -90,6 +90,8 @@ def flight_envelope(
         name = ALPHA if key == ANGLE_OF_ATTACK else key
         refuse_unknown("the envelope has no state", name, tuple(model.states))
         pairs[name] = pair_of(f"the envelope of {key}", pair)
+        if not pairs[name][0] < pairs[name][1]:
+            raise BadInputError(f"the envelope of {key} is {pair}; give (lowest, highest)")
     envelope = Limits.of(model, tuple(model.states), pairs)
     for name, value, within in zip(
         envelope.names, point.states, envelope.within(point.states), strict=True

@@ -36,7 +36,7 @@ from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError, choice_of, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
@@ -66,7 +66,7 @@ _IN_PLACE = {
 def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
     """Return the value typed for one of the names."""
     if name not in names:
-        raise BadInputError(f"is not among {', '.join(names)}")
+        raise BadInputError(f"is unknown; {choice_of(name, names)}")
     return quantity(model, name, text)
 
 
@@ -266,7 +266,8 @@ def _turbulence(text: str) -> Turbulence:
     return Turbulence(level, altitude, span, spectrum)
 
 
-def _linear_state(model: Model, name: str, text: str) -> float:
+def linear_state(model: Model, name: str, text: str) -> float:
+    """Return the value typed for a state of the linear model."""
     return among(model.linear, model, name, text)
 
 
@@ -284,7 +285,7 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
 
 def noise_option(about: str) -> Any:
     """The field `noise`: state of the linear model -> deviation of its sensor's noise."""
-    return option(about, "NAME=VALUE", OfModel(_linear_state), named=True, rare=True)
+    return option(about, "NAME=VALUE", OfModel(linear_state), named=True, rare=True)
 
 
 def gust_option() -> Any:

@@ -101,6 +101,8 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
         BadInputError, match=r"has dihedral 15 deg, outside the envelope's 0 deg to 5\.72958 deg"
     ):
         flight_envelope(p, point, {"dihedral": (0.0, 0.1)})
+    with pytest.raises(BadInputError, match=r"dihedral is \(0.3, 0.2\); give \(lowest, highest\)"):
+        flight_envelope(p, point, {"dihedral": (0.3, 0.2)})
 
 
 def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:

@@ -150,11 +150,12 @@ def test_exports_have_its_names() -> None:
     ("words", "named"),
     [
         ("fly --initial paper", "'paper' is not NAME=VALUE"),
+        ("fly --initial speed=1,alpa=2", "alpa is unknown; did you mean alpha?"),
         ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
         ("fly --law none --command speed=1", "give NAME=TIME:VALUE"),
         ("fly --law none --delta 100", "belongs to a law"),
-        ("fly --disturbance rain=1", "rain is not among"),
+        ("fly --disturbance rain=1", "rain is unknown; choose from"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),
         ("fly --delay 0.0105", "make it a whole number of ticks"),

@@ -47,7 +47,7 @@ def test_the_command_flies_game_s_policy_and_critics():
         (("fly", "--model", continuous, "--initial", "x1=1"), 'takes time = "discrete"'),
         (("fly", "--model", plant), "add --initial NAME=VALUE"),
         ((*words, "--gust", "400:5"), "--gust belongs to an aircraft"),
-        (("fly", "--model", plant, "--initial", "y=1"), "y is not among x1, x2"),
+        (("fly", "--model", plant, "--initial", "y=1"), "y is unknown; choose from x1, x2"),
         ((*words[:-1], "2.5"), "give a whole number of steps"),
     ):
         result = hfa(*refused)

@@ -332,17 +332,18 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Return the share of flights that do not converge."""
+        """Return whether every flight converges, or the number of flights that stay inside the
+        envelope and do not."""
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
             return "no flight was made"
-        shares = [1.0 - flights.returned / flights.starts for flights in flown]
-        if max(shares) == 0.0:
-            return "every flight converges"
-        low, high = (f"{100 * share:.3g}" for share in (min(shares), max(shares)))
-        part = f"{high} %" if low == high else f"{low} to {high} %"
+        starts = sum(flights.starts for flights in flown)
+        inside = starts - sum(flights.lost for flights in flown)
+        count = inside - sum(flights.returned for flights in flown)
+        if count == 0:
+            return "every flight converges" if inside == starts else ""
         seconds = max(flights.seconds for flights in flown)
-        return f"{part} of the flights do not converge within {seconds:.3g} s"
+        return f"{count} of {starts} flights stay inside but do not converge within {seconds:.3g} s"
 
     def _flown_costs(self) -> str:
         """Return the cost of flights relative to the best found, at the trim with the worst

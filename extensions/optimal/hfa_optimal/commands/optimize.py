@@ -16,8 +16,8 @@ from hfa.options.games import SeedOption, WeightOptions
 from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions, picture_option
 from hfa.output import ProgressLine, show
-from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, refuse_unknown, said_of
+from hfa_flight.options import linear_state
+from hfa_support.errors import BadInputError, said_of
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
@@ -33,32 +33,18 @@ _MOST_STARTS = 10_000
 _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 
-def _deviations(model: Model, text: str) -> dict[str, float]:
-    """State -> deviation from the trim, of NAME=VALUE,NAME=VALUE."""
-    values = {}
-    for word in text.split(","):
-        typed, equals, value = word.partition("=")
-        name = model.extras.aliases.get(typed, typed)
-        refuse_unknown("names the unknown state", name, model.linear)
-        if not equals:
-            raise BadInputError(f"has no value of {name}; give NAME=VALUE,NAME=VALUE")
-        if name in values:
-            raise BadInputError(f"names {name} twice; name it once")
-        values[name] = quantity(model, name, value)
-    return values
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     """A start, or many, from which flights to a trim are to cost least."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    deviations: Mapping[str, float] | None = option(
+    deviations: Mapping[str, float] = option(
         "initial condition: deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
-        OfModel(_deviations),
+        OfModel(linear_state),
         names="--start",
+        named=True,
     )
     to: Mapping[str, float] = option(
         "fly to the trim with this value, from the trim of the other options; repeatable",
@@ -123,7 +109,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         """Return the begin of the flight: a trim, or deviations from the one that it ends in."""
         if self.to:
             return self.operating_point(problem.model)
-        return self.deviations or {}
+        return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
         """The exact policy of a game with a disturbance, and those of the files."""
@@ -155,7 +141,7 @@ def optimize(request: OptimizeRequest) -> int:
     prints a table over many initial conditions. --to flies from one trim to another, with
     --minimize time as quickly as possible. Exit code 1 when no flight was found, or when the
     simulation refutes it."""
-    begins = (request.deviations is not None, request.starts is not None, bool(request.to))
+    begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
         raise BadInputError("name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
     if request.minimize == "time":

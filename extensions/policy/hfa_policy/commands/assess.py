@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from controller.critic.critic_file import critic_suffixes
-from hfa.options.argument_types import input_file, number, quantity, span, whole
+from hfa.options.argument_types import input_file, number, span, whole
 from hfa.options.command import command
 from hfa.options.draws import draws_option
 from hfa.options.ranges import Range, array_of, scheduled_range
@@ -28,6 +28,7 @@ from hfa_flight.options import (
     at_held_altitude,
     gust_at,
     gust_option,
+    linear_state,
     noise_option,
     turbulence_option,
 )
@@ -63,8 +64,7 @@ def _need(name: str, text: str) -> float:
 
 def _half_width(model: Model, name: str, text: str) -> float:
     """Half-width of the box of initial conditions in a linear state."""
-    refuse_unknown("names the unknown state", name, model.linear)
-    width = quantity(model, name, text)
+    width = linear_state(model, name, text)
     if width <= 0.0:
         raise BadInputError(f"is {text}; give a number above 0")
     return width
