@@ -12,7 +12,14 @@ import scipy.linalg
 from hfa_region.check.loop import Equilibrium
 from hfa_region.check.statement import SaturatedLoop
 from hfa_region.search.function import PolynomialFunction, edge_points
-from hfa_region.search.level import LevelSearch, ProvedLevel, Setting, holding_ball, proved_level
+from hfa_region.search.level import (
+    LevelSearch,
+    ProvedLevel,
+    Setting,
+    accepted,
+    holding_ball,
+    proved_level,
+)
 from hfa_region.search.plant import Outcome, Plant, first_rise, outcomes
 from hfa_region.search.shape import better
 from hfa_support.errors import NoSolutionError
@@ -205,11 +212,13 @@ class RegionSearch:
         """Prove the largest level up to rho and keep it where its set is the largest; its size, 0
         where nothing is proved."""
         self._tell(f"proving {origin}")
-        T = V.coordinates()
-        proved = proved_level(self.loop, V, rho, setting, T)
+        return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
+
+    def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
+        """Keep a proved level of V where its set is the largest; its size, 0 without one."""
         if proved is None:
             return 0.0
-        size = measured(V, proved.statement.rho, T)
+        size = measured(V, proved.statement.rho, V.coordinates())
         if size > self._size:
             self.best = proved
             self.origin = origin
@@ -226,32 +235,39 @@ class RegionSearch:
         for reach in _REACHES:
             while self._left() > _TURNS_OF_A_PROOF * turn.seconds:
                 found = better(turn.search, self.plant.limited_rows, self.plant.room, reach)
-                after = None if found is None else self._turn(found, setting)
-                grown = 0.0 if after is None else after.size / turn.size
-                if after is not None and grown > 1.0:
-                    turn = after
+                after = None if found is None else self._turn(found, setting, turn.size)
+                if after is None:
+                    break
+                grown = after.size / turn.size
+                turn = after
                 if grown < _GAIN:
                     break
         origin = f"V of degree {turn.V.degree} by turns"
-        self._prove(turn.V, self._highest(turn.V), origin, setting)
+        highest = self._highest(turn.V)
+        if highest > 1.0 or not self._kept(accepted(turn.search), turn.V, origin):
+            self._prove(turn.V, highest, origin, setting)
         return turn.V
 
-    def _turn(self, V: PolynomialFunction, setting: Setting) -> _Turn | None:
+    def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
         """V with its level 1, or one a little below, that holds in floating point; None where none
-        is found."""
+        is found.
+
+        least: size that the set must exceed"""
         begin = time.process_time()
         for level in _LEVELS:
             tried = V.scaled(1.0 / level)
             held = holding_ball(tried, 1.0, tried.coordinates())
             if held is None:
                 continue
+            size = measured(tried, 1.0, held)
+            if size <= least:
+                return None
             try:
                 search = LevelSearch(self.loop, tried, 1.0, held, setting)
                 if search.proofs is None:
                     continue
             except NoSolutionError:  # the equations or outputs on so large a ball
                 continue
-            size = measured(tried, 1.0, held)
             self._tell(f"V of degree {setting.degree}, size {size:.4g}")
             return _Turn(tried, search, size, time.process_time() - begin)
         return None
