@@ -384,6 +384,10 @@ class Growth:
             found = self._fitted(level)
             if found is None:
                 break
+            slow = self._slow(found)
+            if len(slow):
+                self._slowest = np.concatenate([self._slowest, slow])
+                continue
             # beyond its level 1 nothing is known
             bound = found.bound(self._samples, 1.0)
             found = found.of_level(min(bound.level, 1.0))
@@ -431,14 +435,11 @@ class Growth:
             slack = falls @ coefficients - least
             worst = np.argsort(slack)[:_ADDED]
             worst = worst[slack[worst] < -0.5 * _DECAY]
-            slow = self._slow(shape)
-            self._slowest = np.concatenate([self._slowest, slow])
-            near = self._linear_rows(last, slow)
-            if not len(worst) and not len(low) and not len(near):
+            if not len(worst) and not len(low):
                 break
-            rows += [low, falls[worst], near]
-            sides += [np.full(len(low), 1.02), least[worst], np.full(len(near), _DECAY)]
-        return None if shape is None or len(self._slow(shape)) else shape
+            rows += [low, falls[worst]]
+            sides += [np.full(len(low), 1.02), least[worst]]
+        return shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
         """(K, k), the coefficients of which V is a sum. Above degree 2 the quadratic part only
