@@ -6,8 +6,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +17,12 @@ from hfa_support.progress import say, say_aside
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hfa.commands.linearize import LinearizeRequest
+    from hfa.commands.trim import TrimRequest
     from hfa.options.request import Request
     from hfa.options.trims import JsonOption, OutputOptions
     from hfa_aircraft.model import Model
     from hfa_support.reporting.report import Report
-    from trim.point.condition import TrimCondition
     from trim.point.operating_point import OperatingPoint
 
 
@@ -47,18 +47,15 @@ def show(
     printed: Report | None = None,
     only_in_files: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
-    points: Iterable[OperatingPoint] = (),
 ) -> None:
     """Write the files of --picture and -o, both or none; print the report or, with --json, its
     data; then the notes.
 
     figure: draws the picture; None where there is nothing to draw.
     printed: text for a terminal in place of the whole report.
-    only_in_files: data that would drown the rest on a terminal.
-    points: trims whose warnings are data and notes too."""
+    only_in_files: data that would drown the rest on a terminal."""
     from hfa_support.files import all_or_none
 
-    report, notes = _with_warnings(report, notes, points)
     with all_or_none():
         if request.output is not None:
             _write(stated(report.with_data(**(only_in_files or {})), request), request.output)
@@ -75,16 +72,6 @@ def show(
         raise NoSolutionError(report.failure)
 
 
-def _with_warnings(
-    report: Report, notes: Iterable[str], points: Iterable[OperatingPoint]
-) -> tuple[Report, Iterable[str]]:
-    """The report and the notes, with the warnings of trims where there are trims."""
-    if not points:
-        return report, notes
-    warnings = list(dict.fromkeys(warning for point in points for warning in point.warnings))
-    return report.with_data(warnings=warnings), warnings
-
-
 def _write(report: Report, path: Path) -> None:
     from hfa.options.trims import REPORTS
     from hfa_support.files import write_text
@@ -96,17 +83,8 @@ def _write(report: Report, path: Path) -> None:
         write_text(path, form(report))
 
 
-def print_report(
-    report: Report,
-    request: JsonOption,
-    *,
-    notes: Iterable[str] = (),
-    points: Iterable[OperatingPoint] = (),
-) -> None:
-    """Print the report or, with --json, its data; then the notes.
-
-    points: trims whose warnings are data and notes too."""
-    report, notes = _with_warnings(report, notes, points)
+def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
+    """Print the report or, with --json, its data; then the notes."""
     report = stated(report, request)
     say(report.json() if request.json else report.text(_in_color(), _width()))
     say_notes(notes)
@@ -127,20 +105,17 @@ def _width() -> int | None:
     return shutil.get_terminal_size().columns if _on_terminal() else None
 
 
-@contextmanager
-def failure_as_data(
-    request: OutputOptions, condition: TrimCondition, aircraft: Model
-) -> Iterator[None]:
-    """With --json a trim that fails is printed as data too: the nearest point within the limits,
-    which limits bind, and the reason."""
+def trimmed(request: TrimRequest | LinearizeRequest, aircraft: Model) -> OperatingPoint:
+    """The trim of the options; with --json a trim that fails is printed as data too: the nearest
+    point within the limits, which limits bind, and the reason."""
     from trim.point.solve import TrimError
     from trim.point.trim_report import trim_report
 
     try:
-        yield
+        return request.operating_point(aircraft)
     except TrimError as error:
         if request.json:
-            report = trim_report(aircraft, condition, error.attempt)
+            report = trim_report(aircraft, request.trim_condition, error.attempt)
             print_report(report.with_data(reason=str(error)), request)
         raise
 

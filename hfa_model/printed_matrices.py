@@ -11,11 +11,11 @@ import numpy as np
 from hfa_model.published_data import published_data
 from hfa_model.vectors import LINEAR_STATES
 from hfa_support.reporting.by_value import ByValue
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PublishedModel(ByValue, Shown):
+class PublishedModel(ByValue, Reported):
     """One printed linear model, x' = A x + B u (paper Section 5.1).
 
     dihedral: rad

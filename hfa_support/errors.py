@@ -77,14 +77,14 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 def choice_of(name: str, known: Iterable[str]) -> str:
     """Advice about an unknown name: the known ones that were probably meant, then all."""
-    meant = _nearest(name, known)
+    meant = nearest(name, known)
     *others, last = meant or [""]
     either = f"{', '.join(others)} or {last}" if others else last
     advice = f"did you mean {either}? " if meant else ""
     return f"{advice}choose from {', '.join(known) or 'none'}"
 
 
-def _nearest(name: str, known: Iterable[str]) -> list[str]:
+def nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names nearest to a name, in any case: those that begin with it, else the
     most similar ones."""
     by_key = {each.lower().replace("-", "_"): each for each in known}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
-import difflib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from hfa_support.errors import nearest
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -44,8 +45,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            longer = [known for known in modules() if known.startswith(name)]
-            near = " or ".join(difflib.get_close_matches(name, modules(), n=1) or longer)
+            near = " or ".join(nearest(name, modules()))
             advice = f"; did you mean {near}?" if near else ""
             raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
         module_name, name_there = modules()[name]

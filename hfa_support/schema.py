@@ -6,13 +6,12 @@ declaration} for any names, or {name: declaration} for a table: names ending in 
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from hfa_support.errors import BadInputError, shortened, shown
+from hfa_support.errors import BadInputError, choice_of, shortened, shown
 from hfa_support.files import read_toml
 
 
@@ -95,10 +94,9 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
     prefix = f"{entry}." if entry else ""
     for name, entry_value in value.items():
         if name not in kinds and str not in declared and ... not in declared:
-            near = difflib.get_close_matches(name, kinds, n=1, cutoff=0.6)
-            meant = f"did you mean {near[0]}?" if near else f"choose from {', '.join(kinds)}"
+            unknown = shortened(ascii(name)[1:-1])
             raise BadInputError(
-                f"{where}: unknown entry {prefix}{shortened(ascii(name)[1:-1])}; {meant}"
+                f"{where}: unknown entry {prefix}{unknown}; {choice_of(name, kinds)}"
             )
         entries[name] = checked(
             where, entry_value, kinds.get(name, declared.get(str)), f"{prefix}{shortened(name)}"

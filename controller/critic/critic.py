@@ -19,7 +19,7 @@ from controller.game.basis import Basis
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, shape_text
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import BadInputError, numbers_in
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
 #: What a network may give: V, ∂V/∂z, u.
@@ -29,7 +29,7 @@ TOGETHER = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Critic(Shown):
+class Critic(Reported):
     """A policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
 
     K: (m, n), -∂u/∂z at z = 0.
@@ -161,12 +161,11 @@ class Critic(Shown):
 
 
 @checks_arguments
-def from_gain(game: Game, K: ArrayLike, time: float | None = None) -> Critic:
+def from_gain(game: Game, K: ArrayLike) -> Critic:
     """The policy u = -K z.
 
     game: that the critic should solve
     K: (m, n)
-    time: s, of a critic of a history
 
     BadInputError when K has another shape than B', or is complex.
 
@@ -175,16 +174,15 @@ def from_gain(game: Game, K: ArrayLike, time: float | None = None) -> Critic:
     >>> hfa.check_critic(game, hfa.from_gain(game, [[0.5]])).ok
     False
     """
-    return Critic(game.checked_gain(K), None, "K", time=time)
+    return Critic(game.checked_gain(K))
 
 
 @checks_arguments
-def from_value(game: Game, P: ArrayLike, time: float | None = None) -> Critic:
+def from_value(game: Game, P: ArrayLike) -> Critic:
     """V = z'Pz, u = -R⁻¹B'P z.
 
     game: that the critic should solve
     P: (n, n)
-    time: s, of a critic of a history
 
     BadInputError when P has another shape than A, or is complex.
 
@@ -199,14 +197,13 @@ def from_value(game: Game, P: ArrayLike, time: float | None = None) -> Critic:
         raise BadInputError(
             f"P is {shape_text(P.shape)}; on a plant with {n} states it must be {n} x {n}"
         )
-    return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed, time=time)
+    return Critic(game.gain(P), P, "P", feedback=game.R_inverse_B_transposed)
 
 
 def from_parts(
     game: Game,
     parts: Mapping[str, np.ndarray],
     functions: Basis | ca.Function | str = "quadratic",
-    time: float | None = None,
 ) -> Critic:
     """Return the critic with at least one of the parts "W" (weights of `functions`), "P" and "K".
 
@@ -214,14 +211,14 @@ def from_parts(
 
     BadInputError for a wrong shape, and where W and P are of different values.
     """
-    gain = from_gain(game, parts["K"], time) if "K" in parts else None
+    gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
     if "P" in parts:
-        critic = from_value(game, parts["P"], time)
+        critic = from_value(game, parts["P"])
     if "W" in parts:
         from controller.critic.weights import from_weights
 
-        weighted = from_weights(game, parts["W"], functions, time=time)
+        weighted = from_weights(game, parts["W"], functions)
         if "P" in parts and weighted.P is not None:
             _refuse_different_values(numbers_in("P", parts["P"]), weighted.P)
         critic = weighted

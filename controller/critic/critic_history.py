@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def critics_over_time(
         parts_then = {name: array[index] for name, array in rows.items()}
         if index == len(times) - 1:
             parts_then |= {name: array for name, array in arrays.items() if name not in rows}
-        critics.append(from_parts(game, parts_then, psi, time))
+        critics.append(replace(from_parts(game, parts_then, psi), time=time))
     return tuple(critics)
 
 

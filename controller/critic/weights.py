@@ -18,7 +18,6 @@ def from_weights(
     functions: Basis | str | ca.Function = "quadratic",
     constant: float = 0.0,
     precision: str = "float64",
-    time: float | None = None,
 ) -> Critic:
     """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
@@ -27,7 +26,6 @@ def from_weights(
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
     constant: V(0)
     precision: of the numbers in its file
-    time: s, of a critic of a history
 
     BadInputError when W has another length than the basis, or is complex, and where the constant is
     no finite number.
@@ -69,5 +67,4 @@ def from_weights(
         constant=constant,
         precision=precision,
         feedback=game.R_inverse_B_transposed,
-        time=time,
     )

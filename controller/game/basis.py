@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unknown
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 #: The channels, counted from 0, whose fourth power completes the paper's M = 25: the three tracked
 #: ones and the pitch rate, the strongest coupling of Section 5.1. The paper prints M and not its
@@ -22,7 +22,7 @@ PAPER_STATES = 6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Basis(Shown):
+class Basis(Reported):
     """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
 
     name: its name

@@ -557,17 +557,3 @@ def learn(
     if progress is not None:
         progress(0.0, 1.0, "learning")
     return learner.conclude(run(learner, progress=progress))
-
-
-def learned_value(
-    game: Game, law: str, seed: int, progress: Progress | None = None, **settings: Any
-) -> TrainingRun:
-    """The learning of a law on a game; settings: of the law.
-
-    Raises NoSolutionError when it has not settled."""
-    result = learn(game, law, seed, progress=progress, **settings)
-    if not result.settled:
-        raise NoSolutionError(
-            f"law '{law}' has not learned here: {result.outcome}; choose another law or model"
-        )
-    return result

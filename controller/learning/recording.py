@@ -13,7 +13,7 @@ from controller.game.training_run import Excitation
 from controller.game.zero_sum import LARGEST, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 #: Singular values of the unit regressors below this fraction of the largest count as zero. Rounding
 #: of 1e-16 in a sample reaches the weights divided by this fraction, so a stack that passes leaves
@@ -25,7 +25,7 @@ _AHEAD = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Stack(Shown):
+class Stack(Reported):
     """N_h recorded samples of a plant.
 
     states: z_j, (N_h, n)

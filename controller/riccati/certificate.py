@@ -25,7 +25,7 @@ from controller.riccati.derivations import (
 )
 from controller.riccati.normal_form import MODERATE, RANK, NormalForm
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.checks import RELATIONS, Check, Checked, checked
+from hfa_support.reporting.checks import RELATIONS, Check, Checked, at_least, at_most, checked
 from hfa_support.reporting.results import Result
 
 #: Four orders above rounding: closer to the axis, rounding hides whether the spectrum of the
@@ -264,7 +264,7 @@ def _check_of_entries(given: NormalForm, levelled: NormalForm, frequencies: np.n
         f"a change of {change:.2g} of the entries of A, B, E and Q may put an eigenvalue of the"
         " Hamiltonian on the imaginary axis"
     )
-    return checked("hamiltonian_entries", change, ">=", ENTRIES, reason)
+    return at_least("hamiltonian_entries", change, ENTRIES, reason)
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
@@ -302,8 +302,8 @@ def _hamiltonian_checks(
     )
     split = f"the Hamiltonian has {stable} stable eigenvalues instead of {n}"
     return (
-        checked("hamiltonian_axis_distance", distance, ">=", AXIS_DISTANCE, near),
-        checked("hamiltonian_split", stable, "==", n, split),
+        at_least("hamiltonian_axis_distance", distance, AXIS_DISTANCE, near),
+        checked("hamiltonian_split", stable, n, split, relation="=="),
     )
 
 
@@ -311,7 +311,7 @@ def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
     """The tests of the X of one game: equation, symmetry, sign, and both closed loops."""
     if not np.all(np.isfinite(X)):
         reason = "P has entries that are not finite"
-        return (checked("residual", np.nan, "<=", RESIDUAL, reason),)
+        return (at_most("residual", np.nan, RESIDUAL, reason),)
     return checks_of(TESTS_OF_P, measured_solution(form, X, closed_loops(form, X)))
 
 
@@ -345,10 +345,11 @@ def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
 
 def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
     """The checks of one game."""
-    return tuple(
-        checked(name, float(measured[name]), relation, limit, reason.format(float(measured[name])))
-        for name, (relation, limit, reason) in tests.items()
-    )
+    checks = []
+    for name, (relation, limit, reason) in tests.items():
+        value = float(measured[name])
+        checks.append(checked(name, value, limit, reason.format(value), relation=relation))
+    return tuple(checks)
 
 
 def _refuse_overflow(form: NormalForm) -> None:

@@ -11,14 +11,14 @@ from controller.riccati.certificate import carefully_certified, certified_stack
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.
 TOGETHER = 256
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GameBatch(Shown):
+class GameBatch(Reported):
     """The solutions of N games.
 
     P: (N, n, n), nan where not certified

@@ -83,21 +83,13 @@ class Solution(Result, Reported):
             parts=(
                 matrix_table("P", states, states, self.P),
                 matrix_table("K", inputs, states, self.K),
-                Table(
-                    ("closed loop A - B K", "1/s"),
-                    [("", eigenvalue_text(value)) for value in poles],
-                ),
+                f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
                 checks_block(self.certificate.checks),
             ),
             data=self.as_data(),
             records=Table(
                 ("matrix", "row", "column", "value", "unit"),
-                entry_rows(
-                    (self.P,),
-                    (self.K,),
-                    (states, inputs),
-                    (self.names.state_units, self.names.input_units),
-                ),
+                entry_rows((self.P,), (self.K,), self.names),
             ),
         )
 

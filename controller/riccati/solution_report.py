@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,14 +17,13 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
-from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
-from hfa_support.reporting.text import Table, eigenvalue_text, matrix_table
+from hfa_support.reporting.text import Table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnalysedGame(Result, Shown):
+class AnalysedGame(Result, Reported):
     """A certified solution with its cost and margins.
 
     solution: P, K and their certificate
@@ -66,6 +65,30 @@ class AnalysedGame(Result, Shown):
             found[name] = {**loop._asdict(), "disk_gain": gain, "disk_phase": phase}
         return found
 
+    def report(self) -> Report:
+        """The report of the solution with delta_min, the cost of the policies and margins."""
+        solved = self.solution.report()
+        disk = self.disk
+        doubt = ""
+        if self.delta_min.uncertain:
+            doubt = f" (rounding leaves it open down to {self.delta_min.refused:.7g})"
+        return replace(
+            solved,
+            title=(
+                f"Exact game solution for {self.solution.names.origin}\n"
+                f"delta {self.solution.delta:.6g}, smallest possible {self.delta_min.value:.7g}"
+                f"{doubt}, margin {self.delta_margin:.4g}"
+            ),
+            parts=(
+                *solved.parts,
+                checks_block(self.meaning),
+                _margins_table(self),
+                f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
+                f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
+            ),
+            data=self.as_data(),
+        )
+
 
 @checks_arguments
 def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
@@ -94,43 +117,6 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
         meaning=meaning,
         loops=loop_margins(balanced, K),
         disk=disk_margin(balanced, K),
-    )
-
-
-def solution_report(analysed: AnalysedGame) -> Report:
-    """P, K, certificate, meaning and margins, with the names of the plant."""
-    solution = analysed.solution
-    states = solution.names.states
-    inputs = solution.names.inputs
-    disk = analysed.disk
-    poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
-    return Report(
-        title=_title(analysed),
-        parts=(
-            matrix_table("P", states, states, solution.P),
-            matrix_table("K", inputs, states, solution.K),
-            f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}",
-            checks_block(solution.certificate.checks),
-            checks_block(analysed.meaning),
-            _margins_table(analysed),
-            f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
-            f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} rad/s",
-        ),
-        data=analysed.as_data(),
-        records=solution.report().records,
-    )
-
-
-def _title(analysed: AnalysedGame) -> str:
-    smallest = analysed.delta_min
-    delta = analysed.solution.delta
-    doubt = ""
-    if smallest.uncertain:
-        doubt = f" (rounding leaves it open down to {smallest.refused:.7g})"
-    return (
-        f"Exact game solution for {analysed.solution.names.origin}\n"
-        f"delta {delta:.6g}, smallest possible {smallest.value:.7g}{doubt},"
-        f" margin {smallest.margin(delta):.4g}"
     )
 
 

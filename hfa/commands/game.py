@@ -40,7 +40,7 @@ def solve(request: SolveRequest) -> int:
     Exit code 1 without a certified solution. A --model with B1, B2, C1, D12 and optionally C2, D21,
     D11, D22 is a generalized plant, as for `hinfsyn`. Its controller has a gain below delta, by
     default 1.01 delta_min."""
-    from controller.riccati.solution_report import analyse_game, solution_report
+    from controller.riccati.solution_report import analyse_game
 
     arrays = None
     if request.plant is not None:
@@ -62,8 +62,8 @@ def solve(request: SolveRequest) -> int:
         return code
     with named.asking_for_time():
         analysed_game = analyse_game(named.game, ProgressLine("solve"))
-    report = solution_report(analysed_game)
-    report = with_draws(report, request, (named, analysed_game.solution.K))
+    subject = (named, analysed_game.solution.K)
+    report = with_draws(analysed_game.report(), request, subject)
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0
 

@@ -15,7 +15,7 @@ from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.request import OfModel, option
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
-from hfa.output import failure_as_data, show
+from hfa.output import show, trimmed
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.variants import VARIANTS
@@ -27,7 +27,6 @@ from trim.linear.handling_qualities import with_qualities
 from trim.linear.linear_model import LinearModel
 from trim.linear.linear_report import linear_model_report
 from trim.linear.reduction import reduction_note
-from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import find_operating_point
 
@@ -79,9 +78,7 @@ def linearize(request: LinearizeRequest) -> int:
     """Linearize exactly at a trim: matrices, modes, handling qualities, transfer functions, error
     bands, comparison with the printed matrices."""
     aircraft = request.flown_aircraft()
-    condition = request.trim_condition()
-    with failure_as_data(request, condition, aircraft):
-        point = request.operating_point(aircraft)
+    point = trimmed(request, aircraft)
     usual = aircraft.linear
     follow = request.residualize
     states = request.states or tuple(name for name in usual if name not in follow)
@@ -92,7 +89,7 @@ def linearize(request: LinearizeRequest) -> int:
     if not hfa_model.is_hfa(aircraft):
         report = linear_model_report(model)
     else:
-        report = _of_the_hfa(request, condition, model)
+        report = _of_the_hfa(request, model)
     report = with_qualities(report, point)
     if request.bode:
         from trim.linear.frequency import with_transfers
@@ -143,9 +140,10 @@ def _with_winds(
     return linear
 
 
-def _of_the_hfa(request: LinearizeRequest, condition: TrimCondition, model: LinearModel) -> Report:
+def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     """The report with the bands of the entries and the other dynamics, where they exist."""
     parameters = request.parameter_set
+    condition = request.trim_condition
     bands = None
     comparison = None
     if _is_printed(model):

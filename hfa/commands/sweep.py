@@ -6,6 +6,7 @@ import csv
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,16 +92,17 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         """True if the points go to a store."""
         return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
 
+    @cached_property
     def common_condition(self) -> TrimCondition:
         """Return the condition shared by all points; for a list, without the list's columns."""
         if isinstance(self.condition, Path):
-            return replace(self, condition=None).common_condition()
-        return super().common_condition()
+            return replace(self, condition=None).common_condition
+        return super().common_condition
 
     def plan(self) -> SweepPlan:
         """Return the plan of the sweep; fixed variables come first, because they are not drawn."""
         listing = self.condition if isinstance(self.condition, Path) else None
-        condition = self.common_condition()
+        condition = self.common_condition
         by = self.model.schedule
         ranges: dict[str, Range] = {} if self.at is None else {by: self.at}
         ranges |= {name: values for name, values in self.hold.items() if not self.is_constant(name)}

@@ -10,7 +10,7 @@ import hfa_model
 from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
-from hfa.output import failure_as_data, show
+from hfa.output import show, trimmed
 from trim.point.trim_report import trim_report
 
 if TYPE_CHECKING:
@@ -34,10 +34,9 @@ def trim(request: TrimRequest) -> int:
     if not hfa_model.is_hfa(request.model):
         request.refuse(("picture",), "draws the HFA from the front; leave it out with --aircraft")
     aircraft = request.flown_aircraft()
-    condition = request.trim_condition()
-    with failure_as_data(request, condition, aircraft):
-        point = request.operating_point(aircraft)
-    report = with_draws(trim_report(aircraft, condition, point), request, point)
+    point = trimmed(request, aircraft)
+    report = trim_report(aircraft, request.trim_condition, point)
+    report = with_draws(report, request, point)
 
     def figure() -> Figure:
         from trim.hfa.front_view import trim_figure

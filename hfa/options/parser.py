@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
 from hfa.options.request import Option
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, nearest, shortened
 
 #: Option that a user may guess -> the one that there is.
 _MEANT = {"--angle": "--dihedral"}
@@ -178,6 +177,6 @@ class _Named(argparse.Action):
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error for an unknown option or command, with the nearest known one."""
-    close = difflib.get_close_matches(_MEANT.get(name, name), known, n=1, cutoff=0.7)
-    advice = f"; did you mean {close[0]}?" if close else f" (see `{program} --help`)"
+    near = " or ".join(nearest(_MEANT.get(name, name), known))
+    advice = f"; did you mean {near}?" if near else f" (see `{program} --help`)"
     return f"unknown {what}{advice}"

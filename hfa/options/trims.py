@@ -305,6 +305,7 @@ class TrimOptions(HfaOptions):
         """The model with the parameters that the options hold."""
         return self.model.with_parameters(**self.held_parameters())
 
+    @cached_property
     def common_condition(self) -> TrimCondition:
         """The condition that all trims of the options share: --condition, or the usual one, changed
         by --hold, --free, --limit, --glide and --start. It does not contain the value of the
@@ -312,10 +313,6 @@ class TrimOptions(HfaOptions):
 
         BadInputError when a variable is named twice, or --condition is a list of points.
         """
-        return self._common
-
-    @cached_property
-    def _common(self) -> TrimCondition:
         self._refuse_doubles()
         model = self.model
         usual = self.condition or usual_condition(model)
@@ -367,14 +364,11 @@ class TrimOptions(HfaOptions):
         one_value = isinstance(values, tuple) and len(values) == 1
         return one_value and name not in self.model.parameters
 
+    @cached_property
     def trim_condition(self) -> TrimCondition:
         """The condition of the one trim that the options name."""
-        return self._single
-
-    @cached_property
-    def _single(self) -> TrimCondition:
         is_parameter = self.model.schedule in self.model.parameters
-        return self.common_condition().at(None if is_parameter else self.at)
+        return self.common_condition.at(None if is_parameter else self.at)
 
     @property
     def start_point(self) -> OperatingPoint | None:
@@ -385,7 +379,7 @@ class TrimOptions(HfaOptions):
         """Return the trim of the options, with the initial point of --start.
 
         Raises TrimError, which names a held angle of attack where that prevents a trim."""
-        condition = self.trim_condition()
+        condition = self.trim_condition
         by = self.model.schedule
         if self.at is not None and by in condition.free:
             typed = f"--{called_at(self.model)} {self.model.describe(by, self.at)}"
@@ -400,7 +394,7 @@ class TrimOptions(HfaOptions):
 
     def origin(self) -> Mapping[str, Any]:
         """The aircraft, and the condition of its trims."""
-        common = self.common_condition()
+        common = self.common_condition
         condition: dict[str, Any] = common.changes
         if self.own:
             condition["parameters"] = self.held_parameters()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hfa_support.reporting.report import Part
@@ -69,7 +70,7 @@ class Checked:
 
 
 def checked(
-    name: str, value: float, relation: str, limit: float, reason: str = "", kind: str = ""
+    name: str, value: float, limit: float, reason: str = "", kind: str = "", relation: str = "<="
 ) -> Check:
     """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number
     fails."""
@@ -77,19 +78,10 @@ def checked(
     return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
 
 
-def at_most(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
-    """Passes when value <= limit; a value that is not a number fails."""
-    return checked(name, value, "<=", limit, reason, kind)
-
-
-def at_least(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
-    """Passes when value >= limit; a value that is not a number fails."""
-    return checked(name, value, ">=", limit, reason, kind)
-
-
-def below(name: str, value: float, limit: float, reason: str, kind: str = "") -> Check:
-    """Passes when value < limit, strictly; a value that is not a number fails."""
-    return checked(name, value, "<", limit, reason, kind)
+#: Pass when value <= limit, value >= limit, and value < limit.
+at_most = partial(checked, relation="<=")
+at_least = partial(checked, relation=">=")
+below = partial(checked, relation="<")
 
 
 def checks_block(checks: Iterable[Check]) -> Part:

@@ -130,8 +130,10 @@ class Reported:
     """A result that shows its report at the prompt and in notebooks."""
 
     def report(self) -> Report:
-        """Return the report of the result."""
-        raise NotImplementedError
+        """The first line of the docstring, the fields, small matrices, the checks."""
+        from hfa_support.reporting.fields_report import fields_report
+
+        return fields_report(self)
 
     def save(self, path: Path) -> None:
         """Write the data as .json, .npz or .mat, or the records as .csv."""

@@ -71,34 +71,28 @@ def matrix_table(
 
 
 def entry_rows(
-    P: tuple[np.ndarray, ...],
-    K: tuple[np.ndarray, ...],
-    names: tuple[tuple[str, ...], tuple[str, ...]],
-    units: tuple[tuple[str, ...], tuple[str, ...]],
+    P: tuple[np.ndarray, ...], K: tuple[np.ndarray, ...], names: Any
 ) -> list[tuple[Any, ...]]:
     """Rows (matrix, row, column, its entry in each P or K, unit): of the P, then of the K.
 
     P: (n, n) each
     K: (m, n) each
-    names: of the n states and of the m inputs
-    units: of the states and of the inputs; "" where they are not known
+    names: states, inputs, state_units and input_units of a plant; "" for units not known
     """
-    (states, inputs) = names
-    (state_units, input_units) = units
     kinds = (
-        ("P", P, states, state_units, "1/(({}) ({}))"),  # z'Pz has no unit
-        ("K", K, inputs, input_units, "({})/({})"),
+        ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit
+        ("K", K, names.inputs, names.input_units, "({})/({})"),
     )
     rows: list[tuple[Any, ...]] = []
     for name, matrices, row_names, row_units, unit_text in kinds:
         if not matrices:
             continue
         for i, row in enumerate(row_names):
-            for j, column in enumerate(states):
+            for j, column in enumerate(names.states):
                 entries = [matrix[i, j] for matrix in matrices]
                 unit = ""
-                if state_units[j]:
-                    unit = unit_text.format(row_units[i], state_units[j])
+                if names.state_units[j]:
+                    unit = unit_text.format(row_units[i], names.state_units[j])
                 rows.append((name, row, column, *entries, unit))
     return rows
 

@@ -297,7 +297,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
     for law in (law for name in claim.laws for law in _TOGETHER.get(name, (name,))):
         try:
             checks[law] = checked(
-                law, measure_of(claim.measure)(evidence, law), claim.relation, limit
+                law, measure_of(claim.measure)(evidence, law), limit, relation=claim.relation
             )
         except FlightLostError as lost:
             checks[law] = Check(

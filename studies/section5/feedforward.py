@@ -18,11 +18,11 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Exosystem(Shown):
+class Exosystem(Reported):
     """A reference made by a linear system: w' = Ω w, w(0) = w0, x_d = C w.
 
     omega: (p, p), C: (n, p), w0: (p,). Constants, ramps and sinusoids together are one such system.

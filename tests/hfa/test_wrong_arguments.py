@@ -48,8 +48,8 @@ def right_calls() -> Calls:
         hfa.sweep: {"model": model, "grid": {"dihedral": [0.1, 0.2]}, "condition": condition},
         hfa.game: {"linear": linear, "Q": None, "R": None, "delta": 200.0, "E": None},
         hfa.solve_game: {"game": game, "progress": None},
-        hfa.from_gain: {"game": game, "K": exact.K, "time": None},
-        hfa.from_value: {"game": game, "P": exact.P, "time": None},
+        hfa.from_gain: {"game": game, "K": exact.K},
+        hfa.from_value: {"game": game, "P": exact.P},
         hfa.from_weights: {
             "game": game,
             "weights": np.ones(21),

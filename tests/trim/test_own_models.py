@@ -206,7 +206,7 @@ def test_the_back_side_is_another_trim() -> None:
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
     front = find_operating_point(F16, condition)
-    (back,) = other_trims(F16, condition, front)
+    (back,) = other_trims(condition, front)
     assert front.states.speed > 500 > 300 > back.states.speed
     for point in (front, back):
         held = release(usual, hold={"speed": point.states.speed})

@@ -254,7 +254,7 @@ def with_bands(
     other: the model of the other dynamics at the same condition.
     """
     tables = len(matrices(model))
-    sentence = trust_in(bands, model, other)
+    sentence = _trust_in(bands, model, other)
     parts = (*report.parts[:tables], sentence, *report.parts[tables:])
     found = OfTheHfa()
     by_matrix: dict[str, np.ndarray] = {}
@@ -282,9 +282,7 @@ def with_bands(
     return replace(report, parts=parts, records=records).with_data(**found.as_data())
 
 
-def trust_in(
-    bands: Bands | None, model: LinearModel | None = None, other: LinearModel | None = None
-) -> str:
+def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
     """Return the possible errors of the entries of a six-state model: by the rounding of the print,
     and by the choice of the dynamics (`other`: the model of the other dynamics at the same
     condition)."""
@@ -297,7 +295,7 @@ def trust_in(
             "No bands of the rounding of the print: only the six printed states of the identified "
             "aircraft have them"
         )
-    if model is not None and other is not None:
+    if other is not None:
         difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))
         sentences.append(
             f"Largest difference of an entry to {other.point.dynamics} dynamics: {difference}"

@@ -27,7 +27,7 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     z = problem.clip(found)
     off = _imbalances(problem, z)
     if not off:
-        return f"no trim within limits: {'; '.join(problem.beyond(z))}"
+        return f"no trim within limits: {'; '.join(problem.system.watched.broken(problem.at(z).y))}"
     can_balance = problem.balanced(found)
     binding = _binding(problem, z, found if can_balance else z)
     reasons = [f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"]

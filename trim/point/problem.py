@@ -121,10 +121,6 @@ class TrimProblem:
         except (BadInputError, FloatingPointError):
             return False
 
-    def beyond(self, z: np.ndarray) -> list[str]:
-        """The watched states and outputs that lie beyond their limits, in words."""
-        return self.system.watched.broken(self.at(z).y)
-
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
         """z (k,) of the values of all variables."""
         return self.system.unknowns(values)

@@ -102,7 +102,7 @@ def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -
     nearest = [
         margin for index, margin in enumerate(nearest) if index < _NEAREST or margin.at_limit
     ]
-    search, sentences = _search(model, condition, point)
+    search, sentences = _search(condition, point)
     equations = _equations(condition, point)
     rates = model.rates_at(point.states, point.inputs)
     unbalanced = {name: rate for name, rate in rates.items() if name not in condition.rates}
@@ -209,9 +209,7 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
     return Table(tuple(columns), rows)
 
 
-def other_trims(
-    model: Model, condition: TrimCondition, point: OperatingPoint
-) -> list[OperatingPoint]:
+def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
     """Return further solutions of a condition with as many equations as unknowns, found by Newton's
     method from the declaration's initial values and from `STARTS` points between the limits, such
     as the back side of the power curve. Others may exist."""
@@ -221,7 +219,7 @@ def other_trims(
     starts = [*problem.starts(trim)]
     if not starts or equations != unknowns:
         return []
-    starts.append(problem.unknowns(declared_start(model, condition.imposed)))
+    starts.append(problem.unknowns(declared_start(problem.model, condition.imposed)))
     trims = [trim]
     for solution in problem.ends_within(starts):
         distances = [float(np.abs(solution - z).max()) for z in trims]
@@ -230,16 +228,14 @@ def other_trims(
     return [problem.point(z, Status.TRIMMED) for z in trims[1:]]
 
 
-def _search(
-    model: Model, condition: TrimCondition, point: OperatingPoint
-) -> tuple[dict[str, Any], list[str]]:
+def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
     """Return the search for the point, as data and in sentences: none about the usual case."""
     problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
     others: list[OperatingPoint] = []
     if point.status == Status.TRIMMED:
-        others = other_trims(model, condition, point)
+        others = other_trims(condition, point)
         if unknowns > equations:
             sentences.append(
                 f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "

@@ -144,7 +144,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     schema = "hfa.sweep/1"
     made_by = "hfa sweep"
     json_keys = (
-        "dynamics=plan.dynamics variables=plan.variables variable_units=plan.units grid=plan.grid "
+        "dynamics=model.name variables=plan.variables variable_units=plan.units grid=plan.grid "
         "condition=plan.condition.changes values reasons states=state_names state_units "
         "inputs=input_names input_units operating_states=states operating_inputs=inputs A B "
         "mode_names eigenvalues warnings"

@@ -167,11 +167,6 @@ class SweepPlan:
         return beyond_range(self.model, farthest)
 
     @property
-    def dynamics(self) -> str:
-        """Name of the model: published, newton or another."""
-        return self.model.name
-
-    @property
     def grid(self) -> dict[str, Any]:
         """Variable -> its unit and its values, listed, or start, step and count."""
         grid = {}

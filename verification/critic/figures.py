@@ -35,16 +35,10 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     title = (
         f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict_text(verdict.ok)}"
     )
-    if verdict.critic.P is not None:
-        name = "P"
-        rows = names.states
-        learned = verdict.critic.P
-        exact = verdict.exact.P
-    else:
-        name = "K"
-        rows = names.inputs
-        learned = verdict.critic.K
-        exact = verdict.exact.K
+    name = "K" if verdict.critic.P is None else "P"
+    rows = names.inputs if name == "K" else names.states
+    learned = getattr(verdict.critic, name)
+    exact = getattr(verdict.exact, name)
     largest = float(np.abs(exact).max())
     with np.errstate(divide="ignore", invalid="ignore"):  # none where the exact entry is 0
         relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))

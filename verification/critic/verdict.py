@@ -108,8 +108,8 @@ class Verdict(Checked, Result, Reported):
     schema = "hfa.critic-check/1"
     made_by = "hfa verify"
     json_keys = (
-        "ok grade P_rel_error K_rel_error diagnosis checks=checks_with_kinds P=critic.P K=critic.K "
-        "P_exact=exact.P K_exact=exact.K"
+        "ok grade P_rel_error K_rel_error diagnosis=reason checks=checks_with_kinds P=critic.P "
+        "K=critic.K P_exact=exact.P K_exact=exact.K"
     )
 
     critic: Critic
@@ -128,11 +128,6 @@ class Verdict(Checked, Result, Reported):
     def value_of(self, name: str) -> float:
         """The number of a check; nan where there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
-
-    @property
-    def diagnosis(self) -> str:
-        """The reason, under its key of versions before 0.3."""
-        return self.reason
 
     @property
     def P_rel_error(self) -> float:
@@ -264,11 +259,9 @@ class Verdict(Checked, Result, Reported):
         about: lines below the heading, in place of `weights`.
         """
         names = self.exact.names
-        axes = (names.states, names.inputs)
-        units = (names.state_units, names.input_units)
         P = self.critic.P
         values = () if P is None else (P, self.exact.P)
-        entries = entry_rows(values, (self.critic.K, self.exact.K), axes, units)
+        entries = entry_rows(values, (self.critic.K, self.exact.K), names)
         records = Table(("matrix", "row", "column", "learned", "exact", "unit"), entries)
         for section in self.sections:
             records = section.records or records

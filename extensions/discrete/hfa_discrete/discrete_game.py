@@ -10,11 +10,11 @@ import numpy as np
 
 from controller.game.zero_sum import LARGEST, Game, checked_matrix, is_semidefinite, shape_text
 from hfa_support.errors import BadInputError, is_finite
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiscreteGame(Shown):
+class DiscreteGame(Reported):
     """x⁺ = A x + B u + E w,  J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w): u minimizes, w maximizes.
 
     step: A, B, E, Q, R and delta of one step

@@ -20,7 +20,7 @@ from controller.learning.recording import excitation, natural_spread, rank, refu
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 #: Value iteration pauses after 1, 2, 4, ... passes, so many times, to try policy iteration.
 PAUSES = 12
@@ -31,7 +31,7 @@ STEPS_PER_WEIGHT = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Steps(Shown):
+class Steps(Reported):
     """N recorded steps of a plant.
 
     states: x, (N, n)

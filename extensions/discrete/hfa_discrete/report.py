@@ -11,14 +11,13 @@ from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import DiscreteSolution, minimum_delta_discrete, solve_discrete
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import checks_block
-from hfa_support.reporting.fields import Shown
-from hfa_support.reporting.report import Report
+from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, Roots
 from hfa_support.reporting.text import matrix_table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnalysedDiscreteGame(Result, Shown):
+class AnalysedDiscreteGame(Result, Reported):
     """A certified solution in discrete time and the smallest delta that has one."""
 
     schema = "hfa.discrete-solution/1"

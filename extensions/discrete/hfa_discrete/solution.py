@@ -31,7 +31,7 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, at_least, at_most, below
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
 #: δ² I - E'P E, relative to δ², must exceed this.
@@ -41,7 +41,7 @@ FAINT_REACH = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiscreteSolution(Shown):
+class DiscreteSolution(Reported):
     """The value x'P x of a game in discrete time, its policies u = -K x and w = L x.
 
     P: (n, n), value x'P x

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_flight.air import UPDRAFT
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 
 @dataclass(frozen=True, repr=False)
-class Deviations(Shown):
+class Deviations(Reported):
     """A flight as deviations from the trim, one row for each step.
 
     times: (N,), s

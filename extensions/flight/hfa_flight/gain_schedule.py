@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, said_of
 from hfa_support.linear_table import LinearTable
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 
 #: Scheduling values this close to an end of a schedule are the end.
 _AT_THE_END = 1e-9
@@ -26,7 +26,7 @@ _DIGITS = 10
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class GainSchedule(Shown):
+class GainSchedule(Reported):
     """u = -K(η) x, K linear in the scheduling variable η between breakpoints, constant beyond both
     ends.
 

@@ -30,7 +30,7 @@ from hfa_flight.scenario import Scenario, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, refuse_unless_whole
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -56,7 +56,7 @@ KEPT = {
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(StatesAndInputs, Shown):
+class MonteCarlo(StatesAndInputs, Reported):
     """N members, each a draw of one scenario. Two plans are equal when they give the same
     results.
 

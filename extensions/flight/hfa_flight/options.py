@@ -23,7 +23,6 @@ from hfa.options.games import (
 )
 from hfa.options.request import OfModel, option
 from hfa.options.trims import TrimOptions
-from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.actuators import ActuatorBank, ActuatorFault
@@ -36,7 +35,7 @@ from hfa_flight.scenario import Scenario, Uncertainty
 from hfa_flight.signals import CommandedStates, CommandSteps, Waveform
 from hfa_flight.turbulence import LEVELS, SPECTRA, Turbulence
 from hfa_support.entry_points import PARTS, part
-from hfa_support.errors import BadInputError, choice_of, refuse_unknown
+from hfa_support.errors import BadInputError, NoSolutionError, choice_of, refuse_unknown
 from hfa_support.files import MATRIX_FILES
 from trim.limits import Limits
 from trim.linear.linear_model import LinearModel
@@ -161,7 +160,6 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
         What is not linear, a network say, keeps the control limits of the model."""
         from controller.critic.critic_file import critic_in
-        from controller.learning.certified import learned_value
         from controller.riccati.gare import solve_game
         from hfa_flight.policies import GainPolicy, function_policy
 
@@ -170,9 +168,13 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         if path is None and self.law == "exact":
             return GainPolicy("exact", solve_game(game).K)
         if path is None:
-            progress = ProgressLine("learn")
-            value = learned_value(game, self.law, self.seed, progress, **self.set)
-            return GainPolicy(self.law, value.K)
+            run = self.learned(game)
+            if not run.settled:
+                raise NoSolutionError(
+                    f"law '{self.law}' has not learned here: {run.outcome}; choose another law or "
+                    "model"
+                )
+            return GainPolicy(self.law, run.K)
         critic = critic_in(path, game, self.reading())
         if not critic.linear:
             return function_policy(f"critic of {path}", critic.policy, linear.point)
@@ -493,7 +495,7 @@ class FlightOptions(ScenarioOptions):
         controller = controllers.load_controller_or_gains(self.controller, model)
         if isinstance(controller, GainSchedule):
             name = f"gains of {self.controller}"
-            condition = self.common_condition().at
+            condition = self.common_condition.at
             scheduled = scheduled_gains(name, controller, point, steps, condition)
             return scheduled, scheduled.path
         if self.actuators is None:

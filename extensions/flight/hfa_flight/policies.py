@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.flight_history import Deviations
 from hfa_flight.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from trim.limits import Limits
 from trim.point.operating_point import OperatingPoint
 
@@ -39,7 +39,7 @@ class Measurements(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Policy(Shown):
+class Policy(Reported):
     """u = control(t, measurements, memory, held),
     memory' = memory_rate(t, measurements, memory, held, applied).
 

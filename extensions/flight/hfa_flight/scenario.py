@@ -23,7 +23,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
 
 #: Streams of random numbers of a member.
@@ -93,7 +93,7 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scenario(Shown):
+class Scenario(Reported):
     """Everything that happens in a flight. All is off unless given.
 
     duration: s

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unless_positive
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Result
 
 #: Bandwidth, rad/s, and damping of the command filter unless given: those of SimVFA (Thomsen 2018).
@@ -31,7 +31,7 @@ class Harmonic(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Waveform(Result, Shown):
+class Waveform(Result, Reported):
     """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
     constant: (n,)
@@ -100,7 +100,7 @@ def zero(size: int) -> Waveform:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CommandSteps(Shown):
+class CommandSteps(Reported):
     """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i),
     R_-1 = 0.
 

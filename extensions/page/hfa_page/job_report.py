@@ -13,7 +13,6 @@ from functools import cache, partial
 from importlib.resources import files
 from typing import Any
 
-from controller.riccati.solution_report import solution_report
 from hfa_page.claims import claims_section
 from hfa_page.compared_with_print import matrices_compared_with_print
 from hfa_page.flights import flights_section
@@ -141,7 +140,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
     reports = {"model": _model_report(job, angle, model)}
     if angle.solution is not None:
-        reports["solution"] = solution_report(angle.solution)
+        reports["solution"] = angle.solution.report()
     if angle.check is not None:
         judged = angle.check.report()
         picture = Picture(

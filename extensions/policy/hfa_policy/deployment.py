@@ -19,7 +19,7 @@ from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shown
 from hfa_support.files import read_toml
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ _NORMALIZER: dict[Any, Any] = {
 
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class Deployment(Shown):
+class Deployment(Reported):
     """Observations, actions and timing of a policy.
 
     policy: file, normalizer, and settings that the file does not store: activation, layout, squash,

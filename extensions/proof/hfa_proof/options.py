@@ -84,7 +84,7 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
     spread = {
         name: errors * error for name, error in standard_errors.items() if errors * error > 0.0
     }
-    return Family(request.flown_aircraft(), request.common_condition(), spread)
+    return Family(request.flown_aircraft(), request.common_condition, spread)
 
 
 def refuse_no_certificate(output: Path | None) -> None:

@@ -17,7 +17,11 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
     near = check_critic(game, from_gain(game, 1.002 * gain(game)))
-    assert near.reason == near.diagnosis == "every entry of K is 1.002 times the exact one"
+    assert (
+        near.reason
+        == near.to_dict()["diagnosis"]
+        == "every entry of K is 1.002 times the exact one"
+    )
     assert f"Reason: {near.reason}" in near.report().text().splitlines()
     root = check_critic(game, from_value(game, other_root(game)))
     assert "another root of the Riccati equation" in root.reason

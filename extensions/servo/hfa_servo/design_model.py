@@ -16,7 +16,7 @@ from hfa_aircraft.model import Model
 from hfa_servo.design import Design, signal_unit
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
 from trim.point.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -27,7 +27,7 @@ RANK = 1e-10
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignModel(Shown):
+class DesignModel(Reported):
     """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of
     `model`.
 

@@ -44,7 +44,7 @@ from hfa_support.errors import (
     shortened,
 )
 from hfa_support.reporting.checks import Check, at_most, below
-from hfa_support.reporting.fields import Shown
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import Matrix
 
 #: The two derivations of the controller differ by rounding alone: largest relative difference of
@@ -82,7 +82,7 @@ Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GeneralizedPlant(Shown):
+class GeneralizedPlant(Reported):
     """x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u; without C2
     every state is measured and nothing else (state feedback).
 
@@ -302,7 +302,7 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OutputFeedback(Shown):
+class OutputFeedback(Reported):
     """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
 
     Ak: (n, n) of the controller
@@ -329,7 +329,7 @@ class OutputFeedback(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StateFeedback(Shown):
+class StateFeedback(Reported):
     """The gain of a plant whose states are measured, and what certifies it.
 
     P: (n, n), the stabilizing solution

@@ -69,7 +69,7 @@ class StoredSweep(Result, Reported):
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"
     json_keys = (
-        "store dynamics=plan.dynamics variables=plan.variables variable_units=plan.units "
+        "store dynamics=plan.model.name variables=plan.variables variable_units=plan.units "
         "grid=plan.grid condition=plan.condition.changes points=plan.count counts warnings"
     )
 

@@ -14,8 +14,7 @@ from flown_cases import SMALL, FlownCase
 from linear_flight import simulate
 from project import ROOT
 
-from controller.learning.certified import learned_value
-from hfa import fly, solve_game
+from hfa import fly, learn, solve_game
 from hfa_flight import GainPolicy, Scenario, Waveform
 from hfa_flight.signals import Harmonic
 from studies.section5.configuration import PaperFlight, section5_configuration
@@ -267,7 +266,7 @@ def test_learning_in_flight_begins_with_the_baseline(
     newton: FlownCase,
 ) -> None:
     """Learning in flight flies the baseline then certified gains and knows nothing of the future."""
-    learned = learned_value(newton.game, "certified", 0, predefined_time=2.0)
+    learned = learn(newton.game, predefined_time=2.0)
     gains, certified_from = certified_gains(newton.game, learned, 0.01)
     assert 0.0 < certified_from < 2.0
     first = round(certified_from / 0.01)

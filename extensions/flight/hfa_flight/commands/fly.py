@@ -195,6 +195,7 @@ def _fly_members(request: FlyRequest) -> int:
             progress=progress,
         )
         report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
-    report = report.with_data(store=None if target is None else str(target))
-    print_report(report, request, points=[plan.point])
+    notes = list(dict.fromkeys(plan.point.warnings))
+    report = report.with_data(store=None if target is None else str(target), warnings=notes)
+    print_report(report, request, notes=notes)
     return 0 if report.data["within_limits"] >= plan.least_within else 1

@@ -61,5 +61,5 @@ def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
     """The drawn aircraft of a request."""
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
-    condition = request.trim_condition()
+    condition = request.trim_condition
     return DrawnAircraft(models, tuple(spread.values), SEED, condition, point)

@@ -110,7 +110,7 @@ def report(request: ReportRequest) -> int:
         swept=np.unique(swept),
         outputs=request.outputs,
         claims=request.claims,
-        flight=request.common_condition(),
+        flight=request.common_condition,
         start=request.start_point,
         progress=ProgressLine("report"),
     )

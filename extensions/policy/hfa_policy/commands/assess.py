@@ -170,7 +170,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             flown = aircraft
             if by in aircraft.parameters:
                 flown = aircraft.with_parameters(**{by: value})
-            condition = self.common_condition().at(None if by in aircraft.parameters else value)
+            condition = self.common_condition.at(None if by in aircraft.parameters else value)
             found.append(find_operating_point(flown, condition, self.start_point))
         return found
 
