@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hfa_identify.fit import Fit
+from hfa_identify.fit import Fit, inverse
 
 #: Half-width of a band of 95 % in standard deviations.
 BAND = 1.959964
@@ -30,9 +30,10 @@ def white_covariance(fit: Fit) -> np.ndarray:
     """(p, p) Cramér-Rao bound: the inverse of the information; it holds for white residuals.
 
     The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
-    them. A parameter that no sample depends on has the variance inf."""
+    them. A parameter that no sample depends on has the variance inf, as has one whose information
+    is lost in rounding."""
     covariance = _enlarged(fit) * inverse(fit.information)
-    unseen = np.diag(fit.information) <= 0.0
+    unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
     covariance[unseen, unseen] = np.inf
     return covariance
 
@@ -238,11 +239,3 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
     deviations = np.sqrt(np.where(seen, variances, 1.0))
     finite = np.where(np.isfinite(covariance), covariance, 0.0)
     return np.asarray(finite / deviations[:, None] / deviations)
-
-
-def inverse(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of a symmetric matrix with rows of different sizes."""
-    diagonal = np.diag(matrix)
-    size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    scaled = matrix / size[:, None] / size
-    return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) / size[:, None] / size)

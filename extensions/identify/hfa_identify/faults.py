@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hfa_identify.bands import covariance, unexplained
+from hfa_identify.bands import BAND, covariance, unexplained, white_covariance
 from hfa_identify.column_errors import ColumnError
 from hfa_identify.fit import Fit
 from hfa_identify.records import Record
@@ -60,8 +60,10 @@ _UNITS = {
 }
 #: Gauss-Newton steps in which each fault that is undone is tried.
 _TRIAL = 5
-#: Parameters that changed by this factor, or in sign, are suspicious.
-_LARGE_CHANGE = math.log(8.0)
+#: Parameters that changed by a factor of 8, or in sign, are suspicious; each may change by a factor
+#: of 2.
+_USUAL_CHANGE = math.log(2.0)
+_LARGE_CHANGE = math.log(8.0) - _USUAL_CHANGE
 _CHANGED_SIGN = math.log(100.0)
 
 
@@ -89,8 +91,11 @@ def faults_of(
 
 
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
-    """Single samples far from the residuals before and after them."""
-    for place, name in enumerate(search.responses.measured):
+    """Single samples far from the residuals before and after them, of quantities that the model
+    explains."""
+    explained = ~unexplained(fit)
+    for place in np.flatnonzero(explained):
+        name = search.responses.measured[place]
         for record, residual, present in zip(
             search.records, fit.residuals, fit.present, strict=True
         ):
@@ -301,15 +306,18 @@ def _likeliest(
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
     """Return whether a fit is poor, moved parameters far from their values before, or leaves an
     obvious error of scale that no sensor has."""
-    far = _change(search, fit.theta) > _LARGE_CHANGE**2
+    half = BAND * np.sqrt(np.diag(white_covariance(fit)))
+    nearest = np.clip(search.begin, fit.theta - half, fit.theta + half)
+    far = _change(search, nearest, _USUAL_CHANGE) > _LARGE_CHANGE**2
     for name, each in errors.items():
         if name.startswith("scale") and each.value is not None and each.clear > _OBVIOUS:
             far |= not _is_plausible(search, name, each.value)
     return far or not fit.converged or bool(unexplained(fit).any())
 
 
-def _change(search: Search, theta: np.ndarray) -> float:
-    """Σ ln² of parameters over their values before; a change of sign counts as a factor of 100."""
+def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
+    """Σ (|ln| - usual)² of parameters over their values before, where |ln| is larger; a change of
+    sign counts as a factor of 100."""
     total = 0.0
     # Turbulence and noise of sensors come first, where they are unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
@@ -318,7 +326,7 @@ def _change(search: Search, theta: np.ndarray) -> float:
         if name not in parameters or before == 0.0 or value == 0.0:
             continue
         size = _CHANGED_SIGN if value * before < 0.0 else 0.0
-        total += max(size, abs(math.log(abs(value / before)))) ** 2
+        total += max(size, abs(math.log(abs(value / before))) - usual, 0.0) ** 2
     return total
 
 

@@ -61,7 +61,7 @@ class Normal:
     @property
     def information(self) -> np.ndarray:
         """Return the Fisher information (p, p) of the parameters, with an unknown start."""
-        part = self.M - self.B @ np.linalg.solve(self.A, self.B.T)
+        part = self.M - self.B @ inverse(self.A) @ self.B.T
         return np.asarray(0.5 * (part + part.T))
 
 
@@ -103,8 +103,7 @@ class Fit:
         explains."""
         p = len(self.theta)
         return tuple(
-            response.slopes[:, :, :p]
-            - response.slopes[:, :, p:] @ np.linalg.solve(normal.A, normal.B.T)
+            response.slopes[:, :, :p] - response.slopes[:, :, p:] @ (inverse(normal.A) @ normal.B.T)
             for response, normal in zip(self.responses, self.normals, strict=True)
         )
 
@@ -118,6 +117,8 @@ class OutputError:
     """Fits the free parameters of a model to records.
 
     bounds: (p, 2). guesses: (n,) starts of the records.
+    by_motion: whether the noise of each quantity has the variance of the quantity itself, so that
+        none is taken for noise far from the minimum.
     """
 
     def __init__(
@@ -126,6 +127,7 @@ class OutputError:
         records: Sequence[Record],
         bounds: np.ndarray,
         guesses: Sequence[np.ndarray],
+        by_motion: bool = False,
     ) -> None:
         self.responses = responses
         self.records = tuple(records)
@@ -145,6 +147,7 @@ class OutputError:
         self._counts = sum(flags.sum(axis=0) for flags in self._present)
         sizes = [responses.model.signals[name].nominal for name in responses.measured]
         self._least = (1e-9 * np.array(sizes)) ** 2
+        self._fixed = self._motion() if by_motion else None
 
     def fit(
         self,
@@ -252,8 +255,18 @@ class OutputError:
             for flags, table, y in zip(self._present, self._measured, simulated, strict=True)
         )
 
+    def _motion(self) -> np.ndarray:
+        """(k,) variances of the measured quantities within the records."""
+        total = np.zeros(len(self._least))
+        for flags, table in zip(self._present, self._measured, strict=True):
+            mean = table.sum(axis=0) / np.maximum(flags.sum(axis=0), 1)
+            total += (np.where(flags, table - mean, 0.0) ** 2).sum(axis=0)
+        return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
+
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """(k,) the variances that the unknowns state, or the likeliest."""
+        """(k,) the variances that are fixed, that the unknowns state, or the likeliest."""
+        if self._fixed is not None:
+            return self._fixed
         known = self.responses.variances(theta)
         if known is not None:
             return known[0]
@@ -355,11 +368,11 @@ class OutputError:
         for normal in found.normals:
             with np.errstate(over="ignore", invalid="ignore"):  # such a step is refused
                 A = normal.A + damping * np.diag(np.diag(normal.A))
-            inverse = _inverse_of_start(A)
-            inverses.append(inverse)
+            A_inverse = inverse(A)
+            inverses.append(A_inverse)
             M = normal.M + damping * np.diag(np.diag(normal.M))
-            total += M - normal.B @ inverse @ normal.B.T
-            right += normal.g - normal.B @ inverse @ normal.h
+            total += M - normal.B @ A_inverse @ normal.B.T
+            right += normal.g - normal.B @ A_inverse @ normal.h
         low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
         high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
         with np.errstate(invalid="ignore"):  # no information, no bounds
@@ -368,20 +381,18 @@ class OutputError:
         change = np.zeros(p)
         change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
         moves = [
-            inverse @ (normal.h - normal.B.T @ change)
-            for inverse, normal in zip(inverses, found.normals, strict=True)
+            A_inverse @ (normal.h - normal.B.T @ change)
+            for A_inverse, normal in zip(inverses, found.normals, strict=True)
         ]
         return change, moves
 
 
-def _inverse_of_start(A: np.ndarray) -> np.ndarray:
-    """The inverse of the information of a start.
-
-    FloatingPointError where a simulation that nearly diverges dominates the prior information."""
-    try:
-        return np.linalg.inv(A)
-    except np.linalg.LinAlgError:
-        raise FloatingPointError("the simulation diverges") from None
+def inverse(matrix: np.ndarray) -> np.ndarray:
+    """The inverse of a symmetric matrix with rows of different sizes."""
+    diagonal = np.diag(matrix)
+    size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrix / size[:, None] / size
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) / size[:, None] / size)
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:

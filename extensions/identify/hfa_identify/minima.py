@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfa_identify.bands import inverse, weighted_scores, white_covariance
-from hfa_identify.fit import Fit
+from hfa_identify.bands import weighted_scores, white_covariance
+from hfa_identify.fit import Fit, inverse
 from hfa_identify.search import Search
 
 #: Two minima are as likely as each other where L differs by less, and apart where an estimate

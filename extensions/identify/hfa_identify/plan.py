@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_identify.bands import BAND, inverse
-from hfa_identify.fit import Fit, OutputError
+from hfa_identify.bands import BAND
+from hfa_identify.fit import Fit, OutputError, inverse
 from hfa_identify.records import Record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search

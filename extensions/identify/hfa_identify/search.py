@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_identify.bands import unexplained
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.records import FEWEST, Record
 from hfa_identify.response import Responses
@@ -39,18 +40,29 @@ class Search:
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
         """The fit of whole records, from that of short windows of them.
 
-        In a short window no simulation diverges from a start far off.
+        In a short window no simulation diverges from a start far off. Where the fit of whole
+        records fails, the windows are fitted once more with noise like the motion.
 
         FloatingPointError where the simulation diverges all the same."""
-        rough = self.rough(progress)
-        begin = np.concatenate([self.begin[: self.responses.turbulent], rough.theta])
-        try:
-            return self.whole(begin, progress=progress)
-        except FloatingPointError:
-            return self.whole(self.begin, progress=progress)
+        found = None
+        for by_motion in (False, True):
+            try:
+                rough = self.rough(progress, by_motion=by_motion)
+                begin = np.concatenate([self.begin[: self.responses.turbulent], rough.theta])
+                fit = self.whole(begin, progress=progress)
+            except FloatingPointError:
+                continue
+            if found is None or fit.likelihood < found.likelihood:
+                found = fit
+            if found.converged and not unexplained(found).any():
+                break
+        return found or self.whole(self.begin, progress=progress)
 
     def rough(
-        self, progress: Callable[[float, float], None] | None = None, most_steps: int = 30
+        self,
+        progress: Callable[[float, float], None] | None = None,
+        most_steps: int = 30,
+        by_motion: bool = False,
     ) -> Fit:
         """The fit of short windows in calm air, with no more samples than the integration
         needs."""
@@ -58,7 +70,7 @@ class Search:
         calm = self.responses.calm
         starts = [begin_of(calm.model, window, self.held) for window in windows]
         first = self.responses.turbulent
-        search = OutputError(calm, windows, self.bounds[first:], starts)
+        search = OutputError(calm, windows, self.bounds[first:], starts, by_motion)
         return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:

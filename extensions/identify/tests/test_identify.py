@@ -183,6 +183,27 @@ def flown_in_steps(moves, seconds):
     return noisy_columns(model, flight, 20, seed=0)
 
 
+def test_windows_are_fitted_again_after_divergence():
+    """From 12 lateral coefficients 70 % off, the first windows take the roll rate for noise."""
+    model = from_derivatives(UAV)
+    free = [name for name in model.parameters if name.startswith(("CY", "Cl_", "Cn_"))]
+    moves = {
+        "aileron": [(0.5, 0.1), (1.5, -0.1), (2.2, 0.0)],
+        "rudder": [(3.0, 0.12), (4.0, -0.12), (5.0, 0.0)],
+    }
+    flight = hfa.fly(model, hfa.find_operating_point(model), moves, seconds=6)
+    sensors = {"beta": 0.003, "roll_rate": 0.01, "yaw_rate": 0.01, "roll": 0.003}
+    columns = noisy_columns(model, flight, 20, 0, sensors)
+    factors = np.random.default_rng(79).choice([0.3, 1.7], len(free)).tolist()
+    values = {name: model.parameters[name].start for name in free}
+    begun_at = {name: factor * values[name] for name, factor in zip(free, factors, strict=True)}
+    result = identify(model.with_parameters(**begun_at), columns, free, inputs="steps")
+    assert result.converged
+    assert not result.unexplained
+    for name, each in result.parameters.items():
+        assert abs(each.value - values[name]) < 2.0 * (each.high - each.low), name
+
+
 def late(values, samples=2):
     return np.concatenate([np.full(samples, values[0]), values[:-samples]])
 
