@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Report
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
@@ -61,15 +62,16 @@ def verdicts_report(
             )
         )
     passed = sum(verdict.holds(limit_cost) for verdict in verdicts.values())
+    ok = passed == len(verdicts)
     parts: list[Part] = []
     if limit_cost is not None:
         parts.append(f"Decided by the cost limit {limit_cost:g} percent")
     reasons = [f"{name}: {verdict.reason}" for name, verdict in verdicts.items() if verdict.reason]
     return Report(
-        title=f"{passed} of {len(verdicts)} critics on {origin} pass against the exact solution",
+        title=f"{verdict_text(ok)}: {passed} of {len(verdicts)} critics pass, on {origin}",
         parts=(*parts, Table(header, rows), tuple(reasons)),
         data=Verdicts(
-            passed == len(verdicts),
+            ok,
             {name: verdict.data(limit_cost) for name, verdict in verdicts.items()},
         ).as_data(),
         records=Table(header, rows),

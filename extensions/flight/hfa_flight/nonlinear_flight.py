@@ -399,19 +399,17 @@ class Flight(StatesAndInputs, Result, Reported):
         if isinstance(self.loop.policy, GainPolicy):
             flight += ", frozen"
         duration = f"{self.flown:g} s"
-        exceeded = ", ".join(excess.text() for excess in self.exceeded)
         wrong = self.departure or self.cycle
         if wrong is not None:
             outcome = wrong.text()
-        elif exceeded:
+        elif self.exceeded:
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
             outcome = f"{duration} inside the envelope and the control limits"
         lines = [f"{verdict_text(self.within_limits)}: {outcome}", flight]
         if self.decay is not None:
             lines.append(self.decay.text())
-        if exceeded:
-            lines.append(f"exceeded control limits: {exceeded}")
+        lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
         if self.loop.scenario.gust is not None:
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)

@@ -213,7 +213,7 @@ def numbers(
 def card_option() -> Any:
     """The field `policy`."""
     about = "deployment file of a policy, which is sampled and held as deployed"
-    return option(about, "CARD.toml", input_file(".toml"))
+    return option(about, "DEPLOYMENT.toml", input_file(".toml"))
 
 
 def controller_option() -> Any:

@@ -493,6 +493,6 @@ def test_several_critics_folder_checkpoints_one_table_learning_curve(
     assert list(data) == names
     assert [mistake["ok"] for mistake in data.values()] == [False, False, True, False]
     assert data[names[0]]["K_rel_error"] > data[names[1]]["K_rel_error"]
-    assert result.out.startswith("1 of 4 critics on the aircraft at dihedral 15 deg")
+    assert result.out.startswith("FAIL: 1 of 4 critics pass, on the aircraft at dihedral 15 deg")
     assert "\nP.npz: the value is twice the exact one" in result.out
     assert Path("curve.png").stat().st_size > 10_000

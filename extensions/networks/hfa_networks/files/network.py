@@ -106,7 +106,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     if suffix == ".zip":
         warnings.warn(
             f"{path}: its normalizer, clip and action map are not in it, this is about the network "
-            "alone; `hfa assess CARD.toml` judges the policy as it is deployed",
+            "alone; `hfa assess DEPLOYMENT.toml` judges the policy as it is deployed",
             stacklevel=2,
         )
     return from_network(

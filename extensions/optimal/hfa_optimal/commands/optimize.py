@@ -65,7 +65,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with this gain K, critic W or P, or network", "FILE", critic_path
     )
     policy: Path | None = option(
-        "compare with the policy of this deployment file", "CARD.toml", input_file(".toml")
+        "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
     seconds: float | None = option(
         "horizon, s; default: the cost after it is negligible", "S", positive, rare=True

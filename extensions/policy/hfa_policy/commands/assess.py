@@ -91,7 +91,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "deployment files: observations, actions and timing of a policy; several give one "
         "table, from the same initial conditions; or a gain K in a critic's file, with "
         "--sample-time",
-        "CARD.toml",
+        "DEPLOYMENT.toml",
         _card_path,
         names="cards",
         count="+",

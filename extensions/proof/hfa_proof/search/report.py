@@ -231,7 +231,7 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (
-        f"{'' if stable else 'asked '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s,"
+        f"{'' if stable else 'requested '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s,"
         f" the same of all inputs; for effectiveness from {least:g} to {most:g}\nand delay up to "
         f"{actuators.delay:g} s of each input for itself, changing at any time, as when commands "
         "are sampled and held"
@@ -262,7 +262,7 @@ def game_report(
     """
     if data["statement"] == "critic":
         verdict = _stabilizing(data["closed_loop_hurwitz"], f"the gain of {file}")
-        title = f"{verdict}; its distance from the exact solution of the game of {origin}"
+        title = f"{verdict}\ndistance from the exact solution of the game of {origin}"
         return Report(title, _critic_parts(data), data=data)
     verdict = "Proved" if data["proved"] else "Left open"
     title = f"{verdict}: the solution of the game of {origin}"

@@ -51,7 +51,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
     )
     policy: Path | None = option(
         "a deployment file in place of --weights, in continuous time; proved on boxes",
-        "CARD.toml",
+        "DEPLOYMENT.toml",
         input_file(".toml"),
     )
     set: Mapping[str, Any] = setting_option(
