@@ -64,7 +64,7 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
 
 
 def _asked(names: list[str]) -> list[str]:
-    """The jobs of these names and subjects, in the order of the table; all without names."""
+    """The jobs of these names and subjects, in the order of the table, or all without names."""
     jobs = report.jobs()
     return [job for job, subject in jobs.items() if not names or {job, subject} & set(names)]
 

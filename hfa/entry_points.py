@@ -131,7 +131,8 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def command_named(name: str) -> CommandEntry:
-    """The command of these words. BadInputError where a package offers something else by them."""
+    """The command of these words. Raises BadInputError where a package offers something else by
+    them."""
     if name in CORE:
         return CORE[name]
     offer = offered(COMMANDS)[name.replace(" ", ".")]
@@ -154,9 +155,9 @@ def words_after(name: str) -> Mapping[str, str]:
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
     """Return the name of the command at the beginning of a command line, and the words of its
-    options; "" where the first word is not a command.
+    options, or "" where the first word is not a command.
 
-    BadInputError for an unknown word after the first, and where an option comes first.
+    Raises BadInputError for an unknown word after the first, and where an option comes first.
     """
     first = words[0] if words else ""
     if first in CORE:

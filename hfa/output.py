@@ -51,7 +51,7 @@ def show(
     """Write the files of --picture and -o, both or none; print the report or, with --json, its
     data; then the notes.
 
-    figure: draws the picture; None where there is nothing to draw.
+    figure: draws the picture, or None where there is nothing to draw.
     printed: text for a terminal in place of the whole report.
     only_in_files: data that would drown the rest on a terminal."""
     from hfa_support.files import all_or_none
@@ -101,7 +101,7 @@ def _in_color() -> bool:
 
 
 def _width() -> int | None:
-    """Width of the terminal in characters; None where the output is a file or a pipe."""
+    """Width of the terminal in characters, or None where the output is a file or a pipe."""
     return shutil.get_terminal_size().columns if _on_terminal() else None
 
 

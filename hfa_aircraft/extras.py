@@ -41,7 +41,7 @@ class Extras:
     source: the file and name that it was loaded from, and a hash.
     native: the model that `hfa_aircraft.units.in_si` converted into this one.
     made_by: what makes it again in another process: of `native`, else of `source` and the values of
-        the parameters; None where it is sent as it is.
+        the parameters, or None where it is sent as it is.
     """
 
     called: str = ""

@@ -61,12 +61,12 @@ class Layout(NamedTuple):
         return any(math.isnan(constant) for constant in constants)
 
     def refuse_broken(self) -> None:
-        """BadInputError where the equations are wrong (`_symbolic`)."""
+        """Raises BadInputError where the equations are wrong (`_symbolic`)."""
         _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """BadInputError for a variable (column) that acts in steps only: every slope is 0, though
-        equations have it."""
+        """Raises BadInputError for a variable (column) that acts in steps only: every slope is 0,
+        though equations have it."""
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
@@ -94,7 +94,7 @@ class Layout(NamedTuple):
 
         vectors: components of x, u, p.
         w: components of the disturbances, none of them unless given.
-        BadInputError where the equations are wrong (`_symbolic`).
+        Raises BadInputError where the equations are wrong (`_symbolic`).
         """
         symbols, f, output_expressions = _symbolic(self, w is None)
         states = self.names[0]
@@ -114,7 +114,7 @@ class Layout(NamedTuple):
         """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
 
         A state in `replaced` follows from the output in its place: x = (value - y(0)) / (dy/dx).
-        BadInputError where that output is not affine in it.
+        Raises BadInputError where that output is not affine in it.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
         x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
@@ -171,7 +171,8 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """BadInputError where an expression holds a symbol of the user's own, which has no value."""
+    """Raises BadInputError where an expression holds a symbol of the user's own, which has no
+    value."""
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
         if symbol.element_hash() not in own:
@@ -216,8 +217,8 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as one expression; BadInputError for a vector and for something
-    other than a number."""
+    """Return a rate or an output as one expression. Raises BadInputError for a vector and for
+    something other than a number."""
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:

@@ -25,7 +25,8 @@ class AircraftReader(Protocol):
     """An entry point of `hfa.aircraft`."""
 
     def __call__(self, text: str) -> Model:
-        """Read the aircraft that the text after --aircraft names. BadInputError for a wrong one."""
+        """Read the aircraft that the text after --aircraft names. Raises BadInputError for a wrong
+        one."""
 
 
 @checks_arguments
@@ -93,7 +94,7 @@ def forms_of_packages() -> list[str]:
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the reader of this scheme, or of the longest suffix; None for Python.
+    """Return the reader of this scheme, or of the longest suffix, or None for Python.
 
     The text after a "?" belongs to the reader."""
     scheme = text.partition(":")[0]
@@ -104,8 +105,8 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that a reader of another package makes of a text. BadInputError where the
-    result is not a Model."""
+    """Return the model that a reader of another package makes of a text. Raises BadInputError where
+    the result is not a Model."""
     read: AircraftReader = loaded(offer)
     with file_faults(text):
         model = read(text)
@@ -152,7 +153,8 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 
 
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """The model of a file in another process. BadInputError when the file has changed since."""
+    """The model of a file in another process. Raises BadInputError when the file has changed
+    since."""
     model = load_model(source[0])
     if model.extras.source != source:
         raise BadInputError(f"{source[0]} has changed since the work began; start again")

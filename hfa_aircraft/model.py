@@ -45,8 +45,8 @@ class Model:
         pitch -> gamma.
     extras: additions of a reader of files, or of the paper's aircraft.
 
-    BadInputError when a name is not an identifier, is declared twice or is unknown, a number is
-    invalid, or the equations fail.
+    Raises BadInputError when a name is not an identifier, is declared twice or is unknown, a number
+    is invalid, or the equations fail.
 
     >>> import hfa
     >>> states = {"position": hfa.Signal("ft"), "velocity": hfa.Signal("ft/s")}
@@ -230,8 +230,8 @@ class Model:
         }
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """BadInputError unless a trim can impose the name: `holdable`, the rate of a state, or one
-        of the others."""
+        """Raises BadInputError unless a trim can impose the name: `holdable`, the rate of a state,
+        or one of the others."""
         if name in self.rates or name in also:
             return
         if name in self.parameters:
@@ -252,7 +252,7 @@ class Model:
         }
 
     def unit(self, name: str) -> str:
-        """Unit of a signal, a parameter or a rate. BadInputError for another name."""
+        """Unit of a signal, a parameter or a rate. Raises BadInputError for another name."""
         if name in self.signals:
             return self.signals[name].unit
         refuse_unknown("unknown name", name, (*self.signals, *self.rates))
@@ -348,7 +348,7 @@ class Model:
         outputs: names
         disturbances: names
 
-        FloatingPointError where one is not finite.
+        Raises FloatingPointError where one is not finite.
         """
         from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
 
@@ -418,14 +418,15 @@ def _is_identifier(name: Any) -> bool:
 
 
 def _names(what: str, names: Any) -> tuple[str, ...]:
-    """Names in a tuple. BadInputError for one text, which is no tuple of names, and for others."""
+    """Names in a tuple. Raises BadInputError for one text, which is no tuple of names, and for
+    others."""
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
     return tuple(names)
 
 
 def _check_signal(where: str, signal: Signal) -> None:
-    """BadInputError for a signal whose numbers cannot be."""
+    """Raises BadInputError for a signal whose numbers cannot be."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):

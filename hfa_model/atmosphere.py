@@ -27,7 +27,7 @@ def density(altitude: Quantity) -> Quantity:
 
     altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
 
-    Returns the density in slug/ft^3. BadInputError for a number outside of that range.
+    Returns the density in slug/ft^3. Raises BadInputError for a number outside of that range.
     Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
     """
     geopotential = _geopotential(altitude)
@@ -43,7 +43,7 @@ def density(altitude: Quantity) -> Quantity:
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
-    """BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
+    """Raises BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
 
     altitude: ft, one or several
     """

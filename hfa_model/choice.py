@@ -23,7 +23,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
         equations
     parameters: by default the identified ones
 
-    BadInputError for unknown dynamics and for parameters that no aircraft has.
+    Raises BadInputError for unknown dynamics and for parameters that no aircraft has.
 
     >>> import hfa
     >>> hfa.aircraft("newton").inputs["throttle"].max
@@ -39,7 +39,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
-    """The parameters; BadInputError when one is not finite, or a size is negative."""
+    """The parameters. Raises BadInputError when one is not finite, or a size is negative."""
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, as in default_parameters().values")
     for name, value in parameters._asdict().items():

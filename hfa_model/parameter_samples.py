@@ -21,8 +21,8 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     their logarithms are sums, which a Gaussian keeps. Drawn as p + N(0, C) the spread of an entry
     of A comes out up to 4.8 times too large.
 
-    BadInputError when there is no covariance, an identified parameter is zero, or count or seed is
-    out of range.
+    Raises BadInputError when there is no covariance, an identified parameter is zero, or count or
+    seed is out of range.
     """
     if not parameters.covariance.size:
         raise BadInputError(

@@ -133,7 +133,7 @@ class ParameterSet(ByValue, Reported):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Name -> standard error of each identified parameter, in its own unit; empty without a
+        """Name -> standard error of each identified parameter, in its own unit, or empty without a
         covariance."""
         if not self.covariance.size:
             return {}

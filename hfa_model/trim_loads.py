@@ -67,7 +67,7 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
     x: (7,), in the order of `STATES`, in the units of the model
     u: (5,), in the order of `INPUTS`, in the units of the model
 
-    BadInputError when the state is out of range (`check_in_range`).
+    Raises BadInputError when the state is out of range (`check_in_range`).
     """
     native = native_of(model)
     state = State(*native_values(model, STATES, x).tolist())
@@ -176,5 +176,5 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Return loads and their unit; empty without loads."""
+    """Return loads and their unit, or empty without loads."""
     return *("" if value is None else four_decimals(value) for value in values), unit

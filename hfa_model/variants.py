@@ -112,7 +112,7 @@ def further_dynamics() -> dict[str, EntryPoint]:
 
 
 def variant_named(name: str) -> Variant:
-    """The variant of a name of `VARIANTS`. BadInputError for any other."""
+    """The variant of a name of `VARIANTS`. Raises BadInputError for any other."""
     if name in VARIANTS:
         return VARIANTS[name]
     refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))

@@ -83,7 +83,7 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 def _refuse_unbound(
     function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> None:
-    """BadInputError where one is missing, unknown or too many."""
+    """Raises BadInputError where one is missing, unknown or too many."""
     signature = inspect.signature(function)
     try:
         signature.bind(*arguments, **named)
@@ -131,7 +131,7 @@ def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
-    """Return the test of an annotation and its name in messages; None for another form."""
+    """Return the test of an annotation and its name in messages, or None for another form."""
     if annotation in _KINDS:
         return _KINDS[annotation]
     origin = get_origin(annotation)

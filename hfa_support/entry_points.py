@@ -27,7 +27,7 @@ PARTS = "hfa.parts"
 def offered(group: str) -> dict[str, EntryPoint]:
     """Name -> entry point, of all that is offered in a group, in the order of the names.
 
-    BadInputError where two packages offer the same name."""
+    Raises BadInputError where two packages offer the same name."""
     from importlib.metadata import entry_points
 
     found: dict[str, EntryPoint] = {}
@@ -65,7 +65,7 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """Return a package's help of its part of a command; "" without one."""
+    """Return a package's help of its part of a command, or "" without one."""
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 

@@ -23,7 +23,7 @@ _LONGEST_LINE = 1000
 class BadInputError(ValueError):
     """The request is not well posed: a wrong name, number, unit, shape or file (exit code 2).
 
-    options: words of the command line that supply a missing value; () for none.
+    options: words of the command line that supply a missing value, or () for none.
     """
 
     def __init__(self, message: str, options: tuple[str, ...] = ()) -> None:
@@ -115,14 +115,14 @@ def is_finite(value: object) -> bool:
 
 
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
-    """BadInputError unless the value is a finite number above 0."""
+    """Raises BadInputError unless the value is a finite number above 0."""
     if not (is_finite(value) and value > 0.0):
         text = f"{value}{unit}" if isinstance(value, float) else shown(value)
         raise BadInputError(f"{what} is {text}; it must be a positive number")
 
 
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
-    """BadInputError unless the value is a whole number from `least` on."""
+    """Raises BadInputError unless the value is a whole number from `least` on."""
     if not isinstance(value, Integral) or int(value) < least:
         raise BadInputError(f"{what} is {shown(value)}; give a whole number from {least}")
 
@@ -133,7 +133,7 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     what: the name of the pair, for the message
     ends: value of the caller
 
-    BadInputError unless they are two numbers; they may be infinite.
+    Raises BadInputError unless they are two numbers; they may be infinite.
     """
     try:
         lowest, highest = ends
@@ -145,8 +145,8 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Real numbers as an array of floats. BadInputError where they are something else, or some of
-    them are masked."""
+    """Real numbers as an array of floats. Raises BadInputError where they are something else, or
+    some of them are masked."""
     import numpy as np  # the command sets the threads of its libraries before it is loaded
 
     try:

@@ -71,7 +71,8 @@ def forget_read(path: Path) -> None:
 
 
 def refuse_read(path: Path) -> None:
-    """BadInputError where the path, or a folder above it, was read: writing would destroy it."""
+    """Raises BadInputError where the path, or a folder above it, was read: writing would destroy
+    it."""
     read = _READ or set()
     real = Path(os.path.realpath(path))
     if _identity(real) in read:
@@ -81,7 +82,7 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Return device and inode, equal for all names of a file; None without a file."""
+    """Return device and inode, equal for all names of a file, or None without a file."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):
@@ -194,8 +195,8 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
     `path` is unchanged.
 
     Writes to a temporary file in the target's folder, then renames; the mode of an existing file is
-    kept. BadInputError when the folder does not exist or cannot be written, or the target is a
-    folder, a FIFO or a device."""
+    kept. Raises BadInputError when the folder does not exist or cannot be written, or the target is
+    a folder, a FIFO or a device."""
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
@@ -248,8 +249,8 @@ def regular_file(path: str | Path) -> Path:
 
 
 def read_json(path: str | Path) -> Any:
-    """Return the content of a JSON file. OSError where it cannot be read, BadInputError where it is
-    not JSON."""
+    """Return the content of a JSON file. Raises OSError where it cannot be read, BadInputError
+    where it is not JSON."""
     text = regular_file(path).read_bytes()
     try:
         return json.loads(text)
@@ -258,8 +259,8 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return the content of a TOML file. OSError where it cannot be read, BadInputError where it is
-    not TOML."""
+    """Return the content of a TOML file. Raises OSError where it cannot be read, BadInputError
+    where it is not TOML."""
     text = regular_file(path).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8"))

@@ -17,7 +17,7 @@ class LinearTable(ByValue):
     breakpoints: (N,), increasing
     values: (N, ...), the array at each breakpoint
 
-    BadInputError where the breakpoints do not increase, or there are not as many values.
+    Raises BadInputError where the breakpoints do not increase, or there are not as many values.
     """
 
     breakpoints: np.ndarray

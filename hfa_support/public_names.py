@@ -22,7 +22,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
     @cache
     def modules() -> dict[str, tuple[str, str]]:
-        """Public name -> the module that defines it, and its name there; "" where it is a module
+        """Public name -> the module that defines it, and its name there, or "" where it is a module
         itself."""
         stub = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
         modules = {}

@@ -33,7 +33,7 @@ class Number(NamedTuple):
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
-        """Return the value as a float; None where it is not such a number."""
+        """Return the value as a float, or None where it is not such a number."""
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return None
         try:
@@ -120,7 +120,7 @@ def read_named(
     """Return the entries of a TOML file of the package `folder`, by its name in `packaged` (name ->
     file), or of the user's file.
 
-    what: subject of the file, for messages. BadInputError for an unknown name or file.
+    what: subject of the file, for messages. Raises BadInputError for an unknown name or file.
     """
     try:
         data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)

@@ -54,8 +54,8 @@ def _product(words: Iterator[str]) -> float:
 
 
 def conversion(stated: str, unit: str) -> float | None:
-    """Return the factor from the stated unit to the unit; None where they are neither equal nor an
-    English unit and its SI unit."""
+    """Return the factor from the stated unit to the unit, or None where they are neither equal nor
+    an English unit and its SI unit."""
     if stated == unit:
         return 1.0
     if stated == si_unit(unit):

@@ -48,7 +48,7 @@ class Limits:
         return _limits(model, tuple(names), tuple(pairs))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) between their limits, within `SLACK`; False for
+        """Return the mask of the values (..., k) between their limits, within `SLACK`, or False for
         nan."""
         array = np.asarray(values)
         return np.asarray((array >= self.least) & (array <= self.most))
@@ -80,7 +80,7 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """(k,) nominal + |limit|; 0 where there is no limit."""
+        """(k,) nominal + |limit|, or 0 where there is no limit."""
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 

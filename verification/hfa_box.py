@@ -17,8 +17,8 @@ def ordinary_box(
     inputs: tuple[str, ...] = INPUTS,
     state_units: tuple[str, ...] = (),
 ) -> Box | None:
-    """Return the usual deviations where states, inputs and units (English or SI; () for not stated)
-    are those of the paper's aircraft; else None."""
+    """Return the usual deviations where states, inputs and units (English or SI, or () for not
+    stated) are those of the paper's aircraft; else None."""
     if (states, inputs) != (LINEAR_STATES, INPUTS):
         return None
     widths = np.array(ORDINARY_DEVIATIONS)

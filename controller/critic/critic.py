@@ -33,13 +33,13 @@ class Critic(Reported):
     """A policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
 
     K: (m, n), -∂u/∂z at z = 0.
-    P: (n, n), ½ ∂²V/∂z² at z = 0; None where only a policy is known.
+    P: (n, n), ½ ∂²V/∂z² at z = 0, or None where only a policy is known.
     origin: where it came from: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1".
-    weights: (M,), V = weights'ψ(z) + constant; None where it did not come as weights.
-    basis: ψ; None without weights.
+    weights: (M,), V = weights'ψ(z) + constant, or None where it did not come as weights.
+    basis: ψ, or None without weights.
     constant: V(0).
     precision: of the numbers in its file.
-    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z; None where it is its own.
+    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z, or None where it is its own.
     time: of a row of a history, s.
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, as many as the network has;
         empty for matrices and polynomials.
@@ -125,7 +125,7 @@ class Critic(Reported):
 
     @cached_property
     def value(self) -> ca.Function | None:
-        """z (n,) -> V; None where only the policy or the gradient of V is known."""
+        """z (n,) -> V, or None where only the policy or the gradient of V is known."""
         if self.network:
             return self.network.get("V")
         if self.P is None:
@@ -136,7 +136,7 @@ class Critic(Reported):
 
     @cached_property
     def gradient(self) -> ca.Function | None:
-        """z (n,) -> ∂V/∂z (n,); None where only a policy is known."""
+        """z (n,) -> ∂V/∂z (n,), or None where only a policy is known."""
         if "gradient" in self.network:
             return self.network["gradient"]
         if self.value is None:
@@ -167,7 +167,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
     game: that the critic should solve
     K: (m, n)
 
-    BadInputError when K has another shape than B', or is complex.
+    Raises BadInputError when K has another shape than B', or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -184,7 +184,7 @@ def from_value(game: Game, P: ArrayLike) -> Critic:
     game: that the critic should solve
     P: (n, n)
 
-    BadInputError when P has another shape than A, or is complex.
+    Raises BadInputError when P has another shape than A, or is complex.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)
@@ -209,7 +209,7 @@ def from_parts(
 
     The value is that of W, else of P; the policy is that of K, else follows from the value.
 
-    BadInputError for a wrong shape, and where W and P are of different values.
+    Raises BadInputError for a wrong shape, and where W and P are of different values.
     """
     gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
@@ -239,7 +239,7 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
 
 
 def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """BadInputError where two P differ by more than printing six digits leaves."""
+    """Raises BadInputError where two P differ by more than printing six digits leaves."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
         raise BadInputError("W and P are of different values; leave one of them out")

@@ -63,7 +63,8 @@ class CriticReader(Protocol):
     """An entry point of `hfa.critics` that is named by a suffix."""
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
-        """Read the critic of a file, of the game's states. BadInputError for a wrong file."""
+        """Read the critic of a file, of the game's states. Raises BadInputError for a wrong
+        file."""
 
 
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
@@ -163,8 +164,9 @@ def is_network(path: Path) -> bool:
     return _format_of(path) != ""
 
 
-def _format_of(path: Path) -> str:
-    """Return the entry point in `CRITICS` that reads a file; "" for the arrays of this module."""
+def _format_of(path: Path) ->
+str:
+    """Return the entry point in `CRITICS` that reads a file, or "" for the arrays of this module."""
     suffix = path.suffix.lower()
     names: list[str] = []
     try:

@@ -29,8 +29,8 @@ def critics_over_time(
     parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or
         K (m, n) is that of the last row.
 
-    BadInputError when a number is not finite or too large, the times do not increase, or the number
-    of rows differs.
+    Raises BadInputError when a number is not finite or too large, the times do not increase, or the
+    number of rows differs.
 
     >>> import hfa
     >>> import numpy as np
@@ -71,7 +71,7 @@ def critics_over_time(
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """Return the critics of a history; None where the file has times and only the last row."""
+    """Return the critics of a history, or None where the file has times and only the last row."""
     if reading.lists_functions:
         raise BadInputError("a list of --basis belongs to weights W without times")
     times = np.ravel(numbers_in("time", entries["time"]))

@@ -27,8 +27,8 @@ def from_weights(
     constant: V(0)
     precision: of the numbers in its file
 
-    BadInputError when W has another length than the basis, or is complex, and where the constant is
-    no finite number.
+    Raises BadInputError when W has another length than the basis, or is complex, and where the
+    constant is no finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -27,7 +27,8 @@ def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
     """Yield arrays of numbers and of text with their names, of single structures field by field.
-    Other values are omitted. ValueError for a sparse matrix that is too large as a full one."""
+    Other values are omitted. Raises ValueError for a sparse matrix that is too large as a full one.
+    """
     if isinstance(value, dict):
         for name, each in value.items():
             yield from leaves(each, (*path, name), largest)

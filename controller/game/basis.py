@@ -54,8 +54,8 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states of each monomial, (M, most), and their powers; 0 where a row is filled
-        up."""
+        """Return the states of each monomial, (M, most), and their powers, or 0 where a row is
+        filled up."""
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)

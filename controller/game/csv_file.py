@@ -33,7 +33,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
     name: of the matrix in messages.
     A first row without a number names the columns; a first column without a number the rows.
-    ValueError for rows of different lengths, for no rows, and for a cell that is no number.
+    Raises ValueError for rows of different lengths, for no rows, and for a cell that is no number.
     """
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
@@ -59,8 +59,8 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Names and units of states, from A, and inputs, from B. ValueError where the states are in
-    another order."""
+    """Names and units of states, from A, and inputs, from B. Raises ValueError where the states are
+    in another order."""
     parts = {
         name: [
             [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]

@@ -23,9 +23,9 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts of an entry; () for other content.
+    """Return the texts of an entry, or () for other content.
 
-    BadInputError for control characters.
+    Raises BadInputError for control characters.
     """
     # As objects: rows of JSON may differ in length.
     entries = np.ravel(np.asarray(stored.get(key, ()), dtype=object)).tolist()
@@ -40,9 +40,9 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     """s with x_file = s x, (n,), from the entry `state_units`.
 
-    Ones where the file or the plant states no units. BadInputError for units that are neither the
-    plant's nor their SI or English ones, and where `states` or `inputs` of the file are the plant's
-    in another order."""
+    Ones where the file or the plant states no units. Raises BadInputError for units that are
+    neither the plant's nor their SI or English ones, and where `states` or `inputs` of the file are
+    the plant's in another order."""
     for key in ("states", "inputs"):
         in_file = words(stored, key)
         of_plant = getattr(plant, key)

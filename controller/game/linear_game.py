@@ -30,7 +30,7 @@ def game(
         1/nominal² on the diagonal unless given
     R: (m, m), or its diagonal, (m,), or input -> its weight, of every input; 1/nominal² on the
         diagonal unless given
-    delta: > 0; inf for LQR, without a disturbance
+    delta: > 0, or inf for LQR, without a disturbance
     E: (n, k), how the disturbance acts; unless given that of the model's own disturbances, and the
         identity where it has none
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class PlantNames(NamedTuple):
-    """Names and units of a plant's states and inputs; () where not known.
+    """Names and units of a plant's states and inputs, or () where not known.
 
     states: n names
     inputs: m names
@@ -42,8 +42,8 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the texts, or the default ones without texts. BadInputError for a wrong number of
-    them."""
+    """Return the texts, or the default ones without texts. Raises BadInputError for a wrong number
+    of them."""
     if not texts:
         return usual
     if len(texts) != len(usual):

@@ -115,7 +115,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the residual stays settled, s; inf when it does not."""
+        """First time from which the residual stays settled, s, or inf when it does not."""
         return settled_at(self.times, self.settling_residual, SETTLED)
 
     @property

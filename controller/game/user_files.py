@@ -123,7 +123,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     needed: entries that the plant must have; where the file has none of them, but one structure in
         it has all, the entries are those of the structure
 
-    BadInputError where python-control's `dt` says discrete time.
+    Raises BadInputError where python-control's `dt` says discrete time.
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -148,7 +148,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether a plant says time = "discrete". BadInputError for another word."""
+    """Return whether a plant says time = "discrete". Raises BadInputError for another word."""
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')
@@ -175,7 +175,7 @@ def one_number(name: str, value: Any) -> float:
 
     value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
 
-    BadInputError where it is anything else.
+    Raises BadInputError where it is anything else.
     """
     if isinstance(value, str):
         if value.strip().lower() in ("inf", "infinity"):

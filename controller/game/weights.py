@@ -22,7 +22,7 @@ def weights_line(
 ) -> str:
     """Return a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
 
-    whose: "Q", "R", "delta" -> whose it is; None where the game was handed over with all of them
+    whose: "Q", "R", "delta" -> whose it is, or None where the game was handed over with all of them
     """
     texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
     whose = whose or dict.fromkeys(texts, "of the game")

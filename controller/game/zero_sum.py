@@ -130,7 +130,7 @@ class Game(ByValue, Reported):
         return self.R_inverse_B_transposed @ P
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
-        """K as floats. BadInputError when it has another shape than B', or is complex."""
+        """K as floats. Raises BadInputError when it has another shape than B', or is complex."""
         K = numbers_in("K", K)
         n, m = self.B.shape
         if K.shape != (m, n):
@@ -164,8 +164,8 @@ def _with_diagonal(name: str, weights: Any) -> Any:
 
 
 def checked_matrix(name: str, value: Any, largest: float, ndim: int | None = 2) -> np.ndarray:
-    """Return the value as a read-only array of floats. BadInputError where it is not numeric, not
-    finite, or too large."""
+    """Return the value as a read-only array of floats. Raises BadInputError where it is not
+    numeric, not finite, or too large."""
     array = numbers_in(name, value)
     if ndim not in (None, array.ndim):
         raise BadInputError(f"{name} has {array.ndim} dimension(s); it must have {ndim}")
@@ -193,8 +193,8 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """BadInputError unless symmetric and positive semidefinite, or, strictly, definite by more than
-    rounding."""
+    """Raises BadInputError unless symmetric and positive semidefinite, or, strictly, definite by
+    more than rounding."""
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")

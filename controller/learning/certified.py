@@ -532,10 +532,10 @@ def learn(
     progress: called with (fraction done, 1, residual)
     options: fields of `CertifiedSettings`
 
-    Whether the result is right is judged by `hfa.check_critic`, which uses A.
-    Raises BadInputError for an unknown law or option and for data that cannot determine the
-    weights; NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B)
-    not stabilizable, overflow.
+    Whether the result is right is judged by `hfa.check_critic`, which uses A. Raises BadInputError
+    for an unknown law or option and for data that cannot determine the weights. Raises
+    NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B) not
+    stabilizable, overflow.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

@@ -26,14 +26,14 @@ LOSS_TOLERANCE = 1e-10
 @dataclass(frozen=True)
 class FlightCost(Result):
     """Cost lost by u = -K z against the optimum, percent of z'P*z, each under its own worst
-    disturbance; inf where there is no bound: the gain is not below delta or the loop not stable.
+    disturbance, or inf where there is no bound: the gain is not below delta or the loop not stable.
 
     worst: over starts.
     mean: over starts of equal optimal cost.
     gain: L2 gain, to be below delta.
     exact_gain: the same of the optimum.
     distance: the smallest change that takes A - B K to an undamped mode, as a part of its norm in
-        balanced units; 0 for an unstable loop.
+        balanced units, or 0 for an unstable loop.
     exact_distance: the same of the optimum."""
 
     json_keys = (
@@ -92,7 +92,7 @@ def is_moderate(matrix: np.ndarray) -> bool:
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """D >= 0, (n, n): with u = -K z, which stabilizes, the worst disturbance costs z'(P* + D) z;
+    """D >= 0, (n, n): with u = -K z, which stabilizes, the worst disturbance costs z'(P* + D) z, or
     None without bound.
 
     F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*: the cost equation of K

@@ -25,7 +25,7 @@ class Answer(NamedTuple):
     """The existence of a solution at one δ.
 
     exists: True or False where shown, None where rounding leaves it open
-    reason: why no solution exists, or why it is open; "" where one exists
+    reason: why no solution exists, or why it is open, or "" where one exists
     condition: of several conditions for a solution, the one that fails or is open
     """
 
@@ -96,7 +96,7 @@ def smallest_delta(
     begin: a δ that should be good
     tolerance: of the bracket, relative, where no answer is open
 
-    NoSolutionError where no δ up to `MOST` times the first is good.
+    Raises NoSolutionError where no δ up to `MOST` times the first is good.
     """
     report = progress or (lambda *_: None)
     answers = _Answers(ask)

@@ -23,7 +23,7 @@ NEAR_SIGN = 0.1
 
 
 class FromEigenvectors(NamedTuple):
-    """Solutions from the eigenvectors of the Hamiltonians of a stack; nan where they give none.
+    """Solutions from the eigenvectors of the Hamiltonians of a stack, or nan where they give none.
 
     X: (N, n, n)
     correction: (N,), of the last Newton step, relative to X
@@ -107,7 +107,7 @@ def norms(matrices: np.ndarray) -> np.ndarray:
 
 
 def inverses(matrices: np.ndarray) -> np.ndarray:
-    """Inverses, (..., n, n); nan where a matrix is singular, which must not stop the others."""
+    """Inverses, (..., n, n), or nan where a matrix is singular, which must not stop the others."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

@@ -36,8 +36,8 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """Return the stable subspace of the Hamiltonian, with its error; None where it has not half the
-    dimension.
+    """Return the stable subspace of the Hamiltonian, with its error, or None where it has not half
+    the dimension.
 
     The error is |D| / sep, with D a relative change `BACKWARD` of the terms of the Hamiltonian, and
     sep the separation of the two halves of its Schur form. Source: Golub and Van Loan, Theorem
@@ -151,7 +151,7 @@ def solution_that_holds(form: NormalForm) -> np.ndarray | None:
 
 def shown_gain(form: NormalForm) -> tuple[float, float]:
     """Return a gain that the disturbance has for all inputs, less the bound of rounding, and its
-    frequency, rad/s; 0 where none is shown.
+    frequency, rad/s, or 0 where none is shown.
 
     The least of |Q^½ x|² + |u|² over all u, where x follows from u and w at the frequency ω, is
     w*Φ w with  Φ = -[0 E'] (H - jω I)⁻¹ [E; 0],  H the Hamiltonian at δ = inf. No δ up to the root

@@ -81,8 +81,8 @@ def closed_loop(game: Game, K: np.ndarray) -> Triple:
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`; inf when A is
-    not Hurwitz."""
+    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`, or inf when A
+    is not Hurwitz."""
     if not is_hurwitz(A):
         return math.inf
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
@@ -96,8 +96,8 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """(jω I - loop)⁻¹ B, (N, n, m); NoSolutionError where rounding leaves a pole of the loop on the
-    axis."""
+    """(jω I - loop)⁻¹ B, (N, n, m). Raises NoSolutionError where rounding leaves a pole of the loop
+    on the axis."""
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
     try:
         return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))

@@ -146,8 +146,8 @@ def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> So
 
 
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return how far rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order;
-    inf where defective.
+    """Return how far rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order,
+    or inf where defective.
 
     A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those
     of the form in which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.

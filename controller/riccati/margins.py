@@ -45,7 +45,7 @@ class DiskMargin(NamedTuple):
     disk: α, a lower bound: of more than three inputs the true margin may be a little larger
     gain: (2 + α)/(2 - α); a real f lies in (1/gain, gain)
     phase: 2 arctan(α/2), deg, for f of pure phase
-    frequency: rad/s, where the margin is smallest; inf where that is beyond every frequency
+    frequency: rad/s, where the margin is smallest, or inf where that is beyond every frequency
     """
 
     disk: float
@@ -87,7 +87,7 @@ class ClosedLoop(NamedTuple):
 def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
     """M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
 
-    NoSolutionError where a pole is not stable.
+    Raises NoSolutionError where a pole is not stable.
     """
     abscissa = spectrum(closed).abscissa
     if abscissa >= 0.0:

@@ -18,7 +18,7 @@ _PASSES = 3
 
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     """The least relative change found of entries of A and B that leaves a mode that does not decay
-    out of reach, (N,); 1 where every mode decays.
+    out of reach, (N,), or 1 where every mode decays.
 
     A: (N, n, n)
     B: (N, n, m)

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
-    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian; None where it has not half
+    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian, or None where it has not half
     the dimension."""
     return ordered_basis(matrix, job=b"N")[0]
 

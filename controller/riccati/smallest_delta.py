@@ -190,7 +190,7 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return the mode that is reached or shown too little, in words; "" if none exists.
+        """Return the mode that is reached or shown too little, in words, or "" if none exists.
 
         reach, show: "the inputs reach" and "Q shows", or others.
         """

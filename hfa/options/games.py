@@ -232,7 +232,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         )
 
     def refuse_of_the_aircraft(self) -> None:
-        """BadInputError where an option of the aircraft comes with --model."""
+        """Raises BadInputError where an option of the aircraft comes with --model."""
         if self.at is not None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
@@ -266,7 +266,7 @@ class NamedGame(Result):
     game: the game.
     warnings: notes on the result.
     plant_provenance: of a plant from a file.
-    linear: the linear model of the game; None for a plant from a file or a design.
+    linear: the linear model of the game, or None for a plant from a file or a design.
     discrete: of a plant in discrete time the game with the step `game` (`StoredGame`).
     has_time: whether continuous or discrete time is known; a file may omit it.
     weights_from: "Q", "R", "delta" -> source: "given", "file", "design" or "default".
@@ -288,7 +288,7 @@ class NamedGame(Result):
 
     @property
     def origins(self) -> dict[str, str] | None:
-        """Return the provenance of a plant that was read from a file; None without one."""
+        """Return the provenance of a plant that was read from a file, or None without one."""
         return dict(self.plant_provenance) or None
 
     @property

@@ -50,7 +50,7 @@ def scheduled_range(model: Model, text: str) -> Range:
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
-    """A range as one array, (N,); BadInputError when there are more than `most`."""
+    """A range as one array, (N,). Raises BadInputError when there are more than `most`."""
     if len(values) > most:
         raise BadInputError(
             f"{name} has {len(values):,} points; at most {most:,} are allowed, take fewer"

@@ -29,12 +29,12 @@ class Option:
     """The option that types a field.
 
     about: its help; "" hides it.
-    form: how help shows its value; "" for a switch.
+    form: how help shows its value, or "" for a switch.
     kind: word -> value; its BadInputError is the rest of a sentence that begins with the option.
     names: as in "-o --output"; a name without dashes is a positional argument.
     named: its words are NAME=VALUE[,NAME=VALUE...], repeatable; kind takes the name and the value.
     repeated: it may be repeated; the field has all values.
-    count: how many words it has, as argparse's nargs; None for one.
+    count: how many words it has, as argparse's nargs, or None for one.
     required: whether it must be typed.
     aliases: other names of a model's names, of those that are `named`.
     rare: `--help` lists it by name only; `--help more` explains it.
@@ -147,7 +147,8 @@ class Request:
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
-        """BadInputError for the first of these options that was typed: it would change nothing."""
+        """Raises BadInputError for the first of these options that was typed: it would change
+        nothing."""
         options = self.options(self.model)
         for name in names:
             if name in self.typed:

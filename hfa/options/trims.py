@@ -311,7 +311,7 @@ class TrimOptions(HfaOptions):
         by --hold, --free, --limit, --glide and --start. It does not contain the value of the
         scheduling variable.
 
-        BadInputError when a variable is named twice, or --condition is a list of points.
+        Raises BadInputError when a variable is named twice, or --condition is a list of points.
         """
         self._refuse_doubles()
         model = self.model
@@ -337,8 +337,8 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """BadInputError when two of --free, --hold and the option of the scheduling variable name
-        the same variable."""
+        """Raises BadInputError when two of --free, --hold and the option of the scheduling variable
+        name the same variable."""
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(f"{name} is both set free and held; name it once")

@@ -76,7 +76,7 @@ def cache_folder() -> Path:
     """Return the folder of compiled functions: `$XDG_CACHE_HOME/hfa-toolchain`, by default under
     `~/.cache`.
 
-    RuntimeError when there is no home folder.
+    Raises RuntimeError when there is no home folder.
     """
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
@@ -90,7 +90,7 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """The folder, made if need be, which only its owner can write; RuntimeError when that is
+    """The folder, made if need be, which only its owner can write. Raises RuntimeError when that is
     another user."""
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
@@ -131,7 +131,7 @@ def _digest(file: Path, symbol: str) -> str:
 
 @cache
 def c_compiler() -> str | None:
-    """Return the compiler that CC names, else cc, gcc or clang; None without one."""
+    """Return the compiler that CC names, else cc, gcc or clang, or None without one."""
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 

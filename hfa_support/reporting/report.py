@@ -79,7 +79,7 @@ class Report:
         """Return the text for a terminal: parts with an empty line between them, without pictures.
 
         color: of cells with a tone
-        width: of the terminal, in characters; None for lines of any length
+        width: of the terminal, in characters, or None for lines of any length
         """
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)

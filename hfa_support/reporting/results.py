@@ -31,7 +31,7 @@ class Entry(NamedTuple):
     """An entry of the data.
 
     name: its key.
-    path: the field or property that it is, or those that lead to it; None where one of them is.
+    path: the field or property that it is, or those that lead to it, or None where one of them is.
     is_optional: whether it is left out where it is None or an array without elements."""
 
     name: str
@@ -42,7 +42,7 @@ class Entry(NamedTuple):
 class Result:
     """A dataclass whose entries are written as data, also within other data.
 
-    schema: name and number of the format of a result that is written separately; "" for a part.
+    schema: name and number of the format of a result that is written separately, or "" for a part.
     made_by: the command that writes it.
     json_keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY;
         with ? after the key where it is omitted when it is None or empty. "" for all fields, those
@@ -68,7 +68,7 @@ class Result:
 
 
 def _attribute(value: Any, name: str) -> Any:
-    """Return the attribute of a value; None for None."""
+    """Return the attribute of a value, or None for None."""
     return None if value is None else getattr(value, name)
 
 

@@ -105,10 +105,10 @@ def summary(
 ) -> dict[str, Any]:
     """How many flights of a policy stay and end at the trim, and what those that stay cost.
 
-    best: cost of the best flight found from each initial condition; None where none was
+    best: cost of the best flight found from each initial condition, or None where none was
     lqr: flights of the linear optimum
 
-    `over_best` and `over_lqr` are the median and the worst ratio of costs over the same horizon;
+    `over_best` and `over_lqr` are the median and the worst ratio of costs over the same horizon, or
     None without one. A flight that does not end at the trim goes on to cost more."""
     over_best = [
         each.cost / least
@@ -136,7 +136,7 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
     """Of the sampled loop at its equilibrium: spectral radius, and the first delay with which it is
-    unstable, s; None where it is unstable without, or none was found."""
+    unstable, s, or None where it is unstable without, or none was found."""
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]
     stable = assessed.radius < 1.0

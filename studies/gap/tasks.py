@@ -26,7 +26,7 @@ class Task:
     """An aircraft at a trim.
 
     name: in the table.
-    aircraft: as `--aircraft` takes it; None for the flexible aircraft.
+    aircraft: as `--aircraft` takes it, or None for the flexible aircraft.
     hold: what the trim holds, in the units of the model.
     """
 

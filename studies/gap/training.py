@@ -69,7 +69,7 @@ class Run:
         }
 
     def trained(self) -> dict[str, Any] | None:
-        """The record of an earlier training with the same settings; None without one."""
+        """The record of an earlier training with the same settings, or None without one."""
         if not self.policy.exists():
             return None
         return finished(self.record, self.decides())

@@ -264,8 +264,8 @@ def _agreeing(sums: Sequence[float]) -> int:
 def identify(seed: int = 0) -> tuple[Fit, list[float]]:
     """The published structure fitted to both printed pairs from `STARTS` seeded rough guesses.
 
-    Returns the best fit and the sum of squares that each start reached. NoSolutionError when fewer
-    than half of the starts agree on the best."""
+    Returns the best fit and the sum of squares that each start reached. Raises NoSolutionError when
+    fewer than half of the starts agree on the best."""
     noises = np.random.default_rng(seed).normal(size=(STARTS, len(IDENTIFIED))) * _START_SPREAD
     noises[0] = 0.0
     fits = [fit(published_models(), Published(), noise=noise) for noise in noises]

@@ -102,7 +102,8 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """Return the values that a trim of an aircraft imposes. BadInputError where it has none."""
+    """Return the values that a trim of an aircraft imposes. Raises BadInputError where it has
+    none."""
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
     for row in json.loads(RESULTS.read_text())["aircraft"]:

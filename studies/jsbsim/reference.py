@@ -113,8 +113,8 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's results at each point, from another process; None for points that it did not
-    reach.
+    """Return JSBSim's results at each point, from another process, or None for points that it did
+    not reach.
 
     name: of an aircraft of JSBSim.
     points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
@@ -235,7 +235,8 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft; RuntimeError where JSBSim says on its output alone that it does not."""
+    """Load an aircraft. Raises RuntimeError where JSBSim says on its output alone that it does
+    not."""
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")
 
@@ -466,7 +467,7 @@ def _states(simulator: Any) -> dict[str, float]:
 
 
 def _of_engines(simulator: Any) -> dict[str, float]:
-    """Return the states of engines, by the names of a model's states; 0 for missing ones."""
+    """Return the states of engines, by the names of a model's states, or 0 for missing ones."""
     values = {}
     parts = {
         **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
@@ -526,7 +527,7 @@ def _engine(number: int) -> str:
 
 
 def _value(simulator: Any, name: str) -> float:
-    """The value of a property; 0 without it."""
+    """The value of a property, or 0 without it."""
     try:
         return float(simulator[name])
     except KeyError:

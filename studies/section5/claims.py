@@ -98,7 +98,7 @@ class Evidence:
     flown: Mapping[FlightPlan, FlightRecord]
 
     def record(self, plan: FlightPlan) -> FlightRecord:
-        """A flight that came to its end; raises FlightLostError for one that did not."""
+        """A flight that came to its end. Raises FlightLostError for one that did not."""
         found = self.flown[plan]
         if not found.held:
             raise FlightLostError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")

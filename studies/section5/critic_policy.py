@@ -23,7 +23,7 @@ class CriticPolicy(Policy):
 
     law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the
     law's coordinates y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic
-    receives; zero when it receives F = A z. BadInputError when the stack's policies are
+    receives; zero when it receives F = A z. Raises BadInputError when the stack's policies are
     re-evaluated: only stored ones are flown."""
 
     law: PublishedLaw

@@ -295,8 +295,8 @@ def law_of(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned | None]:
-    """Return the untrained law for a case, and the function that reads its learned values; None if
-    it learns nothing.
+    """Return the untrained law for a case, and the function that reads its learned values, or None
+    if it learns nothing.
 
     predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, for the
         feed-forward and the published drift."""

@@ -161,7 +161,7 @@ def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarra
 
 
 def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
-    """The first time at which size <= band, s; inf when it never is."""
+    """The first time at which size <= band, s, or inf when it never is."""
     inside = np.flatnonzero(size <= band)
     return float(times[inside[0]]) if len(inside) else np.inf
 

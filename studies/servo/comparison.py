@@ -81,7 +81,7 @@ def simvfa_commands() -> CommandSteps:
 
 
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
-    """The flight of a case, s long; BadInputError where that is longer than the commands."""
+    """The flight of a case, s long. Raises BadInputError where that is longer than the commands."""
     if duration > DURATION:
         raise BadInputError(
             f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s"
@@ -113,7 +113,7 @@ def laws_of(
     """Name -> how the law is made. order: of the actuators that SimVFA's laws are designed for.
     only: () for all.
 
-    BadInputError when a law of `only` is not among them.
+    Raises BadInputError when a law of `only` is not among them.
     """
     found: dict[str, Make] = {
         f"simvfa-{order}": lambda on: _flown(
@@ -167,7 +167,7 @@ class ServoFlight:
 
     @property
     def lost_at(self) -> float | None:
-        """s, when the first state left its envelope; None when the aircraft held."""
+        """s, when the first state left its envelope, or None when the aircraft held."""
         return None if self.result.departure is None else self.result.departure.time
 
     def to_dict(self) -> dict[str, Any]:

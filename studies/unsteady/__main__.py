@@ -40,8 +40,8 @@ def margins(
     plant: str, degrees: float, servo: ScheduledController, order: int
 ) -> tuple[float, float]:
     """Behind actuators of 2 rad/s: the abscissa of the closed loop, 1/s, and the smallest disk
-    margin of one command with the others closed; nan when unstable. A disk margin a means a gain of
-    (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
+    margin of one command with the others closed, or nan when unstable. A disk margin a means a gain
+    of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
     actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
     loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
     if loop.abscissa >= 0.0:

@@ -152,7 +152,7 @@ class IntegralLearning:
         return self.settings.iterations
 
     def start(self) -> Memory:
-        """W(0); raises BadInputError when the flight is too poor for M weights."""
+        """W(0). Raises BadInputError when the flight is too poor for M weights."""
         weights = initial_weights(self.settings.initial_weights, self.basis)
         scaled = weights * self.basis.scaling(self.record.scales)
         if self.intervals < self.basis.size:

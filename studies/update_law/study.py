@@ -168,7 +168,7 @@ class Reference(NamedTuple):
 
 
 def references() -> tuple[Reference, ...]:
-    """Return the references of both printed models, with the critics of the certified law.
+    """Return the references of both printed models, with the critics of the certified law. Raises
     NoSolutionError where it does not settle."""
     found = []
     for model in published_models():

@@ -138,7 +138,7 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """Return the fault in how a function treats arguments; "" without one."""
+    """Return the fault in how a function treats arguments, or "" without one."""
     try:
         function(**arguments)
     except (BadInputError, NoSolutionError) as error:

@@ -71,7 +71,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def _sign(H: np.ndarray) -> np.ndarray | None:
-    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c; None when an eigenvalue is on the
+    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c, or None when an eigenvalue is on the
     imaginary axis."""
     Z = H
     for _ in range(MAX_STEPS):
@@ -93,7 +93,7 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
-    """Gauss-Jordan with row pivoting; None when singular."""
+    """Gauss-Jordan with row pivoting, or None when singular."""
     n = len(matrix)
     work = np.concatenate([matrix, decimal(np.eye(n))], axis=1)
     for column in range(n):

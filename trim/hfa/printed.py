@@ -68,7 +68,7 @@ class EntryRow(Result):
 
     @property
     def percent(self) -> float:
-        """Difference in percent of the print; nan where the print is zero."""
+        """Difference in percent of the print, or nan where the print is zero."""
         return (
             100 * (self.computed - self.printed) / abs(self.printed)
             if self.printed
@@ -327,8 +327,8 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 
     2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit
     function theorem), C the covariance of the identified parameters p, v the free variables of the
-    trim. BadInputError when the parameters have no bands (`bands_known`), or the model is not of
-    the paper's six states.
+    trim. Raises BadInputError when the parameters have no bands (`bands_known`), or the model is
+    not of the paper's six states.
 
     >>> import hfa
     >>> from trim import entry_bands

@@ -73,7 +73,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     """Magnitude in dB above phase in degrees, one panel for each output, one line for each input.
 
     At most six outputs that an input reaches are drawn; the others are named below. The frequencies
-    are those of `bode_frequencies`. BadInputError where no input reaches an output.
+    are those of `bode_frequencies`. Raises BadInputError where no input reaches an output.
 
     figure: an empty one, which gets its size here; returned
     """

@@ -95,8 +95,8 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of a declared family of modes, one of each conjugate pair; none where
-    it is not declared."""
+    """Return the eigenvalues of a declared family of modes, one of each conjugate pair, or none
+    where it is not declared."""
     if family not in linear.point.model.modes:
         return []
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]

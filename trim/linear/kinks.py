@@ -69,7 +69,7 @@ def linearization_at(
 
     outputs, disturbances: names.
 
-    FloatingPointError where one is not finite.
+    Raises FloatingPointError where one is not finite.
     """
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))

@@ -127,7 +127,7 @@ class LinearModel(ByValue, Result, Reported):
 
         States and inputs left out stay at their offsets. States in `residualize` follow the others
         at once: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are unchanged.
-        BadInputError when the model has no such name, it comes twice, or A22 is singular."""
+        Raises BadInputError when the model has no such name, it comes twice, or A22 is singular."""
         from trim.linear.reduction import reduced
 
         return reduced(self, states, inputs, residualize)
@@ -135,7 +135,7 @@ class LinearModel(ByValue, Result, Reported):
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
         """The model from named inputs to named outputs: linear["pitch_rate", "elevator_center"].
 
-        BadInputError when the model has no such name, or it comes twice."""
+        Raises BadInputError when the model has no such name, or it comes twice."""
         from trim.linear.responses import chosen
 
         match names:
@@ -159,7 +159,7 @@ class LinearModel(ByValue, Result, Reported):
         self, time: Any = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
         """The named outputs after a unit step of each named input, (outputs, inputs, N), as
-        deviations; all unless named.
+        deviations, or all unless named.
 
         time: (N,) or the last, s; python-control chooses it unless given.
         """
@@ -180,7 +180,7 @@ class LinearModel(ByValue, Result, Reported):
         """Draw the Bode plots of the named inputs and outputs in a figure of pyplot; returns its
         Axes.
 
-        BadInputError where no input reaches an output.
+        Raises BadInputError where no input reaches an output.
         """
         from trim.linear.responses import bode
 

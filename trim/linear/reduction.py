@@ -73,7 +73,8 @@ def _reduced(
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the kept rows and columns of A and C, of B and D or of E and F, with the contribution
-    of states that follow without delay. BadInputError when their rates do not determine them."""
+    of states that follow without delay. Raises BadInputError when their rates do not determine
+    them."""
     rows, following, outputs = kept
     rates = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]
@@ -97,7 +98,7 @@ def _reduced(
 def reduction_note(
     model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
 ) -> str:
-    """Return the effect of omitted states on the eigenvalues of the whole model; "" when none is
+    """Return the effect of omitted states on the eigenvalues of the whole model, or "" when none is
     omitted."""
     truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     clauses = []

@@ -24,7 +24,7 @@ Names = str | tuple[str, ...] | list[str] | None
 def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     """Return the model from the named inputs to the named outputs; None keeps all.
 
-    BadInputError when the model has no such name, or it comes twice."""
+    Raises BadInputError when the model has no such name, or it comes twice."""
     names = _as_names(outputs)
     rows = positions("output", names, model.outputs)
     shown = replace(
@@ -60,9 +60,9 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
     """Return y for inputs over time from x = 0, (outputs, N).
 
     u: (m, N), or name of an input -> its number or its N values; others are 0.
-    time: (N,), evenly spaced; None for that of a step, where u names inputs.
+    time: (N,), evenly spaced, or None for that of a step, where u names inputs.
 
-    BadInputError when a name is unknown or the shapes do not agree."""
+    Raises BadInputError when a name is unknown or the shapes do not agree."""
     import control
 
     system = model.to_control()
@@ -104,7 +104,7 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
     """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
 
-    BadInputError where more than one is left."""
+    Raises BadInputError where more than one is left."""
     import control
     from matplotlib import pyplot
 

@@ -34,8 +34,8 @@ class TrimCondition:
     begin: variable -> initial value of the search
     name: of a condition from a file
 
-    In `at` and `release` a rate is named after its state with the suffix _dot. BadInputError when a
-    name is unknown, or a value is not finite or lies outside its limits.
+    In `at` and `release` a rate is named after its state with the suffix _dot. Raises BadInputError
+    when a name is unknown, or a value is not finite or lies outside its limits.
 
     >>> import hfa
     >>> from hfa import TrimCondition
@@ -112,7 +112,7 @@ class TrimCondition:
         """The condition in numbers at a value of the scheduling variable, with the values of `hold`
         imposed.
 
-        scheduled: rad for an angle; None for the condition's own. Where it is free the search
+        scheduled: rad for an angle, or None for the condition's own. Where it is free the search
             begins there.
         BadInputError outside the breakpoints of a table, or where a value lies outside its limits.
         """
@@ -189,8 +189,8 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """Return the condition in words: speed 60 ft/s, alpha free, throttle within 0 and 50; empty
-        for the model's own trim."""
+        """Return the condition in words: speed 60 ft/s, alpha free, throttle within 0 and 50, or
+        empty for the model's own trim."""
         model = self.model
         changes = self.changes
         words = []
@@ -218,7 +218,7 @@ class TrimCondition:
 
 
 def refuse_unfit(condition: TrimCondition, model: Model) -> None:
-    """BadInputError when one of condition and model is in SI units and the other is not."""
+    """Raises BadInputError when one of condition and model is in SI units and the other is not."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
             "the condition is not in the units of the model; make both of the same model"

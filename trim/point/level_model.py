@@ -16,7 +16,7 @@ def level_model(model: Model, scheduled: float) -> LinearModel:
     model: the aircraft
     scheduled: value of its scheduling variable, of the HFA the dihedral, rad
 
-    TrimError when there is no such trim.
+    Raises TrimError when there is no such trim.
 
     >>> import hfa
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states

@@ -29,10 +29,10 @@ def linearize(
     model: the aircraft
     point: its operating point
     full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
-    outputs: names of outputs or of states; None for the states of the model.
-    disturbances: names; None for the first one where `outputs` are given, else for none.
+    outputs: names of outputs or of states, or None for the states of the model.
+    disturbances: names, or None for the first one where `outputs` are given, else for none.
 
-    BadInputError when the point is of another model, or a name is unknown.
+    Raises BadInputError when the point is of another model, or a name is unknown.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft(), hfa.paper.level_flight(0.2))

@@ -46,7 +46,7 @@ class Margin(Result):
 
     @property
     def nearer(self) -> str:
-        """Return the nearest limit: "lowest" or "highest"; empty without one."""
+        """Return the nearest limit: "lowest" or "highest", or empty without one."""
         if math.isinf(self.distance):
             return ""
         return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
@@ -58,7 +58,7 @@ class Margin(Result):
 
     @property
     def share(self) -> float:
-        """distance / (highest - lowest): 0 at a limit, 0.5 halfway; 0 where the range is
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway, or 0 where the range is
         infinite."""
         return self.distance / (self.highest - self.lowest)
 

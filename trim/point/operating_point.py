@@ -52,7 +52,7 @@ class OperatingPoint(Result, Reported):
     model: the model that was trimmed.
     started: 0 when the search began at the usual point, else the number of the other initial point
         (of `STARTS`).
-    problem: the solved problem; None for a point that was read or computed otherwise.
+    problem: the solved problem, or None for a point that was read or computed otherwise.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft())
@@ -88,7 +88,7 @@ class OperatingPoint(Result, Reported):
     def __getitem__(self, name: str) -> float:
         """The value of a state, an input or an output, in the units of the model.
 
-        BadInputError when the model has no such name.
+        Raises BadInputError when the model has no such name.
         """
         model = self.model
         refuse_unknown("unknown variable", name, tuple(self))
@@ -131,7 +131,7 @@ class OperatingPoint(Result, Reported):
 
     @property
     def dihedral_deg(self) -> float | None:
-        """The dihedral angle of the HFA, degrees; None for other models."""
+        """The dihedral angle of the HFA, degrees, or None for other models."""
         model = self.model
         return in_degrees(self.values[model.schedule]) if model.extras.names_schedule else None
 
@@ -145,7 +145,7 @@ class OperatingPoint(Result, Reported):
 
     @property
     def at_scheduled(self) -> str:
-        """The scheduling variable and its value: "at dihedral 15 deg"; "" where it is neither a
+        """The scheduling variable and its value: "at dihedral 15 deg", or "" where it is neither a
         state nor an input."""
         name = self.model.schedule
         if name not in self.values:
@@ -169,7 +169,7 @@ class OperatingPoint(Result, Reported):
         return [] if self.problem is None else self.problem.far_out(self.values)
 
     def refuse_other(self, model: Model) -> None:
-        """BadInputError when the point was trimmed with another model, or other dynamics."""
+        """Raises BadInputError when the point was trimmed with another model, or other dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
                 "the operating point is not in the units of the model; trim the model itself"

@@ -31,8 +31,8 @@ class TrimProblem:
     names: the equations: states for their rates, then outputs
     count: number of equations that the unknowns can move, and of unknowns
 
-    BadInputError where nothing is free and the point is no equilibrium, nothing that is free moves
-    an equation, or the condition is one of another model.
+    Raises BadInputError where nothing is free and the point is no equilibrium, nothing that is free
+    moves an equation, or the condition is one of another model.
     """
 
     def __init__(
@@ -69,8 +69,8 @@ class TrimProblem:
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
-        """The equations at the unknowns z (k,). FloatingPointError where they are not finite,
-        BadInputError where the model refuses the state."""
+        """The equations at the unknowns z (k,). Raises FloatingPointError where they are not
+        finite, BadInputError where the model refuses the state."""
         key = z.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1]
@@ -114,8 +114,8 @@ class TrimProblem:
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Return whether every residual is within `BALANCE`, regardless of the limits; False where
-        the model has no values."""
+        """Return whether every residual is within `BALANCE`, regardless of the limits, or False
+        where the model has no values."""
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
         except (BadInputError, FloatingPointError):

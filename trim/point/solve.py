@@ -81,7 +81,7 @@ def find_operating_point(
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     """Return the first trim found from a guess, preferring those without unlimited angles beyond 90
-    deg; TrimError without one."""
+    deg. Raises TrimError without one."""
     if not problem.free:  # all is stated, and an equilibrium
         return problem.point(guess, Status.TRIMMED)
     nearest = guess

@@ -185,7 +185,8 @@ def _structure(
 
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
-    """The expressions of a structure. BadInputError for a free variable that acts in steps only."""
+    """The expressions of a structure. Raises BadInputError for a free variable that acts in steps
+    only."""
     layout = structure.layout
     names = [name for name, _ in structure.free]
     (p,) = layout.symbols("p")
@@ -272,7 +273,7 @@ class TrimSystem:
     start: (k,), the scaled unknowns where a search begins
     limits: of the unknowns, in the units of the model
     lowest, highest: (k,), limits of the unknowns in scaled units
-    usual: (k,), usual size of an angle without limits, in scaled units; inf for others
+    usual: (k,), usual size of an angle without limits, in scaled units, or inf for others
     watched: limits of the states and outputs that are watched
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones

@@ -221,7 +221,7 @@ class CompiledTrim:
 class CompiledSystem(TrimSystem):
     """A system whose steps and linear models run as machine code, where a compiler works.
 
-    machine: the loops; None without a compiler, or where there is no square system
+    machine: the loops, or None without a compiler, or where there is no square system
     """
 
     def __init__(self, *arguments: Any) -> None:

@@ -52,7 +52,7 @@ def track_modes(
     """Eigenvalues (N, n) of N system matrices (N, n, n), paired so that a column follows one mode.
 
     states: names of the rows of each matrix, states of the model.
-    neighbours: (M, 2) pairs of points that lie next to each other; None for points along a path.
+    neighbours: (M, 2) pairs of points that lie next to each other, or None for points along a path.
 
     Two neighbours are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) -
     2 |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
@@ -115,7 +115,7 @@ def _pair_over_meetings(
     Their shapes there tell them apart, and their eigenvalues less the mean of those that met, which
     change sign.
 
-    origin: (N,), the point that each is reached from; -1 for the first
+    origin: (N,), the point that each is reached from, or -1 for the first
     order: (N, n), the eigenvalue of each mode at each point; that of `point` is changed in place
     meeting: (N, n, n), which eigenvalues of a point meet
     """

@@ -150,7 +150,8 @@ def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model
 def condition_at(
     condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
 ) -> TrimCondition:
-    """The condition of one point; BadInputError where one of its values lies outside its limits."""
+    """The condition of one point. Raises BadInputError where one of its values lies outside its
+    limits."""
     imposable = (*condition.model.holdable, *condition.model.rates)
     hold = {
         name: value

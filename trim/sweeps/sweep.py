@@ -136,7 +136,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     A: (N, k, k), of the k linear states of the model.
     B: (N, k, m).
     eigenvalues: (N, k), 1/s, a column following one mode through the sweep.
-    mode_names: (k,), name of each column at the first trimmed point; empty where none is.
+    mode_names: (k,), name of each column at the first trimmed point, or empty where none is.
     kinks: number of a point -> notes on entries of A and B at a kink.
     one_by_one: number of points that were trimmed one by one.
     """
@@ -483,8 +483,9 @@ def sweep(
     progress: called with (points done, points in all)
     columns: further variables of the grid, by name: speed=[60.0, 70.0]
 
-    A point that has no trim becomes a row with its reason. BadInputError when a name is unknown, a
-    value lies outside its limits, or the grid is empty or has more than `MOST_POINTS` points.
+    A point that has no trim becomes a row with its reason. Raises BadInputError when a name is
+    unknown, a value lies outside its limits, or the grid is empty or has more than `MOST_POINTS`
+    points.
 
     >>> import hfa
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape

@@ -48,7 +48,7 @@ class SweepPlan:
     start: initial point of the search at each point.
     listed: the axes are columns of equal length, one row for each point.
 
-    BadInputError when a name or a range is wrong.
+    Raises BadInputError when a name or a range is wrong.
     """
 
     axes: Mapping[str, Any]
@@ -91,7 +91,7 @@ class SweepPlan:
         return tuple(array.tolist())
 
     def _check_parameters(self) -> None:
-        """BadInputError for a parameter beyond its limits."""
+        """Raises BadInputError for a parameter beyond its limits."""
         model = self.model
         for name, ends in self._ends.items():
             if name not in model.parameters:

@@ -20,7 +20,8 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
 
     index: of the point; from the end where negative.
 
-    IndexError beyond the points; NoSolutionError where the point has no trim, with its reason."""
+    IndexError beyond the points. Raises NoSolutionError where the point has no trim, with its
+    reason."""
     count = len(swept.reasons)
     if not -count <= index < count:
         raise IndexError(f"point {index} does not exist; the sweep has {count} points")

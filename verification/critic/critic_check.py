@@ -56,7 +56,7 @@ def check_critic(
     run: the training run that ends with the critic; the rank of its data and its settling time are
         checked.
 
-    NoSolutionError when the game has no certified solution.
+    Raises NoSolutionError when the game has no certified solution.
 
     >>> import hfa
     >>> game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), 0.2))

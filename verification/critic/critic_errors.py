@@ -69,7 +69,7 @@ def balanced_box(game: Game) -> Box:
 @checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone
-    is 0. BadInputError where the two differ in shape.
+    is 0. Raises BadInputError where the two differ in shape.
 
     >>> import numpy as np
     >>> from verification import relative_error
@@ -94,7 +94,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
-    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|); inf when a number is not
+    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|), or inf when a number is not
     finite."""
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):

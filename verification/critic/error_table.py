@@ -37,10 +37,10 @@ class ErrorTable(Result):
     """Errors of a critic at each time of its history.
 
     times: (N,), s.
-    errors: by the names of `COLUMNS`, (N,) each; nan where P is not known.
+    errors: by the names of `COLUMNS`, (N,) each, or nan where P is not known.
     decides: whose column must settle.
     limit: of that column.
-    predefined_time: T_w, s; None when none is promised.
+    predefined_time: T_w, s, or None when none is promised.
     """
 
     json_keys = "time=times limit settling_time predefined_time predefined_time_kept"
@@ -53,7 +53,7 @@ class ErrorTable(Result):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the deciding column stays within the limit, s; inf when it does
+        """First time from which the deciding column stays within the limit, s, or inf when it does
         not."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 

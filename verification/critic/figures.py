@@ -116,7 +116,7 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """size: of the color scale of a matrix; None for relative differences."""
+    """size: of the color scale of a matrix, or None for relative differences."""
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

@@ -46,7 +46,7 @@ def check_history(
         None: no such check.
     progress: called with the critics done and their number.
 
-    BadInputError when the critics have no times.
+    Raises BadInputError when the critics have no times.
     """
     if not critics or any(critic.time is None for critic in critics):
         raise BadInputError("a history needs critics with times; make them by critics_over_time")

@@ -9,7 +9,7 @@ class Proved(Protocol):
     """The proved bound on the errors of a nonlinear critic.
 
     error: proved upper bound, relative, ...
-    fraction: ... at any state of the box times this; 0 where nothing is proved.
+    fraction: ... at any state of the box times this, or 0 where nothing is proved.
     is_of_all: whether it covers all errors that are compared.
     where: the part of the box, in words."""
 

@@ -27,7 +27,7 @@ class Scheduled(NamedTuple):
 
     says: value -> "at dihedral 12.0000 deg".
     game_at: value -> the game there.
-    starts: values where a search begins; none where the model is stationary.
+    starts: values where a search begins, or none where the model is stationary.
     """
 
     says: Callable[[float], str]
@@ -56,7 +56,7 @@ class Scope:
     nearby: () -> other games, to recognize a wrong critic that was learned on one of them.
     plant: the nonlinear plant about its trim, on which a network is flown too.
     flights: from how many starts a network is flown.
-    seconds: for a proof of the largest error of a network; 0 for none.
+    seconds: for a proof of the largest error of a network, or 0 for none.
     progress: of the proof, called with elapsed and allowed seconds.
     """
 

@@ -126,12 +126,12 @@ class Verdict(Checked, Result, Reported):
     table: ErrorTable | None = None
 
     def value_of(self, name: str) -> float:
-        """The number of a check; nan where there is no such check."""
+        """The number of a check, or nan where there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
     def P_rel_error(self) -> float:
-        """|P - P*| / |P*|, Frobenius norms in the units of the game; nan where only a gain is
+        """|P - P*| / |P*|, Frobenius norms in the units of the game, or nan where only a gain is
         known."""
         return self.value_of("P_rel_error")
 
@@ -345,7 +345,7 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
 
 def shown_number(value: float) -> str:
-    """Return a number in three digits; "" without one."""
+    """Return a number in three digits, or "" without one."""
     return "" if math.isnan(value) else f"{value:.3g}"
 
 

@@ -80,7 +80,7 @@ class LowerBound(ProvedResult):
 class FoundLowerBound(LowerBound):
     """A bound that a search has found and proved.
 
-    stopped: why no larger level is proved; "" where all initial conditions are below the last.
+    stopped: why no larger level is proved, or "" where all initial conditions are below the last.
     """
 
     schema = "hfa.lower-bound/1"

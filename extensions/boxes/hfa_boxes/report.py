@@ -37,9 +37,9 @@ def found_report(
     """Return the report of a proved region and its bounds.
 
     policy: its description
-    flight: end of a flight from the state with V' >= 0; None without one
+    flight: end of a flight from the state with V' >= 0, or None without one
     not_covered: of the loop, in the title
-    reason: why boxes prove it; "" where the user chose
+    reason: why boxes prove it, or "" where the user chose
     """
     statement = region.statement
     level, place, rises = region.bound

@@ -107,7 +107,7 @@ class FoundBoxes(BoxSet):
 
     origin: of V, in words.
     decrease_fails_at: the lowest level at which V' >= 0 was found, and the state there as
-        deviation; None where none was.
+        deviation, or None where none was.
     stopped: why no larger level is proved.
     """
 

@@ -133,7 +133,8 @@ class _Files:
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
-        """BadInputError for a mass, moment of inertia or reference length that is not positive."""
+        """Raises BadInputError for a mass, moment of inertia or reference length that is not
+        positive."""
         for name in names.POSITIVE:
             size = _number(constants(name))
             if not size > 0.0:
@@ -259,7 +260,7 @@ def _standing() -> dict[str, float]:
 
 
 def _start(document: Document, variable: Variable) -> float:
-    """The initial value of a variable in the units of the model; 0 without one."""
+    """The initial value of a variable in the units of the model, or 0 without one."""
     _, factor = _unit(document, variable)
     return factor * (variable.initial or 0.0)
 
@@ -267,7 +268,7 @@ def _start(document: Document, variable: Variable) -> float:
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
     """The unit of the model, and the factor from the unit of a variable.
 
-    BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
+    Raises BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
     """
     place = f"variable {variable.key}"
     known = names.model_unit(variable.units)

@@ -73,7 +73,7 @@ class CheckedDocument(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every output agrees; False without one."""
+        """True if every output agrees, or False without one."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
 
     @property
@@ -123,8 +123,8 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 def checked_document(document: Document) -> CheckedDocument:
     """The check cases of a file, computed from its tables and formulas alone.
 
-    BadInputError where a case names an unknown variable or another unit, or gives no value to an
-    input without an initial one.
+    Raises BadInputError where a case names an unknown variable or another unit, or gives no value
+    to an input without an initial one.
     """
     return CheckedDocument(
         document, [each for case in document.cases for each in _checked(document, case)]

@@ -25,9 +25,9 @@ class Variable:
     """A variable of a file.
 
     key: its varID. name: as the standard calls it. units: as the file writes them.
-    initial: its value where nothing gives another; None without one.
+    initial: its value where nothing gives another, or None without one.
     least, most: its limits; infinite without.
-    formula: the MathML element of its calculation; None without one.
+    formula: the MathML element of its calculation, or None without one.
     is_input, is_output: whether the file marks it so.
     """
 
@@ -73,7 +73,7 @@ class Signal:
     """A value of a check case.
 
     name: of a variable, or its varID. units: as the file writes them; "" without. value: printed.
-    tolerance: how far a result may be from it; 0 for inputs.
+    tolerance: how far a result may be from it, or 0 for inputs.
     """
 
     name: str
@@ -110,7 +110,7 @@ class Document:
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
-        """The variable of a name or a varID; None without one."""
+        """The variable of a name or a varID, or None without one."""
         if name in self.variables:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
@@ -130,7 +130,7 @@ def read_document(path: str) -> Document:
     """The content of a DAVE-ML file, version 1 or 2.
 
     BadInputError names the file and the element that is missing, unknown, defined twice or not a
-    number. OSError where the file cannot be read.
+    number. Raises OSError where the file cannot be read.
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
@@ -190,7 +190,7 @@ class _Reader:
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Values by their keys. BadInputError for a key of two values."""
+        """Values by their keys. Raises BadInputError for a key of two values."""
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:

@@ -32,7 +32,7 @@ class Expressions:
     def __getitem__(self, key: str) -> Any:
         """The value of a variable by its varID, in the file's units.
 
-        BadInputError where it has no value, or follows from itself."""
+        Raises BadInputError where it has no value, or follows from itself."""
         if key in self._values:
             return self._values[key]
         variable = self._document.variables.get(key)

@@ -104,8 +104,8 @@ def spelled(units: str) -> str:
 
 
 def model_unit(units: str) -> tuple[str, float] | None:
-    """The unit of the model for the units of a file, and the factor to it; None where the units are
-    unknown."""
+    """The unit of the model for the units of a file, and the factor to it, or None where the units
+    are unknown."""
     written = spelled(units)
     if written in _OTHERS:
         return _OTHERS[written]

@@ -85,7 +85,7 @@ class UngriddedTable:
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
     """The table of points (N, 1) or (N, 2) and values (N,); of one argument a gridded one.
 
-    ValueError where two points are equal, or all of them lie on a line.
+    Raises ValueError where two points are equal, or all of them lie on a line.
     """
     from scipy.spatial import Delaunay, QhullError
 

@@ -16,8 +16,8 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:
-    """The aircraft of a TOML file with `aircraft` and [parameters], in the units of its model; None
-    where the file has no `aircraft`.
+    """The aircraft of a TOML file with `aircraft` and [parameters], in the units of its model, or
+    None where the file has no `aircraft`.
 
     BadInputError names the file and its fault.
     """

@@ -49,7 +49,7 @@ class Derivative:
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
-    """Return the derivative of a name; None for another name.
+    """Return the derivative of a name, or None for another name.
 
     surfaces: names of the control surfaces
     """

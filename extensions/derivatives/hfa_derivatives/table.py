@@ -104,7 +104,7 @@ def _of_toml(path: str) -> dict[str, Entry]:
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
-    """The entries of nested dictionaries. BadInputError where two groups hold one name."""
+    """The entries of nested dictionaries. Raises BadInputError where two groups hold one name."""
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}
@@ -262,7 +262,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
 def _refuse_missing(
     values: Mapping[str, float], derivatives: Mapping[str, float], where: str
 ) -> None:
-    """BadInputError where a required entry is missing."""
+    """Raises BadInputError where a required entry is missing."""
     missing = [name for name in REQUIRED if name not in values and name not in derivatives]
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
@@ -271,7 +271,7 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """BadInputError where a size is not positive or no body has the moments of inertia."""
+    """Raises BadInputError where a size is not positive or no body has the moments of inertia."""
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:
         if name in values and values[name] <= 0.0:

@@ -31,7 +31,7 @@ _CONTINUOUS = "belongs to continuous time; leave it out of a plant with time = d
 
 
 def question_of_time(game: Game) -> str:
-    """Ask whether a game without a solution in continuous time is meant in steps; "" if it has
+    """Ask whether a game without a solution in continuous time is meant in steps, or "" if it has
     none in steps either."""
     from hfa_discrete.solution import solve_discrete
 

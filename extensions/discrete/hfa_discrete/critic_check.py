@@ -93,8 +93,8 @@ def check_discrete(
     more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
     scope: further checks
 
-    L2 gain and margins belong to continuous time and are not checked. NoSolutionError where the
-    problem has no certified solution.
+    L2 gain and margins belong to continuous time and are not checked. Raises NoSolutionError where
+    the problem has no certified solution.
     """
     step = problem.step
     others = {
@@ -111,7 +111,7 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """The mistake of a critic, as the reasons package names it; "" without one.
+    """The mistake of a critic, as the reasons package names it, or "" without one.
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """

@@ -100,8 +100,8 @@ class DiscreteGame(Reported):
 
         H: symmetric, over (x, u, w), or over (x, u); without disturbance over (x, u)
 
-        BadInputError for another shape, for an H that is not symmetric, and for an H_aa that is
-        singular.
+        Raises BadInputError for another shape, for an H that is not symmetric, and for an H_aa that
+        is singular.
         """
         n, m = self.step.B.shape
         shapes = {"(x, u)": (n + m,) * 2}

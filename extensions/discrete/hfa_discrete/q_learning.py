@@ -105,8 +105,8 @@ def learn_steps(
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. Policy iteration, which squares
     the error, is tried at its pauses, and counts where it settles at a policy that stabilizes the
-    linear fit of the steps. BadInputError for steps that do not determine H; NoSolutionError where
-    the disturbance gains more than it pays for, or nothing settles.
+    linear fit of the steps. Raises BadInputError for steps that do not determine H. Raises
+    NoSolutionError where the disturbance gains more than it pays for, or nothing settles.
     """
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
@@ -201,7 +201,8 @@ class _QLearner:
     def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
         """Return the weights after one more step of the horizon; None: the first step.
 
-        NoSolutionError where w gains more than it pays for, and where the value grows without end.
+        Raises NoSolutionError where w gains more than it pays for, and where the value grows
+        without end.
         """
         weights = self._of_costs
         if H is not None:

@@ -52,7 +52,7 @@ def analyse_discrete(
 
     progress: called during the search for the smallest delta
 
-    NoSolutionError where `solve_discrete` raises it.
+    Raises NoSolutionError where `solve_discrete` raises it.
     """
     solution = solve_discrete(problem, progress)
     return AnalysedDiscreteGame(solution, minimum_delta_discrete(problem, progress))

@@ -157,7 +157,7 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
     """P and K, neither refined nor certified: for a search.
 
-    NoSolutionError where none exists.
+    Raises NoSolutionError where none exists.
     """
     form = StepForm.of_problem(problem)
     X = unrefined(form.equivalent)
@@ -189,7 +189,7 @@ def _certified(form: StepForm) -> _Certified:
     """X of the Schur form of the equivalent in continuous time, and its certificate: the tests of
     X in discrete time, and that a refined matrix sign gives the same.
 
-    NoSolutionError when a test fails or a matrix that must be inverted is singular.
+    Raises NoSolutionError when a test fails or a matrix that must be inverted is singular.
     """
     try:
         form = form.turned()
@@ -244,7 +244,7 @@ def _gain_check(radius: float) -> Check:
 
 
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
-    """NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
+    """Raises NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
 
     Asked of the user's A and B: in A - B R⁻¹ N' rounding reaches every mode. Where N is not 0 a
     reach of `FAINT_REACH` is no reach: less leaves P no digits."""

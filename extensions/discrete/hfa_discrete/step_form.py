@@ -104,8 +104,8 @@ class StepForm(NormalForm):
         and -E, and the same X; of the two games the slower one is taken, so that no mode is near
         the pole of the map, z = -1 or 1.
 
-        NoSolutionError where every loop has a mode at both; NoValueError where a disturbance of
-        constant or alternating sign gains more than δ against every input.
+        Raises NoSolutionError where every loop has a mode at both. Raises NoValueError where a
+        disturbance of constant or alternating sign gains more than δ against every input.
         """
         games = []
         for sign in (1.0, -1.0):
@@ -207,7 +207,7 @@ class StepForm(NormalForm):
 
 
 def _size(form: NormalForm) -> float:
-    """Size of the Hamiltonian, rad/s; 1 where it is 0."""
+    """Size of the Hamiltonian, rad/s, or 1 where it is 0."""
     return float(np.linalg.norm(form.hamiltonian)) or 1.0
 
 

@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError
 def step_model(path: Path) -> Model:
     """The model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
 
-    BadInputError where the plant is in continuous time.
+    Raises BadInputError where the plant is in continuous time.
     """
     problem = stored_game(path).discrete
     if problem is None:

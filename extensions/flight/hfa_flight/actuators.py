@@ -24,9 +24,9 @@ class ActuatorFault:
     effectiveness: λ, the part of the command that arrives
     bandwidth: ω, rad/s; None as before
     damping: ζ; None as before
-    inputs: names of those that change; () for all
+    inputs: names of those that change, or () for all
 
-    BadInputError when a number is not positive.
+    Raises BadInputError when a number is not positive.
     """
 
     begin: float = 0.0
@@ -61,8 +61,8 @@ class ActuatorBank:
     damping: ζ, of all
     faults: change ω, ζ and the effectiveness λ, which is 1 before
 
-    BadInputError when a lag or a rate is not positive, a lowest position is not below the highest,
-    the order is another, or a fault names an unknown input.
+    Raises BadInputError when a lag or a rate is not positive, a lowest position is not below the
+    highest, the order is another, or a fault names an unknown input.
     """
 
     lag: Any

@@ -35,7 +35,7 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 def gust_speed(point: OperatingPoint) -> float:
     """Speed at which a trimmed aircraft meets gusts: its state or output `speed`.
 
-    BadInputError for a model that has neither.
+    Raises BadInputError for a model that has neither.
     """
     model = point.model
     if "speed" not in (*model.states, *model.outputs):

@@ -30,7 +30,7 @@ def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
 
     Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.
 
-    BadInputError when a shape is wrong or a derivative is not finite.
+    Raises BadInputError when a shape is wrong or a derivative is not finite.
     """
     n = len(model.states)
     m = len(model.inputs)

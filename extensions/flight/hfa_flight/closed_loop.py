@@ -84,12 +84,12 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Return the chosen states of the model; all without a point."""
+        """Return the chosen states of the model, or all without a point."""
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property
     def trim(self) -> np.ndarray:
-        """Return the trim of the point; 0 without one."""
+        """Return the trim of the point, or 0 without one."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -108,7 +108,7 @@ class NonlinearPlant(Plant):
 
     uncertain: whether the parameters p of the model differ from flight to flight
 
-    BadInputError when the point was trimmed with another model.
+    Raises BadInputError when the point was trimmed with another model.
     """
 
     model: Model
@@ -135,7 +135,7 @@ class NonlinearPlant(Plant):
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """Return the output `ANGLE_OF_ATTACK` in winds, of a model that has one besides alpha.
 
-        BadInputError where it depends on an input and is therefore not an angle of the flow.
+        Raises BadInputError where it depends on an input and is therefore not an angle of the flow.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -213,8 +213,8 @@ class ClosedLoop:
     scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other
     disturbances, actuators and delay.
 
-    BadInputError when a signal or a gain has another size than the plant, or an actuator cannot
-    hold the trim.
+    Raises BadInputError when a signal or a gain has another size than the plant, or an actuator
+    cannot hold the trim.
     """
 
     plant: Plant
@@ -349,7 +349,7 @@ class ClosedLoop:
     def start(self) -> np.ndarray:
         """y(0): the start of the scenario, actuators at trim, the memory of the policy.
 
-        BadInputError when the start of the scenario has another size than the plant.
+        Raises BadInputError when the start of the scenario has another size than the plant.
         """
         parts = StateParts(
             plant=self.scenario.initial,

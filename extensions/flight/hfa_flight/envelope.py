@@ -81,7 +81,7 @@ def flight_envelope(
     changes: state -> (lowest, highest), absolute, in place of these; `ANGLE_OF_ATTACK` is another
         name of alpha's
 
-    BadInputError for a name that is not a state, or when the trim lies outside.
+    Raises BadInputError for a name that is not a state, or when the trim lies outside.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
     if model.extras.envelope is not None:
@@ -119,7 +119,7 @@ def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
 def departure(
     envelope: Limits, times: np.ndarray, limited: np.ndarray, moving_air: bool
 ) -> Departure | None:
-    """The first row outside, and its state with the largest excess in half-widths; None without
+    """The first row outside, and its state with the largest excess in half-widths, or None without
     one.
 
     limited: (N, n), absolute states, alpha through the air
@@ -140,7 +140,7 @@ def departure(
 
 
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
-    """BadInputError when a flight begins outside. limited: (n,), as a row of `departure`."""
+    """Raises BadInputError when a flight begins outside. limited: (n,), as a row of `departure`."""
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
         beyond = _beyond(start.value, start.limit, start.unit)

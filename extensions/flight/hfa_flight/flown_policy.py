@@ -38,7 +38,7 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
 
     given: as `hfa.fly` takes it
 
-    BadInputError for anything else.
+    Raises BadInputError for anything else.
     """
     inputs = tuple(point.model.inputs)
     if isinstance(given, Policy):
@@ -70,7 +70,7 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
     given: name -> (time in s, value) pairs
 
-    BadInputError unless the times of each name increase, from 0 on.
+    Raises BadInputError unless the times of each name increase, from 0 on.
     """
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
@@ -104,7 +104,7 @@ class PythonPolicy(Policy):
 
     @classmethod
     def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
-        """The policy of a function of (t, X), with its name. BadInputError where it takes
+        """The policy of a function of (t, X), with its name. Raises BadInputError where it takes
         something else."""
         name = getattr(function, "__name__", type(function).__name__)
         try:
@@ -121,7 +121,7 @@ class PythonPolicy(Policy):
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
         """(tick, measured) -> u (m,), the inputs off trim.
 
-        BadInputError where the function returns something else than finite inputs."""
+        Raises BadInputError where the function returns something else than finite inputs."""
         trim = np.array(self.point.inputs)
         states = np.array(self.point.states)
         record = type(self.point.states)

@@ -35,7 +35,7 @@ class GainSchedule(Reported):
         them may come the positions of actuators
     model: whose scheduling variable, states and inputs these are
 
-    BadInputError when a shape, the order or a number is wrong.
+    Raises BadInputError when a shape, the order or a number is wrong.
     """
 
     breakpoints: np.ndarray
@@ -71,7 +71,8 @@ class GainSchedule(Reported):
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """BadInputError when these values of η lie beyond the breakpoints; one gain is for all."""
+        """Raises BadInputError when these values of η lie beyond the breakpoints; one gain is for
+        all."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:

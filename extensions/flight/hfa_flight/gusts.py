@@ -37,7 +37,7 @@ class Gust:
         return []
 
     def text(self, model: Model) -> str:
-        """Return the note on it for the report of a flight; "" for none."""
+        """Return the note on it for the report of a flight, or "" for none."""
         return ""
 
     def held_inputs(self, tick: int) -> np.ndarray:
@@ -55,7 +55,7 @@ class OneMinusCosine(Gust):
     begin: s
 
     Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
-    BadInputError when a number is not positive or not finite.
+    Raises BadInputError when a number is not positive or not finite.
 
     >>> from hfa_flight import OneMinusCosine
     >>> OneMinusCosine(length=400.0, peak=5.0, speed=100.0, begin=1.0).until

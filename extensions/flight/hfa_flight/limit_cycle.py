@@ -81,7 +81,7 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
 
 
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
-    """The largest oscillation in the second half of a flight, a limit cycle before a decay; None
+    """The largest oscillation in the second half of a flight, a limit cycle before a decay, or None
     without one.
 
     driven_until: s, when the last signal that drives the flight comes to rest. None also where that
@@ -127,8 +127,8 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """The oscillation about its line of least squares; None where it crosses that line fewer than
-    `CROSSINGS` times."""
+    """The oscillation about its line of least squares, or None where it crosses that line fewer
+    than `CROSSINGS` times."""
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
     for _ in range(_ROUNDS):

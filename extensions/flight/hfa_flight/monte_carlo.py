@@ -70,8 +70,8 @@ class MonteCarlo(StatesAndInputs, Reported):
     envelope: limits of the states; a member's flight ends at the first tick outside
     spread: of the parameters of the members' aircraft; None: those of the model
 
-    BadInputError when a number is wrong, the flight does not begin inside its envelope, an error
-    belongs to a parameter that is zero, or a signal has no formula.
+    Raises BadInputError when a number is wrong, the flight does not begin inside its envelope, an
+    error belongs to a parameter that is zero, or a signal has no formula.
     """
 
     members: int
@@ -119,7 +119,7 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @cached_property
     def aircraft(self) -> list[Model]:
-        """The aircraft of each member, drawn; empty where all fly the model."""
+        """The aircraft of each member, drawn, or empty where all fly the model."""
         if self.spread is None:
             return []
         return self.spread.aircraft(self.model, self.members, self.seed)
@@ -218,5 +218,5 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:
-    """Root mean square of each column of (N, k); 0 without rows."""
+    """Root mean square of each column of (N, k), or 0 without rows."""
     return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

@@ -101,8 +101,8 @@ def fly(
     The prediction is of the aircraft as designed: without the parameter errors. Both end at the
     first tick in which the nonlinear flight leaves the envelope.
 
-    BadInputError when the flight does not begin inside, or part of the scenario is still to be
-    drawn.
+    Raises BadInputError when the flight does not begin inside, or part of the scenario is still to
+    be drawn.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -129,8 +129,8 @@ def fly(
 
 
 def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
-    """The scenario of a flight of a model, with its duration and start. BadInputError where part of
-    it is still to be drawn, or the start names no state."""
+    """The scenario of a flight of a model, with its duration and start. Raises BadInputError where
+    part of it is still to be drawn, or the start names no state."""
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "part of the scenario is still to be drawn;"
@@ -160,7 +160,7 @@ def fly_within(
     compiled: the loop
     envelope: limits of the states, in their own values, not as deviations
     scenario: flown in place of the loop's own; `CompiledLoop.fly` lists the values that may differ
-    parameters: of the flown aircraft, as `CompiledLoop.fly` takes them; None for the loop's own
+    parameters: of the flown aircraft, as `CompiledLoop.fly` takes them, or None for the loop's own
     progress: as `CompiledLoop.fly` calls it
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
@@ -203,9 +203,9 @@ class Flight(StatesAndInputs, Result, Reported):
         does.
     predicted: the same flight of the linear model, None when none was requested
     decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
-        rad/s; None when nothing does.
+        rad/s, or None when nothing does.
     method: "runge-kutta" or "jsbsim"
-    weights: Q (k, k) and R (m, m) of its cost; None without a cost
+    weights: Q (k, k) and R (m, m) of its cost, or None without a cost
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -275,7 +275,7 @@ class Flight(StatesAndInputs, Result, Reported):
     def __getitem__(self, name: str) -> np.ndarray:
         """A state, an input or an output over time, absolute, (N,), in the units of the model.
 
-        BadInputError when the model has no such name."""
+        Raises BadInputError when the model has no such name."""
         from hfa_flight.flight_tables import series
 
         return series(self, name)
@@ -363,7 +363,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def commanded(self) -> Mapping[str, Any] | None:
-        """Return the errors of the variables that a controller regulates; None without one."""
+        """Return the errors of the variables that a controller regulates, or None without one."""
         return self.loop.policy.tracking_errors(self.flight) or None
 
     @property

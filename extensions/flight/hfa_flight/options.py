@@ -80,7 +80,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     name: of the commanded output
     text: as typed, "TIME:VALUE,TIME:VALUE"
 
-    BadInputError for anything else.
+    Raises BadInputError for anything else.
     """
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
@@ -133,7 +133,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         return ()
 
     def check_policy(self) -> None:
-        """BadInputError for an unknown law, and for options that have no effect on the policy."""
+        """Raises BadInputError for an unknown law, and for options that have no effect on the
+        policy."""
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
             without_effect = [each for each in _IN_PLACE[name] if each not in self.prices]
@@ -298,8 +299,8 @@ def gust_option() -> Any:
 def gust_at(
     typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
 ) -> OneMinusCosine | None:
-    """The typed gust, met at the speed of a trim; None without one. BadInputError where it begins
-    outside the duration, s."""
+    """The typed gust, met at the speed of a trim, or None without one. Raises BadInputError where
+    it begins outside the duration, s."""
     if typed is None:
         return None
     length, peak, begin = typed

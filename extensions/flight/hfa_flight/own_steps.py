@@ -30,8 +30,8 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
     step: of the frames of JSBSim, s; 1/120 unless given
 
-    BadInputError for a method that does not exist, a step of another method, and a duration that is
-    not a whole number of frames.
+    Raises BadInputError for a method that does not exist, a step of another method, and a duration
+    that is not a whole number of frames.
     """
     if method not in METHODS:
         raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
@@ -57,7 +57,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     """The loop of an aircraft of JSBSim, whose plant moves in JSBSim's frames of the scenario's
     step.
 
-    BadInputError for another aircraft, and for a scenario that these frames do not support:
+    Raises BadInputError for another aircraft, and for a scenario that these frames do not support:
     actuators, policies with states, gusts, delays, disturbances.
     """
     model: Model = loop.plant.point.model

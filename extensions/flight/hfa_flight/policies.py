@@ -98,7 +98,7 @@ class Policy(Reported):
         return {"law": self.name}
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight; none
+        """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight, or none
         unless the policy regulates outputs."""
         return {}
 
@@ -109,7 +109,7 @@ class GainPolicy(Policy):
 
     gains: K (m, k), or one for each tick, (N, m, k); kept as (N, m, k)
 
-    BadInputError for another shape or a number that is not finite.
+    Raises BadInputError for another shape or a number that is not finite.
     """
 
     gains: np.ndarray
@@ -192,7 +192,7 @@ class OpenLoop(Policy):
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
     """Steps of inputs off trim, unfiltered, each from the first tick at or after its time.
 
-    BadInputError for a name that is no input.
+    Raises BadInputError for a name that is no input.
     """
     for name in commands.names:
         refuse_unknown("there is no law, and no input", name, inputs)

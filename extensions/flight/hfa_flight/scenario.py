@@ -44,8 +44,8 @@ class Uncertainty:
         and held
     turbulence: `Turbulence`, or None
 
-    BadInputError when a deviation is negative or the turbulence is another object; `Scenario.on`
-    checks the names.
+    Raises BadInputError when a deviation is negative or the turbulence is another object;
+    `Scenario.on` checks the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
     `SeedSequence`: adding one kind of randomness does not change the draws of the others.
@@ -56,7 +56,7 @@ class Uncertainty:
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
-        """BadInputError unless every standard deviation is a finite number from 0 on."""
+        """Raises BadInputError unless every standard deviation is a finite number from 0 on."""
         if not isinstance(self.turbulence, Turbulence | None):
             given = shown(self.turbulence)
             raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
@@ -79,7 +79,7 @@ class Uncertainty:
     def samples(
         self, seed: int, member: int, ticks: int, names: tuple[str, ...]
     ) -> np.ndarray | None:
-        """Noise N(0, s²) of each tick, (ticks, k), on the states `names`; None without any."""
+        """Noise N(0, s²) of each tick, (ticks, k), on the states `names`, or None without any."""
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
@@ -108,8 +108,8 @@ class Scenario(Reported):
     air: disturbance of the model -> its waveform, (1,)
     delay: s, whole ticks, by which every command comes late
 
-    BadInputError when the times do not fit each other or the actuators, are too long, or there are
-    two gusts.
+    Raises BadInputError when the times do not fit each other or the actuators, are too long, or
+    there are two gusts.
 
     >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
@@ -133,8 +133,8 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """BadInputError for times that do not fit each other, and for factors and a delay out of
-        range."""
+        """Raises BadInputError for times that do not fit each other, and for factors and a delay
+        out of range."""
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
@@ -192,9 +192,9 @@ class Scenario(Reported):
     def on(self, model: Model) -> Scenario:
         """This scenario for a model: where no start or signal is given, zeros of the model's sizes.
 
-        BadInputError when it names a parameter, state or disturbance that the model does not have,
-        when it has a gust and the model no disturbance `updraft`, and when `initial` has not one
-        number for each state.
+        Raises BadInputError when it names a parameter, state or disturbance that the model does not
+        have, when it has a gust and the model no disturbance `updraft`, and when `initial` has not
+        one number for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))

@@ -123,9 +123,9 @@ def scheduled_gains(
     commands: of the scheduling variable, deviations from `base`; none to stay there
     condition: scheduling value -> its trim
 
-    BadInputError when the model is not scheduled over a state of its linear model, K has more
-    columns than states, another variable is commanded, or the gains do not cover the commands.
-    NoSolutionError where no trim exists.
+    Raises BadInputError when the model is not scheduled over a state of its linear model, K has
+    more columns than states, another variable is commanded, or the gains do not cover the commands.
+    Raises NoSolutionError where no trim exists.
     """
     model = schedule.model
     if model.schedule not in model.linear:

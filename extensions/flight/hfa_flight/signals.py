@@ -38,7 +38,7 @@ class Waveform(Result, Reported):
     slope: (n,), per s
     harmonics: ω_i, sine_i and cosine_i
 
-    BadInputError when the parts differ in length or are not finite.
+    Raises BadInputError when the parts differ in length or are not finite.
     """
 
     constant: np.ndarray
@@ -68,7 +68,7 @@ class Waveform(Result, Reported):
 
     @property
     def until(self) -> float:
-        """Time at which it ends, s; inf with a wave."""
+        """Time at which it ends, s, or inf with a wave."""
         return math.inf if self.harmonics else 0.0
 
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
@@ -112,7 +112,7 @@ class CommandSteps(Reported):
     bandwidth: ω, rad/s
     damping: ζ
 
-    BadInputError when a number or a shape is wrong, or a name is given twice.
+    Raises BadInputError when a number or a shape is wrong, or a name is given twice.
     """
 
     names: tuple[str, ...]

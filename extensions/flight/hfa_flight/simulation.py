@@ -49,7 +49,7 @@ class CompiledLoop:
     flights: how many are to come, which decides whether machine code pays.
     tick: the function that advances the loop by a tick; the classical Runge-Kutta method of order 4
         unless given. The fastest mode of the policy then divides each step into as many parts as it
-        needs; BadInputError when these are too many.
+        needs. Raises BadInputError when these are too many.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
     """
@@ -202,7 +202,7 @@ class CompiledLoop:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the number of parts of a step that the fastest mode of the policy requires;
+    """Return the number of parts of a step that the fastest mode of the policy requires. Raises
     BadInputError when it is too large."""
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))

@@ -91,7 +91,7 @@ def fly_steps(
     start: (n,)
     count: of steps
 
-    NoSolutionError where it leaves all bounds on the way.
+    Raises NoSolutionError where it leaves all bounds on the way.
     """
     step = problem.step
     loop = step.A - step.B @ K

@@ -77,8 +77,8 @@ class Turbulence:
     span: of the wing, in that unit; without it p, q and r are 0.
     spectrum: dryden or karman.
 
-    BadInputError for another level or spectrum, numbers that are not positive, and an altitude with
-    your own intensity.
+    Raises BadInputError for another level or spectrum, numbers that are not positive, and an
+    altitude with your own intensity.
 
     >>> import hfa
     >>> hfa.Turbulence("light", 500.0, span=36.0).level
@@ -117,8 +117,8 @@ class Turbulence:
 
         interval: s, of a tick. ticks: how many the flight has. seed: of the noise.
 
-        BadInputError where no altitude is known, the specification has no such turbulence there, or
-        the equations take no component.
+        Raises BadInputError where no altitude is known, the specification has no such turbulence
+        there, or the equations take no component.
         """
         model = point.model
         feet = _feet(model)
@@ -174,8 +174,8 @@ class Turbulence:
 
 
 def _feet(model: Model) -> float:
-    """The length of a foot in the model's unit of length; BadInputError where its speed is neither
-    in ft/s nor in m/s."""
+    """The length of a foot in the model's unit of length. Raises BadInputError where its speed is
+    neither in ft/s nor in m/s."""
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
@@ -233,7 +233,7 @@ class TurbulentAir(Gust):
         body.
 
     turbulence: its parameters. lengths, intensities: as of `Scales`.
-    altitude: ft; None for an own intensity.
+    altitude: ft, or None for an own intensity.
     feet: length of a foot in the model's unit. speed: V, ft/s. interval: s, of a tick.
     ticks: of the flight. seed: of the noise.
     taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def aircraft_text(found: Identified) -> str:
     """The TOML text of an aircraft with the estimates as its parameters, with their bands.
 
-    BadInputError where the model was not loaded from a file that can be named."""
+    Raises BadInputError where the model was not loaded from a file that can be named."""
     source = found.model.extras.source[0]
     if not source:
         raise BadInputError("-o FILE.toml names the aircraft's file; give the aircraft as a file")

@@ -26,11 +26,11 @@ _CONFOUNDED = 1e-9
 class ColumnError(Result):
     """An error of a column that the search did not free, estimated by one step from 0.
 
-    value: its estimate; None where parameters make up for any such error.
+    value: its estimate, or None where parameters make up for any such error.
     half: half-width of its 95 % band; None likewise.
     unit: of both.
     moves: the parameter that this half-width moves most, in its own bands.
-    bands: by how many of its half-widths; None without end.
+    bands: by how many of its half-widths, or None without end.
     shift: by how many the estimated error moves any parameter.
     """
 

@@ -77,7 +77,8 @@ def identify(
     columns: TOML file that states where the columns are in the logs of PX4 (.ulg) among records.
     plan: whether to compare manoeuvres that narrow the bands further.
 
-    BadInputError where a record or a name is wrong. NoSolutionError where the simulation diverges.
+    Raises BadInputError where a record or a name is wrong. Raises NoSolutionError where the
+    simulation diverges.
 
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
@@ -162,7 +163,7 @@ def _free_names(
 ) -> tuple[str, ...]:
     """The unknowns that names and patterns mean.
 
-    BadInputError where there are none, or one is no parameter and no error of a column."""
+    Raises BadInputError where there are none, or one is no parameter and no error of a column."""
     if isinstance(free, str) or not free:
         raise BadInputError("free names no parameters; give a list of at least one")
     errors = sensor_errors(model, (*model.inputs, *measured))

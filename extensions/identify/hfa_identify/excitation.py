@@ -18,7 +18,7 @@ _MOVES = 0.02
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
     """Parameter that the records do not determine -> the state or input that it multiplies and that
-    did not move; "" where that moved."""
+    did not move, or "" where that moved."""
     return {name: _still(search, name) for name in parameters}
 
 

@@ -115,7 +115,7 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
     """Return the bias, scale or delay of a column that explains residuals and is obvious, or moves
-    an estimate by a third of its band; "" without one. Two that explain them alike are joined by
+    an estimate by a third of its band, or "" without one. Two that explain them alike are joined by
     "or".
 
     errors: of the columns, by one step from 0
@@ -249,7 +249,7 @@ def fault_of_columns(
     progress: Callable[[float, float], None] | None,
 ) -> str:
     """Return the wrong sign or unit of a column, or the exchange of two, whose correction explains
-    the records and leaves parameters closer to their initial values; "" without one. Faults that
+    the records and leaves parameters closer to their initial values, or "" without one. Faults that
     explain them alike are joined by "or".
 
     fit: None where the simulation diverges

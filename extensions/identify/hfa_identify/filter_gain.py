@@ -64,7 +64,7 @@ def gain_with_slopes(
 
     theta: (p,) unknowns. sizes: (p,) their sizes. interval: between samples, s.
 
-    FloatingPointError where the gain is not a number.
+    Raises FloatingPointError where the gain is not a number.
     """
     p = len(theta)
     moves = np.diag(_DIFFERENCE * sizes)

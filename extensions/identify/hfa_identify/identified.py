@@ -59,7 +59,7 @@ class FittedQuantity(Result):
     noise: standard deviation of its residuals.
     white: share of the first 25 lags at which the autocorrelation of its residuals is that of
         white noise, 0.95 where they are white.
-    theil: Theil's inequality coefficient on the records that were kept out; None without any.
+    theil: Theil's inequality coefficient on the records that were kept out, or None without any.
     unit: of the noise.
     """
 
@@ -183,7 +183,7 @@ class Identified(Result, Reported):
 
         count: of aircraft. seed: of the draws.
 
-        NoSolutionError where the records do not determine every parameter.
+        Raises NoSolutionError where the records do not determine every parameter.
         """
         if self.undetermined:
             raise NoSolutionError(

@@ -17,8 +17,8 @@ _CHANCE = 1e-4
 
 
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
-    """Another minimum that explains the records as well as the fit, or better; None where a search
-    from the opposite side of the estimates, 2 θ - θ_before, finds none."""
+    """Another minimum that explains the records as well as the fit, or better, or None where a
+    search from the opposite side of the estimates, 2 θ - θ_before, finds none."""
     if not fit.converged:
         return None
     opposite = 2.0 * fit.theta - search.begin

@@ -61,7 +61,7 @@ class Condition:
     ) -> Condition:
         """Return the mean of the first samples of records.
 
-        BadInputError where turbulence moves no state of the model."""
+        Raises BadInputError where turbulence moves no state of the model."""
         state = np.mean([begin_of(model, record, held) for record in records], axis=0)
         speed = dict(zip(model.states, state.tolist(), strict=True)).get("speed", 1.0)
         sizes = {"speed": _BEGIN * speed, **_BEGIN_OF}
@@ -254,7 +254,7 @@ class Predictions(Responses):
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Prediction:
         """The predictions of a record from a start (n,) with unknowns (p,).
 
-        FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError where they leave the finite numbers."""
         gain, _ = self._gain(theta)
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
@@ -303,7 +303,7 @@ class Predictions(Responses):
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """(N, k, p + n) sensitivities dy/d(θ, x₀) of predictions.
 
-        FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError where they leave the finite numbers."""
         assert isinstance(simulated, Prediction)
         n, p, k = self.sizes
         driven, rest = self._driven(simulated.record, simulated.theta)

@@ -149,8 +149,8 @@ class Responses:
         return True
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Variances (k,) of the residuals, and slopes (k, p) of their logarithms; None where they
-        are unknown."""
+        """Variances (k,) of the residuals, and slopes (k, p) of their logarithms, or None where
+        they are unknown."""
         return None
 
     @cached_property
@@ -246,7 +246,8 @@ class Responses:
     # The simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """BadInputError where samples are so far apart that the time cannot be in seconds."""
+        """Raises BadInputError where samples are so far apart that the time cannot be in
+        seconds."""
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)
         if longest * fastest > _FAR_TOO_LONG:
@@ -268,7 +269,7 @@ class Responses:
         return max(1, int(_ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Largest magnitude of an eigenvalue at the start, 1/s; 0 where it is not a number."""
+        """Largest magnitude of an eigenvalue at the start, 1/s, or 0 where it is not a number."""
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest)
         slope = slopes[0, :, : len(start)]
@@ -279,7 +280,7 @@ class Responses:
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
         """The record from a start (n,) with unknowns (p,).
 
-        FloatingPointError where the simulation leaves the finite numbers."""
+        Raises FloatingPointError where the simulation leaves the finite numbers."""
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
         states, inputs, durations = self._states(record, driven, start, rest, count)
@@ -293,7 +294,7 @@ class Responses:
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """(N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
 
-        FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError where they leave the finite numbers."""
         n, p, k = self.sizes
         record, theta, count = simulated.record, simulated.theta, simulated.count
         driven, rest = self._driven(record, theta)
@@ -322,7 +323,7 @@ class Responses:
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
         """The response from a start (n,) with unknowns (p,).
 
-        FloatingPointError where the simulation leaves the finite numbers."""
+        Raises FloatingPointError where the simulation leaves the finite numbers."""
         simulated = self.simulated(record, start, theta)
         return Response(simulated.y, self.slopes(simulated))
 

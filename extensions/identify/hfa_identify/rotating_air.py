@@ -35,7 +35,7 @@ class Rotation:
     """A rotation of the air.
 
     state: z, which is added to the model.
-    of: flow angle whose noise also moves z; empty if z has its own noise.
+    of: flow angle whose noise also moves z, or empty if z has its own noise.
     sign: of z / τ in the rate relative to the air.
     lag: in units of τ.
     """

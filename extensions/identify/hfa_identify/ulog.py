@@ -55,7 +55,7 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
 
     table: TOML file of the columns
 
-    BadInputError where the log or the table is wrong, or pyulog is missing.
+    Raises BadInputError where the log or the table is wrong, or pyulog is missing.
     """
     if table is None:
         raise BadInputError(f"{path}: a log needs a table of its columns; add --columns FILE.toml")

@@ -98,7 +98,8 @@ def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason(parent: Element, child: Element) -> str:
-    """Return the reason why a child may be omitted; "" for text. BadInputError where it may not."""
+    """Return the reason why a child may be omitted, or "" for text. Raises BadInputError where it
+    may not."""
     name = child.name
     if name in _TEXT:
         return ""
@@ -125,7 +126,7 @@ _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "eng
 
 
 def _account_attributes(element: Element) -> None:
-    """BadInputError for an attribute that JSBSim reads and the reader does not."""
+    """Raises BadInputError for an attribute that JSBSim reads and the reader does not."""
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
@@ -156,7 +157,8 @@ _MOST = 12
 
 
 def _refuse_readers(equations: Equations) -> None:
-    """BadInputError where a force depends on a property of JSBSim's own that the reader lacks."""
+    """Raises BadInputError where a force depends on a property of JSBSim's own that the reader
+    lacks."""
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
@@ -165,8 +167,8 @@ def _refuse_readers(equations: Equations) -> None:
 
 
 def _of_writers(equations: Equations) -> list[Note]:
-    """Notes on the pilot's commands that a component sets too. BadInputError where a file sets a
-    property of JSBSim's own that the reader does not take from it."""
+    """Notes on the pilot's commands that a component sets too. Raises BadInputError where a file
+    sets a property of JSBSim's own that the reader does not take from it."""
     properties = equations.properties
     notes = []
     for name, writers in properties.writers().items():
@@ -200,7 +202,7 @@ def _is_zero(writer: Writer) -> bool:
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """The reason of the prefix that a name has; "" without one."""
+    """The reason of the prefix that a name has, or "" without one."""
     return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
 
 

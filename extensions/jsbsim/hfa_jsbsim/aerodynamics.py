@@ -91,7 +91,7 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """min and max of an element, rad; None without it."""
+        """min and max of an element, rad, or None without it."""
         element = self.element.find(kind) if self.element else None
         if element is None:
             return None
@@ -164,7 +164,7 @@ def _acts_at_center(function: Element) -> bool:
 
 def _frames(element: Element | None) -> tuple[str, str]:
     """The frames of force (WIND, BODY, AXIAL, STABILITY) and moment (BODY, STABILITY, WIND): the
-    first axis that chooses one does. BadInputError for a frame that does not exist."""
+    first axis that chooses one does. Raises BadInputError for a frame that does not exist."""
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
         if axis.name != "axis":
@@ -182,7 +182,7 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     """The functions of each component of force and moment; a second axis of one component replaces
-    the first. BadInputError for an axis that does not exist."""
+    the first. Raises BadInputError for an axis that does not exist."""
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions

@@ -499,7 +499,7 @@ class Equations:
             self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
-        """Let the time be 0. BadInputError where forces of steady flight depend on it."""
+        """Let the time be 0. Raises BadInputError where forces of steady flight depend on it."""
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):
             self._substitute(self._time, ca.SX(0.0))

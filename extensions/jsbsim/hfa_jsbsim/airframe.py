@@ -262,7 +262,7 @@ def _column(values: Any) -> ca.SX:
 def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
     """The mass with the contents of the tanks and the point masses of the file, in numbers.
 
-    BadInputError where it is not positive.
+    Raises BadInputError where it is not positive.
     """
     empty = read_empty(element)
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]

@@ -96,7 +96,7 @@ def _properties() -> dict[str, str]:
 
 
 def access(name: str) -> str:
-    """Return the access of JSBSim to one of its properties, "R", "RW" or "W"; "" for another
+    """Return the access of JSBSim to one of its properties, "R", "RW" or "W", or "" for another
     property. Engines, tanks and wheels of all numbers are alike."""
     if of_component(name):
         return "RW"

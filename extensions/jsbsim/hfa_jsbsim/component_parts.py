@@ -19,7 +19,8 @@ def parameter(element: Element, name: str, properties: Properties, default: floa
 
 
 def coefficients(component: Element, properties: Properties, count: int) -> list[Any]:
-    """The numbers or properties in <c1>, <c2>, ... of a filter. BadInputError for a missing one."""
+    """The numbers or properties in <c1>, <c2>, ... of a filter. Raises BadInputError for a missing
+    one."""
     children = [component.need(f"c{number}") for number in range(1, count + 1)]
     return [properties.value(child.text, child) for child in children]
 
@@ -35,7 +36,7 @@ def input_of(component: Element, properties: Properties) -> Any:
 
 
 def _input(child: Element, properties: Properties) -> Any:
-    """The value of the property that an <input> names. BadInputError for a number."""
+    """The value of the property that an <input> names. Raises BadInputError for a number."""
     if number_of(child.text) is not None:
         raise child.error(f"<input> is {shortened(child.text)}; name a property")
     return properties.value(child.text, child)
@@ -61,7 +62,7 @@ def beyond(value: Any, width: Any) -> Any:
 
 
 def settling(component: Element, properties: Properties) -> Any:
-    """<c1> of a filter, 1/s. BadInputError where the filter never settles."""
+    """<c1> of a filter, 1/s. Raises BadInputError where the filter never settles."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")

@@ -278,7 +278,7 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
 
 
 def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
-    """The state of the engine's lag; None where lags are no states."""
+    """The state of the engine's lag, or None where lags are no states."""
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
@@ -488,7 +488,7 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
     """A table that the engine itself gives the arguments; one of lower dimension takes the first
-    ones. BadInputError where it is of more."""
+    ones. Raises BadInputError where it is of more."""
     read = read_table(table)
     if read.dimensions > len(arguments):
         fault = f"the table has {read.dimensions} axes, the engine gives it {len(arguments)}"

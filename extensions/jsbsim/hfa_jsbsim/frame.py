@@ -101,7 +101,8 @@ class Frames:
     ) -> None:
         """step: of a frame, s. names: states, inputs and parameters of the model.
 
-        BadInputError where the model's inputs are not JSBSim's own, or filters are its states.
+        Raises BadInputError where the model's inputs are not JSBSim's own, or filters are its
+        states.
         """
         own_parts = copy(parts)
         own_parts.choices = replace(parts.choices, step=step, engines=True, filters=False)
@@ -285,8 +286,8 @@ class Frames:
 
 
 def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
-    """BadInputError for an input that is no command of the pilot: a surface, or is_position: the
-    position of a throttle."""
+    """Raises BadInputError for an input that is no command of the pilot: a surface, or is_position:
+    the position of a throttle."""
     if is_position or pilot_input.unit != "1":
         part = "the position of a throttle" if is_position else "a surface itself"
         raise BadInputError(

@@ -34,7 +34,7 @@ def _integer(value: Any) -> Any:
 
 
 def _fraction(value: Any) -> Any:
-    """Return the fractional part; 0 for infinity, as in C."""
+    """Return the fractional part, or 0 for infinity, as in C."""
     return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
 
 

@@ -218,8 +218,8 @@ class Properties:
         """Return the value of a property, whose name may begin with a sign.
 
         A component reads the value set by an earlier component in this pass, else the last value of
-        the previous pass. In a steady state the two agree. LoopError where the value depends on
-        itself.
+        the previous pass. In a steady state the two agree. Raises LoopError where the value depends
+        on itself.
         """
         if name.startswith("-"):
             if name.startswith("--"):

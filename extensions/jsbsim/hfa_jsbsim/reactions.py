@@ -106,7 +106,7 @@ def _magnitude(element: Element) -> str:
 
 
 def _direction(element: Element) -> np.ndarray | None:
-    """(3,) of length 1; None without a direction."""
+    """(3,) of length 1, or None without a direction."""
     child = element.find("direction")
     if child is None:
         return None

@@ -152,7 +152,7 @@ def data_folder() -> Path | None:
     """The folder of JSBSim's data, which holds `aircraft`, `engine` and `systems`: $JSBSIM_ROOT, or
     that of the installed package jsbsim, which is not imported. None without both.
 
-    BadInputError when $JSBSIM_ROOT holds no folder `aircraft`.
+    Raises BadInputError when $JSBSIM_ROOT holds no folder `aircraft`.
     """
     root = os.environ.get("JSBSIM_ROOT")
     if root:
@@ -284,7 +284,7 @@ class _Declaration:
         return f"{what}; --method jsbsim gives it its time"
 
     def _left_out(self, throttle: str) -> str:
-        """The note on a throttle that engines follow at once; "" where their lags are states."""
+        """The note on a throttle that engines follow at once, or "" where their lags are states."""
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
         left_out = [lag for lag in lags if lag and lag not in self.equations.states]
@@ -366,7 +366,7 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """The highest speed, rpm, at which a propeller does not get slower; 0 without one. A
+        """The highest speed, rpm, at which a propeller does not get slower, or 0 without one. A
         variable without a value has its declared start."""
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())

@@ -52,7 +52,7 @@ class Element:
     children: its elements, in order.
     lines: (number, text) of each line of text that is not empty.
     file, line: of its beginning.
-    parent: the enclosing element; None for the root.
+    parent: the enclosing element, or None for the root.
     taken: whether it was read (`accounting.py`).
     """
 
@@ -72,7 +72,7 @@ class Element:
 
     @property
     def text(self) -> str:
-        """Return its first line of text; empty without one."""
+        """Return its first line of text, or empty without one."""
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
@@ -136,7 +136,8 @@ class Element:
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
-        """Return its children x, y, z (or roll, pitch, yaw) as (3,) numbers; 0 for missing ones."""
+        """Return its children x, y, z (or roll, pitch, yaw) as (3,) numbers, or 0 for missing
+        ones."""
         own_unit = self.attributes.get("unit", "") or unit
         factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
         numbers = []
@@ -181,7 +182,7 @@ _FACTORS = {
 
 
 def number_of(text: str) -> float | None:
-    """Return a text as a number, in the format of C; None where it is not a number."""
+    """Return a text as a number, in the format of C, or None where it is not a number."""
     try:
         return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
@@ -189,8 +190,8 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """Return the root element of an XML text. BadInputError where it is not XML, or declares an
-    entity other than a short text; no entity is expanded or fetched."""
+    """Return the root element of an XML text. Raises BadInputError where it is not XML, or declares
+    an entity other than a short text; no entity is expanded or fetched."""
     parser = xml.parsers.expat.ParserCreate()
     parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
     open_elements: list[Element] = []

@@ -77,5 +77,5 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Ratios of the flights that end at the trim; None if none does."""
+    """Ratios of the flights that end at the trim, or None if none does."""
     return ratios([each.over_best for each in flights if each.over_best is not None])

@@ -52,7 +52,7 @@ class PolicyFlight(Result):
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """Return a flight compared with the cost of the best one; None without it."""
+        """Return a flight compared with the cost of the best one, or None without it."""
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         return PolicyFlight(
@@ -68,7 +68,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     problem: aircraft, trim, prices and limits.
     found: the flight and the proposal that it follows.
     others: flights of policies from the same start.
-    lower_bound: no flight from this start costs less, as a certificate proves; None without one.
+    lower_bound: no flight from this start costs less, as a certificate proves, or None without one.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -158,7 +158,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def over_bound(self) -> float | None:
-        """The cost over the lower bound: an upper bound of the ratio to the least cost; None
+        """The cost over the lower bound: an upper bound of the ratio to the least cost, or None
         without a positive bound."""
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
@@ -323,12 +323,12 @@ def best_flight(
         another trim
     Q, R: as `hfa.game` takes them; R of the inputs that move
     seconds: the horizon; chosen so that the end costs less than .1 % unless given
-    inputs: those that move, the others held at the trim; all unless given
+    inputs: those that move, the others held at the trim, or all unless given
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
-    BadInputError for unknown names, a start outside the limits and a horizon that is too short.
-    NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
+    Raises BadInputError for unknown names, a start outside the limits and a horizon that is too
+    short. NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(

@@ -26,8 +26,8 @@ _CONDITION = 1e6
 def plant_of(problem: FlightProblem) -> Plant:
     """The aircraft about the trim of a problem, its envelope and the limits of its inputs.
 
-    BadInputError where rates depend on a state that the cost leaves out: a bound would hold it at
-    the trim, and flights do not.
+    Raises BadInputError where rates depend on a state that the cost leaves out: a bound would hold
+    it at the trim, and flights do not.
     """
     model = problem.model
     if problem.carried:

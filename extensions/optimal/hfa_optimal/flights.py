@@ -43,8 +43,8 @@ class Flown(NamedTuple):
     times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
     running_cost: until its end.
     tail: the linear cost of its end.
-    cost: the sum of both; inf where it does not end in the trim.
-    departure: the state that first left the envelope; None without one.
+    cost: the sum of both, or inf where it does not end in the trim.
+    departure: the state that first left the envelope, or None without one.
     saturated: names of saturated inputs.
     """
 

@@ -35,12 +35,12 @@ class StartFlights(Result):
     """The flights from one start.
 
     start: state -> its deviation from the trim.
-    cost: of the best flight found; None where none was.
-    reason: why none was found; None where one was.
-    spread: of meshes and guesses; None where none was found.
+    cost: of the best flight found, or None where none was.
+    reason: why none was found, or None where one was.
+    spread: of meshes and guesses, or None where none was found.
     linear_cost: x'Px, of the linear model without limits.
     policies: their flights.
-    lower_bound: no flight from this start costs less, as a certificate proves; None without one.
+    lower_bound: no flight from this start costs less, as a certificate proves, or None without one.
     """
 
     start: Mapping[str, float]

@@ -210,9 +210,9 @@ class FlightProblem:
         return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """Return an initial condition by name, or another trim, as z, (k,). BadInputError for an
-        unknown name, for a number that is not finite, outside the limits, at the trim itself, and
-        for a trim that no flight reaches."""
+        """Return an initial condition by name, or another trim, as z, (k,). Raises BadInputError
+        for an unknown name, for a number that is not finite, outside the limits, at the trim
+        itself, and for a trim that no flight reaches."""
         z = self._deviations_of(start)
         if not z.any():
             raise BadInputError(
@@ -248,7 +248,7 @@ class FlightProblem:
         return off[self.places]
 
     def refuse_outside(self, z: np.ndarray) -> None:
-        """BadInputError where a start, (k,), is not within the limits."""
+        """Raises BadInputError where a start, (k,), is not within the limits."""
         X = np.array(self.point.states)
         X[self.places] += z
         broken = self.envelope.broken(X)
@@ -294,11 +294,11 @@ def flight_problem(
     """The problem of flights of a model to a trim.
 
     Q, R: as `hfa.game` takes them, R of the moved inputs.
-    inputs: which move, the others held at their trim; all unless given.
+    inputs: which move, the others held at their trim, or all unless given.
     limits: state -> (lowest, highest) in place of the flight envelope's.
 
-    BadInputError for names and weights that do not fit. NoSolutionError where the linear model at
-    the trim cannot be stabilized at a finite cost."""
+    Raises BadInputError for names and weights that do not fit. Raises NoSolutionError where the
+    linear model at the trim cannot be stabilized at a finite cost."""
     point.refuse_other(model)
     linear = linearize(model, point)
     if inputs is not None:

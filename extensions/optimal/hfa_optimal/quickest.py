@@ -201,7 +201,7 @@ def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.nd
 
 
 def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why the simulation refutes a proposal; "" if it does not."""
+    """Return the reason why the simulation refutes a proposal, or "" if it does not."""
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     box = arrival_box(proposal)
@@ -234,10 +234,10 @@ def quickest_flight(
 
     start: another trim, or state of the linear model -> deviation from the trim
     Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them
-    inputs: those that move, the others held at the trim; all unless given
+    inputs: those that move, the others held at the trim, or all unless given
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
 
-    BadInputError for unknown names and a start outside the limits. NoSolutionError, with the
+    Raises BadInputError for unknown names and a start outside the limits. NoSolutionError, with the
     reason, where no flight was found or the simulator refutes it.
 
     >>> import hfa
@@ -297,8 +297,8 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest proposal from straight lines to the trim. NoSolutionError where none
-    does."""
+    """Return the quickest proposal from straight lines to the trim. Raises NoSolutionError where
+    none does."""
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
     states = program.problem.padded((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)

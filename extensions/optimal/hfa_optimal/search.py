@@ -135,7 +135,7 @@ class BestFlights:
 
         seconds: the horizon; chosen so that the end costs nothing unless given.
 
-        NoSolutionError, with the reason, where none was found or the simulation refutes it.
+        NoSolutionError, with the reason, where none was found or the simulation refutes it. Raises
         BadInputError where a given horizon is too short."""
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds
@@ -156,7 +156,7 @@ class BestFlights:
         raise NoSolutionError(f"no flight found: after {horizon / _LONGER:.3g} s {unfinished}")
 
     def _unfinished(self, proposal: Proposal) -> str:
-        """Return why the linear policy cannot continue a flight after its horizon; "" where it
+        """Return why the linear policy cannot continue a flight after its horizon, or "" where it
         can."""
         share = proposal.tail / proposal.cost
         if share > (DRIFTING_TAIL if self.problem.carried else TAIL):
@@ -241,8 +241,8 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return the inputs of a proposal that alternate between their limits, in words; "" without
-        one."""
+        """Return the inputs of a proposal that alternate between their limits, in words, or ""
+        without one."""
         lowest, highest = self.problem.input_limits
         texts = []
         for column, name in enumerate(self.problem.inputs):
@@ -271,7 +271,7 @@ class BestFlights:
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
         """Guess -> proposal on the coarsest mesh, of those that IPOPT solves; more guesses where
-        the first ones end in different optima. NoSolutionError where it solves none."""
+        the first ones end in different optima. Raises NoSolutionError where it solves none."""
         first = {
             "linear loop": self._linear_guess(start),
             "slow decay": self._decay(start, 3.0 / seconds),
@@ -425,7 +425,7 @@ def _equal(one: Proposal, other: Proposal) -> bool:
 
 
 def refutation(flown: Flown, proposal: Proposal) -> str:
-    """Return the reason why the simulation refutes a proposal; "" if it does not."""
+    """Return the reason why the simulation refutes a proposal, or "" if it does not."""
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     if not flown.converges:

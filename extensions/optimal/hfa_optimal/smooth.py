@@ -42,7 +42,7 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
 class _Kink:
     """Smoothing of a kink at argument 0.
 
-    width: half-width; 0 where it stays sharp.
+    width: half-width, or 0 where it stays sharp.
     levels: the two values of an argument that has no others; None of one that varies.
     """
 

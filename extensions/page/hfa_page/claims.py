@@ -74,7 +74,7 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 
 
 def load_claims(path: Path) -> Claims:
-    """claims.json, or the folder that holds it; BadInputError where its layout is not the
+    """claims.json, or the folder that holds it. Raises BadInputError where its layout is not the
     study's."""
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"

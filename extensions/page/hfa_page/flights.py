@@ -62,8 +62,8 @@ def flights_section(
 
 
 def load_flights(path: Path) -> StoredFlights:
-    """best_flights.json, or the folder that holds it; BadInputError where its layout is not the
-    study's."""
+    """best_flights.json, or the folder that holds it. Raises BadInputError where its layout is not
+    the study's."""
     file = path / "best_flights.json" if path.is_dir() else path
     try:
         data = read_json(file)

@@ -119,7 +119,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def flown_angles(job: MainJob) -> Report | None:
-    """The stored flights from the paper's x(0); None where none were given."""
+    """The stored flights from the paper's x(0), or None where none were given."""
     if job.flights is None:
         return None
     linear = {
@@ -285,7 +285,7 @@ def plotly_script() -> str:
     """Plotly's own script, whole, packed to less than half its size, its license in plain text
     before it.
 
-    BadInputError when Plotly is not installed.
+    Raises BadInputError when Plotly is not installed.
     """
     try:
         from plotly.offline import get_plotlyjs

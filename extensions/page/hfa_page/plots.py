@@ -135,8 +135,8 @@ def _figure(
 
 
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """Return one drawing for all points that are trimmed, one frame each, arrows to one scale; None
-    where none is trimmed."""
+    """Return one drawing for all points that are trimmed, one frame each, arrows to one scale, or
+    None where none is trimmed."""
     trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
     if not trimmed:
@@ -219,8 +219,8 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """All modes, and the slow ones alone where there are slow and fast ones; None where nothing is
-    trimmed."""
+    """All modes, and the slow ones alone where there are slow and fast ones, or None where nothing
+    is trimmed."""
     if not swept.mode_names:
         return None
     slow = swept.slow

@@ -31,9 +31,9 @@ class Actor:
     chain: its layers in words.
     squash: whether tanh follows, mapped to the box; else the box clips.
     clip_mean: largest size before that tanh.
-    stored: settings in the zip of Stable-Baselines3; None for another file.
-    box: lowest and highest action stored in the file, (m,) each; None where not stored.
-    rows: `function` for many rows at once; None where only `function` is available.
+    stored: settings in the zip of Stable-Baselines3, or None for another file.
+    box: lowest and highest action stored in the file, (m,) each, or None where not stored.
+    rows: `function` for many rows at once, or None where only `function` is available.
     """
 
     function: ca.Function
@@ -55,7 +55,7 @@ def read_actor(
     observations, actions: their numbers in the deployment file.
     history: number of samples of the observations.
 
-    BadInputError where the file cannot be read, or contradicts the deployment file.
+    Raises BadInputError where the file cannot be read, or contradicts the deployment file.
     """
     width = history * observations
     source = entries.get("file")
@@ -151,10 +151,10 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
-    """Return the gain K, (actions, observations), of an .npz file, u = -K o; None where the
-    file has no K or is no .npz.
+    """Return the gain K, (actions, observations), of an .npz file, u = -K o, or None where the file
+    has no K or is no .npz.
 
-    BadInputError where the file cannot be read or K is not a finite matrix."""
+    Raises BadInputError where the file cannot be read or K is not a finite matrix."""
     if path.suffix.lower() != ".npz":
         return None
     with said_of(path):

@@ -41,7 +41,7 @@ def assess(
     deployment: observations, actions and timing of the policy
     points: operating points, or values of the scheduling variable in the units of the model; its
         own trim unless given
-    samples: flights at each trim, with and without disturbance; 0 for none
+    samples: flights at each trim, with and without disturbance, or 0 for none
     seed: seed of their initial conditions
     progress: called during the flights
     vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
@@ -51,7 +51,8 @@ def assess(
     box: linear state -> half-width of the box of initial conditions, in place of the usual
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> its value
 
-    BadInputError where the deployment is not of this aircraft, TrimError where there is no trim.
+    Raises BadInputError where the deployment is not of this aircraft, TrimError where there is no
+    trim.
 
     >>> import casadi as ca
     >>> import hfa
@@ -97,7 +98,7 @@ def judged(
 
     scenarios: one a trim, or none.
     progress_of: words about a step -> its progress.
-    best: the costs of a trim's best flights; None without these flights.
+    best: the costs of a trim's best flights, or None without these flights.
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

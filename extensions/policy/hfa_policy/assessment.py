@@ -55,16 +55,16 @@ class AssessedPoint(Result):
     point: the trim.
     place: its initial-condition box and its equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
-    delays: radii with other delays; None without an equilibrium.
+    delays: radii with other delays, or None without an equilibrium.
     margins: margins of a stable loop, else None.
-    cost: percent above the optimum; None without a cost or without an optimum.
+    cost: percent above the optimum, or None without a cost or without an optimum.
     nonlinearity: largest deviation of the command from its linearization over the box of initial
-        conditions; None without an equilibrium.
-    flights: outcomes from seeded initial conditions; None without flights.
+        conditions, or None without an equilibrium.
+    flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse.
     findings: sentences.
-    best: flights compared with the best found; None without them.
-    rough: flights with sensor noise or in moving air; None without them.
+    best: flights compared with the best found, or None without them.
+    rough: flights with sensor noise or in moving air, or None without them.
     """
 
     json_keys = (
@@ -93,7 +93,7 @@ class AssessedPoint(Result):
     @property
     def own_mode(self) -> OwnMode | None:
         """The mode of the aircraft out of reach that grows most, else the slowest of the loop where
-        the policy leaves it as it is and flights do not converge; None where neither is."""
+        the policy leaves it as it is and flights do not converge, or None where neither is."""
         reach = self.place.reach
         if reach is None:
             return None
@@ -190,8 +190,8 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
 class SampledLoop(NamedTuple):
     """The loop about one equilibrium.
 
-    radius: its spectral radius; nan without an equilibrium.
-    cost: above the optimum; None without weights or an optimum.
+    radius: its spectral radius, or nan without an equilibrium.
+    cost: above the optimum, or None without weights or an optimum.
     """
 
     radius: float
@@ -204,10 +204,10 @@ class Assessor:
 
     deployed: the policy on the aircraft.
     points: its trims.
-    samples: flights at each; 0 for none.
+    samples: flights at each, or 0 for none.
     seed: of their initial conditions.
     box: linear state -> half-width of the box of initial conditions, in place of the usual.
-    steady: the trim of which the points are changed aircraft; None where they are trims.
+    steady: the trim of which the points are changed aircraft, or None where they are trims.
     """
 
     deployed: Deployed

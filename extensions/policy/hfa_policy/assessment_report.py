@@ -45,7 +45,7 @@ _AT_TRIM = 0.01
 
 
 def _median(best: BestCosts) -> float:
-    """Return the median cost of the policy relative to the best; inf where no flight ends at the
+    """Return the median cost of the policy relative to the best, or inf where no flight ends at the
     trim."""
     return math.inf if best.policy_over_best is None else best.policy_over_best.median
 
@@ -275,7 +275,7 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """Return trims in words, after a space; "" where these are all."""
+        """Return trims in words, after a space, or "" where these are all."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:

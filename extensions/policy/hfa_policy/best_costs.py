@@ -24,8 +24,8 @@ class Bracket(Result):
 
     start: state -> its deviation from the trim.
     lower_bound: no flight costs less, as a certificate proves.
-    best: cost of the best flight found; None where none was.
-    policy: cost of the flight of the policy; None where it does not end at the trim.
+    best: cost of the best flight found, or None where none was.
+    policy: cost of the flight of the policy, or None where it does not end at the trim.
     """
 
     start: Mapping[str, float]
@@ -47,8 +47,8 @@ class BestCosts(Result):
         where none does.
     lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where none ends
         at the trim.
-    offset_rate: cost per second of the equilibrium off the trim; None without an equilibrium.
-    brackets: one a start; none without a certificate of a lower bound.
+    offset_rate: cost per second of the equilibrium off the trim, or None without an equilibrium.
+    brackets: one a start, or none without a certificate of a lower bound.
     """
 
     json_keys = (
@@ -67,8 +67,8 @@ class BestCosts(Result):
 
     @property
     def policy_over_bound(self) -> Ratios | None:
-        """Cost of the flights of the policy that end at the trim, over the positive lower bounds;
-        None without any."""
+        """Cost of the flights of the policy that end at the trim, over the positive lower bounds,
+        or None without any."""
         pairs = [
             (each.policy, each.lower_bound)
             for each in self.brackets
@@ -89,7 +89,7 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return the distance of the policy's flights from the least possible cost; "" without a
+        """Return the distance of the policy's flights from the least possible cost, or "" without a
         bound."""
         if not self.brackets:
             return ""

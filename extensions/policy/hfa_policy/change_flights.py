@@ -100,8 +100,8 @@ class ChangeFlights:
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
     def flown_by_optimum(self, sample: Sample) -> Flown | None:
-        """The flights of the sampled optimum of the cost about the first trim, without delay; None
-        where it has none."""
+        """The flights of the sampled optimum of the cost about the first trim, without delay, or
+        None where it has none."""
         gain = self._optimum()
         if gain is None:
             return None
@@ -136,7 +136,7 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """K of u = -K x, the sampled optimum at the first trim; None where none exists."""
+        """K of u = -K x, the sampled optimum at the first trim, or None where none exists."""
         from scipy.linalg import LinAlgError, solve_discrete_are
 
         point = self.points[0]

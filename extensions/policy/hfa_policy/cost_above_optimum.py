@@ -27,7 +27,7 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostLost(Result):
-    """Percent of the optimal cost, from deviations from the equilibrium; inf without bound.
+    """Percent of the optimal cost, from deviations from the equilibrium, or inf without bound.
 
     worst: of u = -K x in continuous time, without delay; nan of a policy that takes several
         samples.

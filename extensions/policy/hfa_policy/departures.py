@@ -57,8 +57,8 @@ def first_departure(
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
-    """BadInputError for a trim that lies at the limit of a state that other states move: small
-    flights about it leave the envelope at once."""
+    """Raises BadInputError for a trim that lies at the limit of a state that other states move:
+    small flights about it leave the envelope at once."""
     for point in points:
         model = point.model
         envelope = flight_envelope(model, point)

@@ -130,8 +130,8 @@ class Deployed:
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """BadInputError where an observation, the policy or a map has no value at a trim, or an
-        observation or a map no slope.
+        """Raises BadInputError where an observation, the policy or a map has no value at a trim, or
+        an observation or a map no slope.
 
         action: (m,), in place of the policy's own, where one is still to be trained.
         """
@@ -149,7 +149,7 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """The action of an observation, (m,); BadInputError where it is no finite number."""
+        """The action of an observation, (m,). Raises BadInputError where it is no finite number."""
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError("policy.file returns no finite number at the trim; train it again")
@@ -301,8 +301,8 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """The values of the entries of a table of the card, (k,); BadInputError where one is no number,
-    or its slope by one of the arguments that are varied."""
+    """The values of the entries of a table of the card, (k,). Raises BadInputError where one is no
+    number, or its slope by one of the arguments that are varied."""
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])

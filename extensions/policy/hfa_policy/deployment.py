@@ -70,7 +70,7 @@ class Deployment(Reported):
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
     timing: dt, s; delay, s, from a sample until its action moves the input; history, the
         number of samples of the observations, the oldest first; default 1.
-    cost: Q of states or outputs, R of inputs; None where not known.
+    cost: Q of states or outputs, R of inputs, or None where not known.
     folder: folder of relative file names.
     origin: name of its file, for messages.
 
@@ -211,7 +211,7 @@ class Deployment(Reported):
 
     @cached_property
     def normalizer(self) -> Normalizer | None:
-        """The normalizer before the network; None for none. One of a single sample is applied to
+        """The normalizer before the network, or None for none. One of a single sample is applied to
         each sample of the history."""
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
@@ -235,7 +235,7 @@ class Deployment(Reported):
         """Lowest and highest action, (m,) each: those of the policy's file, else of the deployment
         file; infinite without either.
 
-        BadInputError where both say one and differ, and where a squashed action has none.
+        Raises BadInputError where both say one and differ, and where a squashed action has none.
         """
         low = np.full(len(self.action), -np.inf)
         high = np.full(len(self.action), np.inf)
@@ -277,7 +277,7 @@ class Deployment(Reported):
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
     """Return the deployment of a gain K in a critic's file: u = -K x on all inputs, of deviations
-    of all linear states from the trim, sampled every dt seconds. BadInputError for another
+    of all linear states from the trim, sampled every dt seconds. Raises BadInputError for another
     shape."""
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"
@@ -299,8 +299,8 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K of a critic's file. BadInputError for a critic that is not a gain: its
-    policy depends on R or on the activation of a network."""
+    """Return the gain K of a critic's file. Raises BadInputError for a critic that is not a gain:
+    its policy depends on R or on the activation of a network."""
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
@@ -313,7 +313,7 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
 def _plain(value: Any) -> Any:
     """Return mappings as dictionaries and tuples as lists, as in TOML.
 
-    BadInputError for a name that is not a text."""
+    Raises BadInputError for a name that is not a text."""
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):

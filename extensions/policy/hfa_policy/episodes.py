@@ -78,8 +78,8 @@ class Episodes:
     ) -> None:
         """turbulence: of the episodes, drawn anew for each.
 
-        BadInputError where there is no trim, an action has no box, the time is no number, or the
-        aircraft takes no turbulence."""
+        Raises BadInputError where there is no trim, an action has no box, the time is no number, or
+        the aircraft takes no turbulence."""
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
@@ -174,7 +174,7 @@ class Episodes:
         """Advance all episodes by one sample with these actions, (N, m), beyond the box as at its
         end.
 
-        BadInputError where they are of another shape, or one of them is not a number.
+        Raises BadInputError where they are of another shape, or one of them is not a number.
         """
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
@@ -334,7 +334,7 @@ def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest action; BadInputError where one has no box."""
+    """Lowest and highest action. Raises BadInputError where one has no box."""
     low, high = deployed.deployment.box
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):

@@ -58,8 +58,8 @@ class Equilibrium:
     clips: saturated actions and inputs, in words.
     clipped_observations: saturated observations.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
-    basis: (k, r), of the coordinates of A, B, C and K; None where these are the linear states.
-    frames: slopes by each sample of the history; None where that is one.
+    basis: (k, r), of the coordinates of A, B, C and K, or None where these are the linear states.
+    frames: slopes by each sample of the history, or None where that is one.
     """
 
     states: np.ndarray
@@ -118,7 +118,7 @@ class EquilibriumSearch:
         self.steady = at.model.at(at.states, at.inputs).f[self.rows]
 
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
-        """The equilibrium that is found from X (n,) and U (m,); None where none is: Newton's
+        """The equilibrium that is found from X (n,) and U (m,), or None where none is: Newton's
         method, where it gets stuck after least squares."""
         start = np.concatenate([states, inputs])
         z = self.base.copy()
@@ -127,7 +127,7 @@ class EquilibriumSearch:
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
         """Return the slopes (k, n) of the linear states of the equilibrium with respect to the
-        states outside the linear model, by the implicit function theorem; 0 for the others."""
+        states outside the linear model, by the implicit function theorem, or 0 for the others."""
         X, U = equilibrium.states, equilibrium.inputs
         z = np.concatenate([X, U])
         others = [number for number in range(len(X)) if number not in self.rows]
@@ -178,7 +178,7 @@ class EquilibriumSearch:
         return nearest
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
-        """The equilibrium of Newton's method with step halving; None where it finds none."""
+        """The equilibrium of Newton's method with step halving, or None where it finds none."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -218,7 +218,7 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual and Jacobian by the linear states and the commanded inputs; nan where the
+        """Residual and Jacobian by the linear states and the commanded inputs, or nan where the
         equations are no numbers."""
         X, U = self._parts(z)
         count = len(self.moving)
@@ -255,7 +255,7 @@ class EquilibriumSearch:
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the slopes of the observations with respect to the linear states and the previous
-        commanded inputs; 0 where there are none."""
+        commanded inputs, or 0 where there are none."""
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
         by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])

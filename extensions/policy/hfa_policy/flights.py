@@ -44,8 +44,8 @@ class Steered(NamedTuple):
         earlier observations.
     network: (k,) -> (m,).
     moves: (outputs of the network, X, U before, trim, extra) -> U.
-    rows: the network for many rows; None where `network` is called for each.
-    past: (X, U before, trim, extra, past) -> past of the next sample; None for one sample.
+    rows: the network for many rows, or None where `network` is called for each.
+    past: (X, U before, trim, extra, past) -> past of the next sample, or None for one sample.
     """
 
     enters: ca.Function

@@ -60,7 +60,7 @@ class Formula(NamedTuple):
 def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
     """Return the formula of a text. known: the allowed names.
 
-    BadInputError for an unknown name, and for text that is not a formula.
+    Raises BadInputError for an unknown name, and for text that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise BadInputError(f"{shown(text)} is not a formula of at most {_LONGEST} characters")
@@ -75,7 +75,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """BadInputError for the first node that a formula may not have; collects its names."""
+    """Raises BadInputError for the first node that a formula may not have; collects its names."""
     if isinstance(node, ast.Name):
         refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)

@@ -58,7 +58,7 @@ class AircraftEnvironment(gymnasium.Env):
         return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
-        """The number of a trim of the episodes; BadInputError for another number."""
+        """The number of a trim of the episodes. Raises BadInputError for another number."""
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
@@ -66,7 +66,7 @@ class AircraftEnvironment(gymnasium.Env):
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:
-        """A state as floats, (n,); BadInputError where it is something else."""
+        """A state as floats, (n,). Raises BadInputError where it is something else."""
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():

@@ -137,8 +137,8 @@ class _Restricted(pickle.Unpickler):
 def inert(content: bytes) -> Any:
     """Return the content of a pickle: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    BadInputError where it would call anything else, is damaged, or needs more memory than it has
-    bytes.
+    Raises BadInputError where it would call anything else, is damaged, or needs more memory than it
+    has bytes.
     """
     try:
         refuse_pickle_bomb(content)

@@ -24,7 +24,7 @@ def linear_plant(path: str) -> Model:
 
     path: of a file with A and B, and optionally names and units of states and inputs.
 
-    BadInputError where the file holds no such plant.
+    Raises BadInputError where the file holds no such plant.
     """
     found = read_arrays(path)
     with said_of(path):

@@ -27,8 +27,8 @@ class Normalizer:
     variance: (k,), none below 0.
     epsilon: added to the variance.
     clip: largest absolute value.
-    count: observations that it has seen; nan where its file does not say.
-    last: (E, k), the last observations of its environments as they came; None where not known.
+    count: observations that it has seen, or nan where its file does not say.
+    last: (E, k), the last observations of its environments as they came, or None where not known.
     origin: where it is from, for messages.
     """
 
@@ -41,7 +41,7 @@ class Normalizer:
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
-        """BadInputError for numbers that normalize nothing."""
+        """Raises BadInputError for numbers that normalize nothing."""
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):
@@ -80,8 +80,8 @@ class Normalizer:
 
 
 def read_normalizer(path: str | Path) -> Normalizer | None:
-    """Return the normalizer in a file of `VecNormalize.save`, without running its code; None where
-    observations are not normalized.
+    """Return the normalizer in a file of `VecNormalize.save`, without running its code, or None
+    where observations are not normalized.
 
     BadInputError names the file and its fault.
     """
@@ -138,7 +138,7 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Observations as (E, k) doubles; None where they are something else."""
+    """Observations as (E, k) doubles, or None where they are something else."""
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
     return np.array(values, dtype=float)

@@ -78,7 +78,7 @@ def _says_no_normalizer(training: _Training) -> str:
 
 def unknown_normalizer(deployed: Deployed) -> str:
     """Return a sentence: the deployment declares no normalizer, and the policy's file does not show
-    whether there was one; "" where it does, or there is nothing to show it."""
+    whether there was one, or "" where it does, or there is nothing to show it."""
     stored = deployed.deployment.actor.stored
     if stored is None or stored.timesteps == 0 or "normalizer" in deployed.deployment.policy:
         return ""
@@ -113,7 +113,8 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
     """Return the distance of the last observations (E, k), column by column, from a linear function
-    of the original ones, relative to their range; nan with too few. The largest may be clipped."""
+    of the original ones, relative to their range, or nan with too few. The largest may be clipped.
+    """
     clip = np.abs(last).max()
     distances = []
     for before, after in zip(original.T, last.T, strict=True):

@@ -110,7 +110,7 @@ class _Observed(NamedTuple):
         return _outside(seen, *self.model.limits[self.state])
 
     def wrong_scale(self, record: _Record) -> str:
-        """Return the reason why its scale is not that of the training; "" if it may be."""
+        """Return the reason why its scale is not that of the training, or "" if it may be."""
         if not record.is_of_many:
             return ""
         return _wrong_scale(self.model, self.state, self.scale, record.spread)
@@ -200,7 +200,7 @@ def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
     """Centre and spread of the observations of the training, (k,) each, and whether they are the
-    statistics of many; None where nothing is known."""
+    statistics of many, or None where nothing is known."""
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
         return normalizer.mean, np.sqrt(normalizer.variance), has_statistics
@@ -211,7 +211,7 @@ def _seen(
 
 
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
-    """Mean and size (root mean square about it) of the observations of the training, (k,) each;
+    """Mean and size (root mean square about it) of the observations of the training, (k,) each, or
     None where nothing is known.
 
     Without a normalizer they are the last ones, a few, and their mean is taken to be 0."""
@@ -262,8 +262,8 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 
 
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
-    """Return the reason why the scale of an observation is not that of the training; "" if it may
-    be."""
+    """Return the reason why the scale of an observation is not that of the training, or "" if it
+    may be."""
     if name not in model.states:
         return ""
     low, high = model.limits[name]

@@ -80,10 +80,10 @@ class Place:
 
     point: the trim.
     box: (k,), half-widths of the initial conditions about it.
-    equilibrium: the equilibrium; None where it does not exist.
+    equilibrium: the equilibrium, or None where it does not exist.
     stable: whether the loop is stable there; a flight that approaches within the ball has
         then converged.
-    reach: states that the actions move there; None without an equilibrium.
+    reach: states that the actions move there, or None without an equilibrium.
     seconds: length of a flight.
     swing: s, half a period of the slowest oscillation about the equilibrium; 0 where modes are not
         judged.
@@ -127,7 +127,7 @@ class Outcome(Result):
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: "leaves the envelope", "does not converge" or "converges": of the worst flight.
     slowest: s, longest time of convergence.
-    cycle: the limit cycle of the others, or about an unstable equilibrium; None without one.
+    cycle: the limit cycle of the others, or about an unstable equilibrium, or None without one.
     elsewhere: number that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium.
     moving: number that neither converge nor leave the limits within `seconds`.
@@ -403,7 +403,7 @@ class FlownRows:
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
         """The number of the worst flight of those that stay inside: that swings most, else the
-        slowest; 0 without one."""
+        slowest, or 0 without one."""
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), DOES_NOT_CONVERGE
         if returned.size:

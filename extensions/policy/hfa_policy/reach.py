@@ -33,7 +33,7 @@ class OwnMode(NamedTuple):
     """A slow mode of the aircraft, which a deployment leaves as it is.
 
     name: of the mode, with its time to half or to double. growth: 1/s, real part of its eigenvalue.
-    why: it is out of reach; "" for a mode within reach.
+    why: it is out of reach, or "" for a mode within reach.
     """
 
     name: str
@@ -44,7 +44,7 @@ class OwnMode(NamedTuple):
 class Reach(NamedTuple):
     """The modes about an equilibrium that a deployment is judged by.
 
-    judged: (k,), which linear states; all unless a slow mode is out of reach.
+    judged: (k,), which linear states, or all unless a slow mode is out of reach.
     loop: the equilibrium in coordinates of the modes within reach, (r); as it is where all are.
     own: the slow modes of the aircraft out of reach.
     states: names of those that are judged.
@@ -108,7 +108,7 @@ def left_alone(
     deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
 ) -> OwnMode | None:
     """Return the mode of the aircraft that the slowest mode of the sampled loop is, where it is
-    slow and the policy moves its eigenvalue by at most 10 %; None without such a mode.
+    slow and the policy moves its eigenvalue by at most 10 %, or None without such a mode.
 
     slowest: the eigenvalue of the sampled loop of largest absolute value. dt: s.
     """

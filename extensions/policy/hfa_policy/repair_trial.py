@@ -82,8 +82,8 @@ class _Found(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Return the changes of the deployment that improve the flights clearly, the best first; none
-    where the flights are good already."""
+    """Return the changes of the deployment that improve the flights clearly, the best first, or
+    none where the flights are good already."""
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
 
@@ -148,8 +148,8 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """Return the reported changes: the best of each kind, the best first; none where the delay
-        alone explains the flights."""
+        """Return the reported changes: the best of each kind, the best first, or none where the
+        delay alone explains the flights."""
         if self._is_only_late():
             return
         repairs = self._left(repairs_of(self.deployed))
@@ -235,9 +235,9 @@ class _Trial:
         )
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """Return the slowest faster sample time at which the policy flies well at a third of
-        the cost; none where a gain, at either sample time, is clearly cheaper, because the policy
-        is then too strong.
+        """Return the slowest faster sample time at which the policy flies well at a third of the
+        cost, or none where a gain, at either sample time, is clearly cheaper, because the policy is
+        then too strong.
 
         of_gains: flights at the sample time of the file, the first of the file as written."""
         card = of_gains[0]
@@ -259,8 +259,8 @@ class _Trial:
     # What the training saw.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much closer to the training's record the observations of the changed file are;
-        0 where there is no record."""
+        """Return how much closer to the training's record the observations of the changed file are,
+        or 0 where there is no record."""
         if observations_of_training(self.card) is None:
             return 0.0
         return self._misfit(self.card) - self._misfit(repair.deployment)

@@ -36,8 +36,8 @@ class RoughFlights(Result):
     disturbed_by: noise, gust or turbulence, in words.
     rms: linear state or commanded input -> root mean square off trim, inside the envelope.
     calm: that of a flight without noise in still air.
-    departure: of the flight that leaves the envelope first; None where none does.
-    air: the gust or turbulence, in a line; "" for none.
+    departure: of the flight that leaves the envelope first, or None where none does.
+    air: the gust or turbulence, in a line, or "" for none.
     left_out: its components that the equations lack, one sentence each.
     """
 
@@ -55,7 +55,8 @@ class RoughFlights(Result):
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """Return the scenario on a model.
 
-    BadInputError where it does not fit the model, nothing disturbs it, or no flight is to be made.
+    Raises BadInputError where it does not fit the model, nothing disturbs it, or no flight is to be
+    made.
     """
     if samples < 1:
         raise BadInputError("samples is 0: no flight meets the noise, gust or turbulence")
@@ -124,7 +125,7 @@ def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
 
 
 def _disturbed_by(scenario: Scenario) -> str:
-    """Return the disturbances of a flight in words; "" for none."""
+    """Return the disturbances of a flight in words, or "" for none."""
     uncertain = scenario.uncertainty
     named = {
         "noise": any(uncertain.noise.values()),

@@ -167,8 +167,8 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """C of a function; RuntimeError where CasADi cannot write it in scalars, BadInputError where
-    `c_function` cannot."""
+    """C of a function. Raises RuntimeError where CasADi cannot write it in scalars, BadInputError
+    where `c_function` cannot."""
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))

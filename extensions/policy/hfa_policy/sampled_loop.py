@@ -55,8 +55,8 @@ class Chain(NamedTuple):
 
     @property
     def slowest(self) -> complex:
-        """The eigenvalue of the closed loop of largest absolute value; inf where its gains are too
-        large to compute with."""
+        """The eigenvalue of the closed loop of largest absolute value, or inf where its gains are
+        too large to compute with."""
         closed = self.closed
         if not np.isfinite(closed).all():
             return math.inf
@@ -71,7 +71,7 @@ class Chain(NamedTuple):
 
 def slowest_swing(chain: Chain) -> float:
     """Half the period, s, of the slowest oscillation of a loop that half a period does not damp to
-    a twentieth; 0 without one."""
+    a twentieth, or 0 without one."""
     values = np.linalg.eigvals(chain.closed)
     values = values[np.angle(values) != 0.0]
     halves = math.pi * chain.dt / np.abs(np.angle(values))

@@ -64,13 +64,13 @@ class Zip:
     activation: between the layers.
     layout: widths of the hidden layers.
     squash: whether the output is tanh, mapped to the Box.
-    clip_mean: largest size of the output before tanh; inf without such a clip.
+    clip_mean: largest size of the output before tanh, or inf without such a clip.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
     timesteps: of its training; environments: in parallel.
-    last: (E, k), its last observations, normalized if a normalizer was used; None where not
+    last: (E, k), its last observations, normalized if a normalizer was used, or None where not
         stored.
-    last_original: (E, k), before normalization; None where not stored.
+    last_original: (E, k), before normalization, or None where not stored.
     """
 
     algorithm: str
@@ -160,7 +160,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
 
 
 def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """BadInputError where an entry is a class that is not among those known."""
+    """Raises BadInputError where an entry is a class that is not among those known."""
     if data.get(entry) is None:
         return
     try:
@@ -259,7 +259,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Stored observations as (E, k) doubles; None where there are none."""
+    """Stored observations as (E, k) doubles, or None where there are none."""
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None

@@ -16,7 +16,8 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     """Return operating points, given or found at values of the scheduling variable; the model's
     own trim for None.
 
-    BadInputError for a point of another aircraft, for another object, and for an empty list."""
+    Raises BadInputError for a point of another aircraft, for another object, and for an empty list.
+    """
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)
     found: list[OperatingPoint] = []
@@ -40,7 +41,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
 
 
 def _listed(points: Any) -> list[Any]:
-    """The points as a list; BadInputError for one point and for one number."""
+    """The points as a list. Raises BadInputError for one point and for one number."""
     if not isinstance(points, OperatingPoint):
         try:
             return list(points)

@@ -61,8 +61,8 @@ def changes_of(
 
     vary: parameter, or input that no action moves -> (lowest, highest).
 
-    BadInputError for another name, for limits that are not two numbers in rising order, and for
-    values beyond the limits of the model.
+    Raises BadInputError for another name, for limits that are not two numbers in rising order, and
+    for values beyond the limits of the model.
     """
     model = deployed.model
     inputs = [name for name in model.inputs if name not in deployed.commanded]
@@ -81,7 +81,7 @@ def changes_of(
 
 
 def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
-    """BadInputError unless the name is a parameter of the model or one of these inputs."""
+    """Raises BadInputError unless the name is a parameter of the model or one of these inputs."""
     if name in inputs:
         return
     if name in model.inputs:
@@ -118,7 +118,7 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Two finite numbers in rising order; BadInputError for anything else."""
+    """Two finite numbers in rising order. Raises BadInputError for anything else."""
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
     if not is_pair or pair[0] > pair[1]:
@@ -127,7 +127,7 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
 
 
 def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
-    """BadInputError for a value beyond the limits of an input."""
+    """Raises BadInputError for a value beyond the limits of an input."""
     signal = model.inputs[name]
     for value in values:
         if not signal.min <= value <= signal.max:

@@ -94,7 +94,7 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Return the reason why `changed_entries` does not search a plant of this size; "" if it
+    """Return the reason why `changed_entries` does not search a plant of this size, or "" if it
     does."""
     states = len(file.plant.A)
     count = edits_tried(file)
@@ -170,7 +170,7 @@ def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
     """The likeliest edit of an interval that a certified answer confirms, the one nearest to the
-    middle among equals; None if there is no such edit."""
+    middle among equals, or None if there is no such edit."""
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
     middle = (lowest + highest) / 2.0

@@ -52,7 +52,7 @@ class Classified:
     comparison: of every entry with the exact answer of the plant as typed
     P: (n, n), that answer
     changed: the intervals of one entry of the plant that make all digits right
-    not_searched: why none were searched for; "" where they were, or needed not be
+    not_searched: why none were searched for, or "" where they were, or needed not be
     """
 
     name: Class
@@ -68,9 +68,9 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
     progress: of `changed_entries`.
 
-    NoSolutionError where the plant as typed has no certified answer; it names the other time, or
-    entries of the plant one of which, changed, makes the printed answer right. BadInputError where
-    the file does not say the time; it names the one that every digit fits."""
+    Raises NoSolutionError where the plant as typed has no certified answer; it names the other
+    time, or entries of the plant one of which, changed, makes the printed answer right. Raises
+    BadInputError where the file does not say the time; it names the one that every digit fits."""
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
         raise BadInputError(fitting_time(file) or missing)
@@ -100,7 +100,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Return a request for the time with which every printed digit is right; "" without one."""
+    """Return a request for the time with which every printed digit is right, or "" without one."""
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
         if "H" in file.answer and not plant.is_discrete:
@@ -117,7 +117,7 @@ def fitting_time(file: PrintedFile) -> str:
 def _by_digits(
     file: PrintedFile, P: np.ndarray, comparison: Comparison
 ) -> tuple[Class, str] | None:
-    """The class that needs no search; None where the digits alone do not decide."""
+    """The class that needs no search, or None where the digits alone do not decide."""
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):
@@ -162,7 +162,7 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """The class where a changed entry of the plant or a known mistake explains the answer; None
+    """The class where a changed entry of the plant or a known mistake explains the answer, or None
     where nothing does."""
     is_evident = _is_evident(file, comparison)
     is_inexact = file.learned or file.plant_rounded
@@ -219,7 +219,7 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
     """Return the least s such that changes of the plant's entries by at most s half units explain
-    every printed digit to first order; inf where none do."""
+    every printed digit to first order, or inf where none do."""
     from scipy.optimize import linprog
 
     columns = []

@@ -107,7 +107,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """P, (n, n), by two derivations. NoSolutionError where none exists."""
+    """P, (n, n), by two derivations. Raises NoSolutionError where none exists."""
     game = plant.game()
     if isinstance(game, DiscreteGame):
         return solve_discrete(game).P

@@ -61,7 +61,7 @@ class PrintedFile:
     """A plant and its printed answer.
 
     title: of the file
-    source: where it is printed; "" where the file does not say
+    source: where it is printed, or "" where the file does not say
     note: notes for the reader; or ""
     plant: as typed
     typed: the blocks of the plant
@@ -69,7 +69,7 @@ class PrintedFile:
     signs: block -> factor from the exact K or L to the convention of the print
     learned: whether the answer comes out of learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
-    assumption: how an incomplete plant was read; "" where it is complete
+    assumption: how an incomplete plant was read, or "" where it is complete
     has_time: whether the file says continuous or discrete; else the plant is taken for continuous
     """
 

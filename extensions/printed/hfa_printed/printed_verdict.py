@@ -114,8 +114,8 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
     progress: called with the entries of the plant that were searched and their number.
 
-    BadInputError for a file that cannot be read; NoSolutionError where the plant as typed has no
-    certified answer."""
+    Raises BadInputError for a file that cannot be read. Raises NoSolutionError where the plant as
+    typed has no certified answer."""
     file = load_printed(path)
     with said_of(path):
         classified = classify(file, progress)

@@ -386,7 +386,7 @@ def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
 
 
 def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
-    """Conclusion from the digits of each case; "" where they do not."""
+    """Conclusion from the digits of each case, or "" where they do not."""
     classes = []
     for text in files:
         path = folder / "right.toml"

@@ -15,7 +15,7 @@ from hfa_support.provenance import parameter_hash
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
-    """Return the aircraft with these dynamics; None where it has none of this name."""
+    """Return the aircraft with these dynamics, or None where it has none of this name."""
     return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
 
 
@@ -27,7 +27,8 @@ def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, 
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a set of parameters and its hash; None for those of another aircraft."""
+    """Return the name of a set of parameters and its hash, or None for those of another
+    aircraft."""
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

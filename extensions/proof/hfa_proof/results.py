@@ -99,7 +99,7 @@ def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str
 
 
 def outputs_in_words(subject: Subject) -> tuple[str, ...]:
-    """Return the limits of outputs in one line; "" without limits."""
+    """Return the limits of outputs in one line, or "" without limits."""
     listed = []
     for name in subject.model.outputs:
         if name in subject.limits:

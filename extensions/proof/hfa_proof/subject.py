@@ -22,7 +22,7 @@ _COLUMNS = 100
 class Field(NamedTuple):
     """The treatment of a field of a statement.
 
-    subject: name in the first line; "" for a claim, which is only shown
+    subject: name in the first line, or "" for a claim, which is only shown
     shown: whether a report shows it, apart from the digest
     """
 
@@ -107,8 +107,8 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
     table: every field of its kind
     given: path -> the user's value
 
-    NoSolutionError where an entry differs; BadInputError where the user gave a field that the
-    statement does not have.
+    Raises NoSolutionError where an entry differs. Raises BadInputError where the user gave a field
+    that the statement does not have.
     """
     stated = dict(entries_of(content, table))
     for path, own in given.items():
@@ -137,7 +137,7 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 
 
 def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
-    """Path and value of every entry; LookupError for one that the table does not have."""
+    """Path and value of every entry. Raises LookupError for one that the table does not have."""
     waiting = [(name, value) for name, value in content.items()]
     while waiting:
         path, value = waiting.pop(0)

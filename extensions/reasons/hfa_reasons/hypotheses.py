@@ -39,7 +39,7 @@ class Hypothesis(NamedTuple):
     undo: P (n, n) or K (m, n) without it.
     fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales"
         for one of each state or input. A hypothesis with fitted numbers must explain more.
-    answer: of another game; None for the exact one with a mistake.
+    answer: of another game, or None for the exact one with a mistake.
     """
 
     says: str
@@ -192,7 +192,7 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """Return k where the ratio is about 10^k; 0 where it is not positive."""
+    """Return k where the ratio is about 10^k, or 0 where it is not positive."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))

@@ -58,10 +58,10 @@ class Family(NamedTuple):
     """Games along one parameter x.
 
     says: (noun, x) -> whose answer it is.
-    answer: x -> the answer; NoSolutionError where none exists.
-    starts: where a search of x begins; none for one game alone.
+    answer: x -> the answer. Raises NoSolutionError where none exists.
+    starts: where a search of x begins, or none for one game alone.
     is_lqr: whether it is the game without disturbance.
-    plausible: the least and the largest x that somebody would choose on this plant; None for any
+    plausible: the least and the largest x that somebody would choose on this plant, or None for any
         between the starts or as far beyond them.
     """
 
@@ -276,8 +276,8 @@ def _is_diagonal(matrix: np.ndarray) -> bool:
 
 
 def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
-    """x of the least squares Σ x_i terms_i + constant = 0; None where too few equations would test
-    them."""
+    """x of the least squares Σ x_i terms_i + constant = 0, or None where too few equations would
+    test them."""
     upper = np.triu_indices(len(constant))
     matrix = np.array([term[upper] for term in terms]).T
     if len(matrix) < matrix.shape[1] + REDUNDANT:

@@ -211,7 +211,7 @@ def _V(statement: RegionStatement) -> str:
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
-    """A level and the deviations there; None where nothing was found."""
+    """A level and the deviations there, or None where nothing was found."""
     level, place = found
     if place is None:
         return None

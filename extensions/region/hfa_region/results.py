@@ -103,7 +103,7 @@ class FoundSet(ProvedSet):
     """A set that a search has found and proved.
 
     origin: what V is.
-    decrease_fails_at: the lowest V at which V' >= 0 was found; None where none was.
+    decrease_fails_at: the lowest V at which V' >= 0 was found, or None where none was.
     leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit;
         None where none does.
     lost_at: the lowest V of one whose trajectory diverges; None where none does. Trajectories that

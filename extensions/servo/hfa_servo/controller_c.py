@@ -89,8 +89,8 @@ def longest_step(controller: ScheduledController) -> float:
 def commanded_policy(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> CommandedPolicy:
-    """The controller about a trim, its commands given from outside. BadInputError when it was made
-    for another model or other values of the scheduling variable."""
+    """The controller about a trim, its commands given from outside. Raises BadInputError when it
+    was made for another model or other values of the scheduling variable."""
     names = commandable(controller)
     r = ca.SX.sym("r", len(names))
     slope = ca.SX.sym("slope", len(names))
@@ -137,9 +137,9 @@ def c_controller_texts(
     """File -> its text: header, source and, behind actuators, an example. origin: where it comes
     from, lines of text.
 
-    BadInputError when the controller was made for another model or other values of the scheduling
-    variable, an actuator cannot hold the trim, or the controller measures what these actuators do
-    not have.
+    Raises BadInputError when the controller was made for another model or other values of the
+    scheduling variable, an actuator cannot hold the trim, or the controller measures what these
+    actuators do not have.
     """
     header, source, example = CONTROLLER_FILES
     commanded = commanded_policy(controller, model, point)

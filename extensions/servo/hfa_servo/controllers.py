@@ -76,8 +76,8 @@ def design_controller(
     """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling
     variable, in one table. They measure the sensors of the design; without any the states.
 
-    BadInputError for a model that is not scheduled over one of its linear states. NoSolutionError
-    names the breakpoint at which there is no trim or no certified controller.
+    Raises BadInputError for a model that is not scheduled over one of its linear states.
+    NoSolutionError names the breakpoint at which there is no trim or no certified controller.
     """
     by = model.schedule
     if by not in model.linear:
@@ -136,7 +136,7 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
-    """The controller of one linear model; NoSolutionError when it is not certified.
+    """The controller of one linear model. Raises NoSolutionError when it is not certified.
 
     The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
     either sees, are states of the controller behind its own: e' = y - r.

@@ -49,7 +49,7 @@ class Actuator:
     """order 1: a' = -ω a + ω λ u.  order 2: a'' = -ω² a - 2 ζ ω a' + ω² λ u.
 
     bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that
-    arrives. BadInputError when the order is another or a number is not positive."""
+    arrives. Raises BadInputError when the order is another or a number is not positive."""
 
     order: int = 1
     bandwidth: float = 2.0
@@ -144,7 +144,7 @@ class Design:
     shaping: of a controller by loop shaping, which has no game
     variants: name of a model's equations -> the design's name model: whose names these are
 
-    BadInputError when a name is unknown or given twice.
+    Raises BadInputError when a name is unknown or given twice.
     """
 
     name: str
@@ -215,7 +215,7 @@ class Design:
             raise BadInputError(f"{where} the {variable}s of the shaping must increase")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
-        """BadInputError for an input that a table lacks."""
+        """Raises BadInputError for an input that a table lacks."""
         for name in self.inputs:
             if name not in table:
                 raise BadInputError(f"{where} input {name} has no {what}; every input needs one")
@@ -254,7 +254,7 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
 
 def signal_unit(model: Model, name: str) -> str:
     """The unit of a state of a controller, by its name: ft/s of speed_estimate, ft/s^2 s of the
-    integral of an acceleration; "" where the name is not of a signal of the model."""
+    integral of an acceleration, or "" where the name is not of a signal of the model."""
     without_lag = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
     whole, _ = model.part(without_lag)
     if whole in model.signals:

@@ -85,8 +85,8 @@ class DesignModel(Reported):
     def game(self) -> Game:
         """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
 
-        BadInputError when an integrated output cannot be brought to a value of choice and held
-        there, or the design has no game."""
+        Raises BadInputError when an integrated output cannot be brought to a value of choice and
+        held there, or the design has no game."""
         if self.design.shaping is not None:
             raise BadInputError(
                 f"design {self.design.name} is a loop shaping and has no game; make it with hfa"
@@ -127,8 +127,8 @@ def design_model(model: Model, linear: LinearModel, design: Design) -> DesignMod
 
     linear: made of this model
 
-    BadInputError when an output is not one, or when a sensor sees a disturbance itself: its noise
-    must not depend on the disturbance.
+    Raises BadInputError when an output is not one, or when a sensor sees a disturbance itself: its
+    noise must not depend on the disturbance.
     """
     design = design.of(model)
     n = len(linear.states)
@@ -189,7 +189,7 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
 def _refuse_seen_disturbances(
     design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
 ) -> None:
-    """BadInputError when a sensor sees a disturbance itself.
+    """Raises BadInputError when a sensor sees a disturbance itself.
 
     by_commands: (p, m), of the sensors by the commands
     by_winds: (p, len(winds)), of the sensors by the disturbances of the model

@@ -96,7 +96,7 @@ class GeneralizedPlant(Reported):
     D11: (r, k), 0 where not given
     D22: (p, m), 0 where not given
 
-    BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
+    Raises BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
     """
 
     A: np.ndarray
@@ -558,7 +558,7 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _barely_met(plant: GeneralizedPlant) -> str:
-    """The modes that are barely reached or shown, in words; "" if none exists."""
+    """The modes that are barely reached or shown, in words, or "" if none exists."""
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
     sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
     found = [

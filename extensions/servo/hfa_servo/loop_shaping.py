@@ -38,8 +38,8 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
     of C (sI - A)⁻¹ B.
 
     With A'X + XA - XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0: γ_min² = 1 + ρ(XZ), F = B'X, H =
-    γ² ((γ² - 1) I - ZX)⁻¹ Z C'. NoSolutionError when a mode that does not decay is not reached or
-    not seen."""
+    γ² ((γ² - 1) I - ZX)⁻¹ Z C'. Raises NoSolutionError when a mode that does not decay is not
+    reached or not seen."""
     from scipy.linalg import solve_continuous_are
 
     try:
@@ -56,7 +56,7 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
-    """‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and the loop is stable, from the closed loop alone; inf
+    """‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and the loop is stable, from the closed loop alone, or inf
     where it is not."""
     n, m = B.shape
     p = len(C)
@@ -131,7 +131,7 @@ def following_model(
     paid: (n,), weights of x
     rates: (m,), weights of u'
 
-    NoSolutionError when the inputs cannot hold the outputs on every command.
+    Raises NoSolutionError when the inputs cannot hold the outputs on every command.
     """
     from scipy.linalg import solve_continuous_are
 
@@ -152,7 +152,7 @@ def _held_for_ever(
     M: np.ndarray, steered: np.ndarray, outputs: np.ndarray, chosen: Following
 ) -> tuple[np.ndarray, np.ndarray]:
     """Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0], S of w' = S w, the command
-    filter. NoSolutionError when there are none."""
+    filter. Raises NoSolutionError when there are none."""
     q = len(outputs)
     size, m = steered.shape
     bandwidth, damping = chosen.filter

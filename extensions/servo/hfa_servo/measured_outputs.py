@@ -35,8 +35,8 @@ class MeasuredOutputs:
                 matrix[row, inputs.index(moved)] = 1.0
 
     def at(self, measurements: Measurements) -> ca.SX:
-        """y - Y0, (k,). BadInputError where the flight has no actuators, or none with rates, that
-        these outputs are of."""
+        """y - Y0, (k,). Raises BadInputError where the flight has no actuators, or none with rates,
+        that these outputs are of."""
         y = ca.mtimes(ca.DM(self.C), measurements.states)
         if measurements.updraft.numel():
             y = y + ca.mtimes(ca.DM(self.F), measurements.updraft)

@@ -78,7 +78,7 @@ class ScheduledController(ByValue, Reported):
     about: the table of its design, provenance
     model: whose names these are
 
-    BadInputError when a shape, an order or a name is wrong.
+    Raises BadInputError when a shape, an order or a name is wrong.
     """
 
     name: str
@@ -119,7 +119,8 @@ class ScheduledController(ByValue, Reported):
             raise BadInputError(f"{where} two states have one name; give each its own")
 
     def _check_names(self, where: str) -> None:
-        """BadInputError for a measurement, a command or an input that the model does not have."""
+        """Raises BadInputError for a measurement, a command or an input that the model does not
+        have."""
         model = self.model
         moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
         followed = {f"{name}{end}" for name in model.measurable for end in COMMAND_SIGNALS}
@@ -134,7 +135,7 @@ class ScheduledController(ByValue, Reported):
                     raise BadInputError(f"{where} unknown {what} {shown(name)}")
 
     def _check_arrays(self, where: str) -> None:
-        """BadInputError for a wrong shape or order, or a number that is not finite."""
+        """Raises BadInputError for a wrong shape or order, or a number that is not finite."""
         count = len(self.breakpoints)
         n = len(self.states)
         m = len(self.inputs)
@@ -184,7 +185,7 @@ class ScheduledController(ByValue, Reported):
         return GainSchedule(self.breakpoints, gains, self.model)
 
     def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
-        """BadInputError when it was made for another model, or lowest to highest leaves its
+        """Raises BadInputError when it was made for another model, or lowest to highest leaves its
         breakpoints."""
         if model.name != self.dynamics:
             choose = ""
@@ -319,8 +320,8 @@ def in_units_of(controller: ScheduledController, model: Model) -> ScheduledContr
 
 
 def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
-    """Return the factors from the units of one model to those of another; 1 where a name implies no
-    unit."""
+    """Return the factors from the units of one model to those of another, or 1 where a name implies
+    no unit."""
     found = [conversion(signal_unit(before, name), signal_unit(after, name)) for name in names]
     return np.array([1.0 if factor is None else factor for factor in found])
 

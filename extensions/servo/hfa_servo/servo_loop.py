@@ -56,7 +56,7 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """The matrix of [x; x_c] with the loop closed; NoSolutionError where its numbers
+        """The matrix of [x; x_c] with the loop closed. Raises NoSolutionError where its numbers
         overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
@@ -109,8 +109,7 @@ def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
     """Margins of every input and every sensor while all other loops stay closed, and of all inputs:
-    the
-    same factor, phase or delay in each. NoSolutionError when the loop is unstable."""
+    the same factor, phase or delay in each. Raises NoSolutionError when the loop is unstable."""
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)
     poles = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
@@ -270,7 +269,7 @@ def check_margins(
     """Margins about the trims at `scheduling_values` (N,), behind actuators of both orders and
     these bandwidths (rad/s), alike in all inputs; without any where `bandwidths` is empty.
 
-    BadInputError when the controller is for another model or for other scheduling values.
+    Raises BadInputError when the controller is for another model or for other scheduling values.
     """
     lowest = float(scheduling_values.min())
     controller.refuse_other(model, lowest, float(scheduling_values.max()))

@@ -12,7 +12,7 @@ from controller.riccati.normal_form import NormalForm
 
 
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
-    """Return the effect of rounding on v'P v for the stabilizing P, to first order; inf where
+    """Return the effect of rounding on v'P v for the stabilizing P, to first order, or inf where
     rounding hides whether L is stable.
 
     form: not turned. P: (n, n) and v: (n,), in the user's coordinates.

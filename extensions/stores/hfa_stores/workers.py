@@ -44,8 +44,9 @@ def open_workers(workers: int | str = 1) -> Iterator[Run]:
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
     tcp://host:port.
 
-    BadInputError when the number is not positive, Dask is not installed or the scheduler does not
-    answer. Running tasks raises NoSolutionError when a worker dies or the cluster gives up a task.
+    Raises BadInputError when the number is not positive, Dask is not installed or the scheduler
+    does not answer. Running tasks raises NoSolutionError when a worker dies or the cluster gives up
+    a task.
     """
     if isinstance(workers, str):
         with _cluster(workers) as run:

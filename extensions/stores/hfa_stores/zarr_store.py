@@ -142,7 +142,7 @@ def fill_store(
     provenance: where a new store comes from, JSON data.
     progress: called with (chunks done, chunks in all), first at the start.
 
-    BadInputError when the store exists, or is not one of this job and version.
+    Raises BadInputError when the store exists, or is not one of this job and version.
     """
     store = path.resolve()
     chunks = job.chunks
@@ -181,7 +181,7 @@ class Place(NamedTuple):
     """Place of a chunk.
 
     number: of the chunk.
-    path: of the store; None where the rows are given back instead.
+    path: of the store, or None where the rows are given back instead.
     identity: of the job.
     """
 
@@ -251,7 +251,7 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """A new store without results; BadInputError when something is there already.
+    """A new store without results. Raises BadInputError when something is there already.
 
     It is made under a temporary name and renamed, so that it appears whole.
     """
@@ -299,7 +299,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:
-    """BadInputError unless the store at `path` is of this job and of this version.
+    """Raises BadInputError unless the store at `path` is of this job and of this version.
 
     Its metadata are read as JSON; nothing is opened before they are those of a new store.
     """
@@ -364,8 +364,7 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
     """Deviations of a store from the request: a file that describes it, a file that does not belong
-    to
-    it, or a link, which may lead anywhere; "" where there is nothing."""
+    to it, or a link, which may lead anywhere, or "" where there is nothing."""
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:

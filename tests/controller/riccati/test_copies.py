@@ -32,7 +32,7 @@ def random_games(number: int) -> Iterator[Game]:
 
 
 def verdict(game: Game) -> bool | None:
-    """Return whether a game has a value; None where that is open."""
+    """Return whether a game has a value, or None where that is open."""
     return existence(NormalForm.of(game)).exists
 
 

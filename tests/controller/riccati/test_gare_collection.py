@@ -196,8 +196,8 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """How the solver does on a game; AssertionError when it accepts a wrong solution, or names a
-    wrong cause."""
+    """How the solver does on a game. Raises AssertionError when it accepts a wrong solution, or
+    names a wrong cause."""
     game = sample.game
     label = f"{sample.structure} {sample.number}"
     reference = reference_solution(game)

@@ -62,7 +62,7 @@ class VerifiedBoxes:
 def check_region(
     statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
-    """Number of boxes on which it is proved; Rejected unless the statement is proved."""
+    """Number of boxes on which it is proved. Raises Rejected unless the statement is proved."""
     loop = statement.loop
     stated = np.array(list(statement.equilibrium.values()))
     equilibrium = equilibrium_near(loop, stated)
@@ -86,8 +86,8 @@ def check_certificate(
     progress: called with the number of boxes
     model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is not a certificate, was edited, or is about another model or
-    policy; Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError when the file is not a certificate, was edited, or is about another model
+    or policy. Raises Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):

@@ -62,7 +62,8 @@ class CostInequality(OnPiece):
 
     @cached_property
     def ends(self) -> np.ndarray:
-        """(m, 2), lowest and highest v, rounded outward; Rejected unless 0 is between them."""
+        """(m, 2), lowest and highest v, rounded outward. Raises Rejected unless 0 is between
+        them."""
         names = tuple(self.plant.inputs)
         at = self.equilibrium.x[self.n :, None]
         radius = self.equilibrium.radius[self.n :, None]
@@ -99,7 +100,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Return the second derivatives of g in v, (m m,), and the v on which they depend;
+        """Return the second derivatives of g in v, (m m,), and the v on which they depend. Raises
         BadInputError where one of these has no limits."""
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
@@ -123,8 +124,8 @@ class CostInequality(OnPiece):
         return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs (N, m) of nearly the least g at z (N, n), and their slopes (N, m, n) in z; 0 where
-        an input is at its limit. Nothing depends on them."""
+        """Inputs (N, m) of nearly the least g at z (N, n), and their slopes (N, m, n) in z, or 0
+        where an input is at its limit. Nothing depends on them."""
         count = len(z)
         n, m = self.n, self.m
         v = np.zeros((count, m))
@@ -157,7 +158,7 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Rejected unless the equilibrium is within the envelope."""
+        """Raises Rejected unless the equilibrium is within the envelope."""
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):
@@ -178,8 +179,8 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes neither outside the set nor proved; RefutedError where g <
-        0."""
+        """Return the mask of the boxes neither outside the set nor proved. Raises RefutedError
+        where g < 0."""
         with np.errstate(all="ignore"):
             return self._undecided(boxes)
 
@@ -259,8 +260,8 @@ class CostInequality(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """k: g >= 0 for |y_i| <= 2^-k and all inputs within the limits; Rejected where that is not
-        proved for any.
+        """k: g >= 0 for |y_i| <= 2^-k and all inputs within the limits. Raises Rejected where that
+        is not proved for any.
 
         g and its slopes are 0 at the equilibrium. g is convex in v, its curvature above λ, so that
         the best v has Σ λ_i v_i² <= Σ b_i² / λ_i with b the slopes at v = 0; where the Hessian of g
@@ -276,7 +277,7 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """(m,), bounds of the best |v_i| on a box about the equilibrium; None where g is not
+        """(m,), bounds of the best |v_i| on a box about the equilibrium, or None where g is not
         proved convex in v."""
         if not self.m:
             return np.zeros(0)
@@ -321,8 +322,8 @@ class CostInequality(OnPiece):
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low; 0 where no
-    d exists."""
+    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low, or 0 where
+    no d exists."""
     is_convex = curvature > 0.0
     vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
     at_ends = np.minimum(_parabola(b, curvature, low), _parabola(b, curvature, high))

@@ -57,8 +57,8 @@ class VerifiedCost:
 
 
 def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
-    """The equilibrium of states and inputs near x (n + m,); Rejected unless one is proved to be
-    there.
+    """The equilibrium of states and inputs near x (n + m,). Raises Rejected unless one is proved to
+    be there.
 
     solved: which entries are unknown, as many as there are states
     """
@@ -68,7 +68,7 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Number of boxes that prove each piece; Rejected unless the statement is proved."""
+    """Number of boxes that prove each piece. Raises Rejected unless the statement is proved."""
     plant = statement.plant
     names = (*plant.states, *plant.inputs)
     stated = np.array([statement.equilibrium[name] for name in names])
@@ -96,8 +96,8 @@ def check_cost_certificate(
     progress: called with the number of boxes
     model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is not a certificate, was edited, or is about another model;
-    Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
+    Raises Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):

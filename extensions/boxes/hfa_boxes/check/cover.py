@@ -98,7 +98,8 @@ class Question(Protocol):
         """Return the mask of the boxes that do not meet the set."""
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes to halve; RefutedError at a place where the answer is no."""
+        """Return the mask of the boxes to halve. Raises RefutedError at a place where the answer is
+        no."""
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:

@@ -68,7 +68,7 @@ class Loop(Plant):
 
 
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
-    """The equilibrium of the loop near x (n,); Rejected unless one is proved to be there."""
+    """The equilibrium of the loop near x (n,). Raises Rejected unless one is proved to be there."""
     n = len(loop.states)
     return zero_near(loop.closed, x, loop.nominal[:n], range(n))
 
@@ -93,7 +93,7 @@ class Decrease(OnPiece):
         return self._functions.at_once
 
     def check_limits(self) -> None:
-        """Rejected unless every state within its extents is within its limits."""
+        """Raises Rejected unless every state within its extents is within its limits."""
         at = self.equilibrium
         limits = self.plant.ends(self.plant.states)
         for i, name in enumerate(self.plant.states):
@@ -105,7 +105,7 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return which boxes are not proved; RefutedError at a place where a function is
+        """Return which boxes are not proved. Raises RefutedError at a place where a function is
         negative."""
         models = self._functions.of(*self.symbols_on(boxes))
         proved = lowest(models, self.n) > 0.0
@@ -140,7 +140,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """k: W' < 0 for 0 < |y_i| <= 2^-k; Rejected where that is not proved for any.
+        """k: W' < 0 for 0 < |y_i| <= 2^-k. Raises Rejected where that is not proved for any.
 
         The slopes of W are G y and the rates J z, G and J in the enclosures, so that
         W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""

@@ -152,12 +152,12 @@ class OnPiece(Question):
 
     @abstractmethod
     def check_limits(self) -> None:
-        """Rejected where limits that no box decides do not hold."""
+        """Raises Rejected where limits that no box decides do not hold."""
 
     def proved(
         self, most: int, progress: Progress | None = None, longer: Sequence[int] | None = None
     ) -> int:
-        """Number of boxes on which it is proved; Rejected where it is not.
+        """Number of boxes on which it is proved. Raises Rejected where it is not.
 
         most, progress, longer: as in `cover`
         """
@@ -167,7 +167,7 @@ class OnPiece(Question):
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, n) each: N near the inverse of M, and its error; Rejected where M is
+        """(n, n) each: N near the inverse of M, and its error. Raises Rejected where M is
         singular."""
         try:
             exact = matrix(self.piece.M).inv()

@@ -69,7 +69,7 @@ class Plant:
         return np.array(pairs, dtype=float).reshape(-1, 2)
 
     def check_held(self) -> None:
-        """Rejected where a state that does not move is beyond its limits."""
+        """Raises Rejected where a state that does not move is beyond its limits."""
         for name, value in self.held.items():
             ((low, high),) = self.ends((name,))
             if not low <= value <= high:
@@ -80,7 +80,7 @@ class Plant:
 
         x: (n,), the moving states
         u: (m,), the inputs
-        w: every disturbance; None for 0
+        w: every disturbance, or None for 0
         """
         values = dict(self.held) | dict(zip(self.states, ca.vertsplit(x), strict=True))
         vectors: list[Any] = [
@@ -160,7 +160,7 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """The first signal whose stated limits are not those that the loop needs; None for none.
+    """The first signal whose stated limits are not those that the loop needs, or None for none.
 
     Those of an input are its saturation, and so the model's own: others are another loop. A state
     or an output may be kept within narrower ones."""

@@ -145,7 +145,7 @@ class BoxStatement:
 def digest_of(policy: ca.Function) -> str:
     """Return the SHA-256 of a policy's instructions and all digits of its numbers.
 
-    BadInputError where it is too large to be proved."""
+    Raises BadInputError where it is too large to be proved."""
     function = policy.expand() if policy.is_a("MXFunction") else policy
     if function.n_instructions() > LARGEST:
         raise BadInputError(

@@ -53,7 +53,7 @@ class ProvedPolicy:
 
         inputs: names, in order
         words: its description
-        P: of the game or the critic; None without one
+        P: of the game or the critic, or None without one
         """
         known = [] if P is None else [("P of the game", P)]
         return cls(gain.function(inputs), words, known, gain=gain)
@@ -76,8 +76,8 @@ def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
 
 
 def scalars(policy: ca.Function) -> ca.Function:
-    """A policy as a function of scalars, whose instructions are read; BadInputError where its
-    operations cannot be."""
+    """A policy as a function of scalars, whose instructions are read. Raises BadInputError where
+    its operations cannot be."""
     if not policy.is_a("MXFunction"):
         return policy
     try:
@@ -95,7 +95,7 @@ class SearchSettings:
     seconds: of processor time
     degree: the highest of V
     resume: whether the certificate of -o is an earlier run's
-    reason: why boxes prove it, for the report; "" where the user chose
+    reason: why boxes prove it, for the report, or "" where the user chose
     """
 
     seconds: float
@@ -141,7 +141,8 @@ def prove(
 
 
 def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
-    """The statement of an earlier run, verified; BadInputError where it is of another loop."""
+    """The statement of an earlier run, verified. Raises BadInputError where it is of another
+    loop."""
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):

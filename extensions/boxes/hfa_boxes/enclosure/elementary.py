@@ -58,7 +58,7 @@ def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A value near log t, and a bound of its distance, from exp of it; nan unless t > 0.
+    """A value near log t, and a bound of its distance, from exp of it, or nan unless t > 0.
 
     log t = y + log(t e^-y), and |log(1 + e)| <= |e| / (1 - |e|)."""
     y = np.log(np.where(t > 0.0, t, np.nan))

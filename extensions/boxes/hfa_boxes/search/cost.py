@@ -68,7 +68,7 @@ class CostBound:
     witness: that proves it
     boxes: of each piece
     seconds: processor time of the fit and of the proof of each piece
-    stopped: why no larger level is proved; "" where all initial conditions are below it
+    stopped: why no larger level is proved, or "" where all initial conditions are below it
     """
 
     statement: CostStatement
@@ -130,7 +130,7 @@ class CostSearch:
         self._save = save
 
     def found(self, earlier: VerifiedCost | None = None) -> CostBound:
-        """Return the bounds on growing sets; NoSolutionError where none is proved.
+        """Return the bounds on growing sets. Raises NoSolutionError where none is proved.
 
         earlier: proved in an earlier run, which this one continues
 

@@ -137,7 +137,7 @@ class Fit:
 
     def fitted(self) -> Polynomial:
         """The polynomial of the last of the linear programs, each with the rows that samples
-        violated in the one before; OpenBoxError where none exists."""
+        violated in the one before. Raises OpenBoxError where none exists."""
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))

@@ -16,7 +16,7 @@ _CHANGE = 1e-5
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
     """Return the rate and the signal whose slope changes most at the equilibrium, and the value of
-    the signal there; "" where the rates have no kink.
+    the signal there, or "" where the rates have no kink.
 
     program: states, or states and inputs -> rates of the states
     """

@@ -115,7 +115,7 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
-        """The largest region; NoSolutionError where none is proved.
+        """The largest region. Raises NoSolutionError where none is proved.
 
         earlier: proved in an earlier run, which this one continues
 

@@ -92,7 +92,7 @@ class Bound(NamedTuple):
     """The first obstacle found as the level grows.
 
     level: of V
-    place: deviation z (n,); None where nothing was found
+    place: deviation z (n,), or None where nothing was found
     rises: whether V' >= 0 there, or else a limit is passed
     """
 
@@ -346,7 +346,7 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """A V that falls at and about a place z (n,) too, its set hardly smaller; None without
+        """A V that falls at and about a place z (n,) too, its set hardly smaller, or None without
         one."""
         self._add(place)
         found = self._good(1.0)
@@ -361,7 +361,7 @@ class Growth:
         self._refuted = np.concatenate([self._refuted, place[None], place + near])
 
     def grown(self) -> Shape | None:
-        """A V whose set is larger than that of the last one; None where none is found."""
+        """A V whose set is larger than that of the last one, or None where none is found."""
         while self._growths:
             found = self._good(self._growths[0] ** 2)
             if found is not None and found.size() > _GAIN * self.shape.size():

@@ -45,7 +45,7 @@ def c_model_texts(
     policy: about that trim, None for none; of gains that change in time the first
     origin: where it comes from, lines of text
 
-    BadInputError for equations that C cannot express.
+    Raises BadInputError for equations that C cannot express.
     """
     model = linear.point.model
     header, source, example = AIRCRAFT_FILES

@@ -33,7 +33,7 @@ class Channel(NamedTuple):
     unit: None where it depends on the controller
     start: its initial value
     size: one scaled unit
-    rate_unit: of its rate; None where it is not needed
+    rate_unit: of its rate, or None where it is not needed
     """
 
     name: str
@@ -142,8 +142,8 @@ def exported_loop(
     v, U: of the steering, v = U without one
     actuators, memory: deviations from trim
 
-    BadInputError when an actuator cannot hold the trim, or the policy measures states that these
-    actuators lack.
+    Raises BadInputError when an actuator cannot hold the trim, or the policy measures states that
+    these actuators lack.
     """
     steering = steering or given_inputs(model, point)
     w = ca.SX.sym("w", len(model.disturbances))

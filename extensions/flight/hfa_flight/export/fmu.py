@@ -53,7 +53,7 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
-    """Write the FMU, whole or not at all. NoSolutionError when there is no C compiler, or it
+    """Write the FMU, whole or not at all. Raises NoSolutionError when there is no C compiler, or it
     fails."""
     compiler = c_compiler()
     if compiler is None:
@@ -185,7 +185,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    """The shared library of C sources; NoSolutionError where the compiler refuses them.
+    """The shared library of C sources. Raises NoSolutionError where the compiler refuses them.
 
     compiler: the command
     sources: name of a file -> its text

@@ -38,7 +38,8 @@ class InterpolatedModel:
 
     sweep: whose points are trimmed
 
-    BadInputError when a variable has fewer than two values, or a point of the sweep has no trim.
+    Raises BadInputError when a variable has fewer than two values, or a point of the sweep has no
+    trim.
     """
 
     sweep: Sweep
@@ -68,7 +69,8 @@ class InterpolatedModel:
 
         values: of every variable of the sweep, by name: a number, or (N,)
 
-        BadInputError when a variable is missing or unknown, or a value lies outside of the grid.
+        Raises BadInputError when a variable is missing or unknown, or a value lies outside of the
+        grid.
         """
         variables = self.sweep.variables
         if {*values} != {*variables}:

@@ -21,7 +21,7 @@ _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 def spread_of_file(path: str, model: Model) -> ParameterSpread:
     """The parameters of a file with [covariance], in the units of its model.
 
-    BadInputError where the file has no covariance, or a wrong one."""
+    Raises BadInputError where the file has no covariance, or a wrong one."""
     data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
     table = data.get("covariance")
     if table is None:

@@ -25,7 +25,7 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
     subject: an operating point, a linear model, or (`NamedGame`, gain)
 
-    BadInputError where the aircraft has no uncertain parameters.
+    Raises BadInputError where the aircraft has no uncertain parameters.
     """
     progress = ProgressLine("draws")
     if isinstance(subject, OperatingPoint):

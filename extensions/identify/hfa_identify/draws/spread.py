@@ -48,11 +48,11 @@ class Draws(Result):
     seed: of the draws.
     parameters: names of the drawn parameters.
     trimmed: number of aircraft with a trim within their limits.
-    stable: number of aircraft whose linear model the gain stabilizes; None without a gain.
+    stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
     cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
-        linear models; None without a gain.
+        linear models, or None without a gain.
     bands: quantity -> its band.
-    unsolved: aircraft on which the game has no solution; None without a gain.
+    unsolved: aircraft on which the game has no solution, or None without a gain.
     """
 
     json_keys = (

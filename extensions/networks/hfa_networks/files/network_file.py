@@ -167,7 +167,7 @@ def network_in(
 def _refuse_unread(
     found: Mapping[str, Parts], networks: Mapping[str, list[Layer]], name: str
 ) -> None:
-    """BadInputError for tensors of the file that may act on one of its networks."""
+    """Raises BadInputError for tensors of the file that may act on one of its networks."""
     read = {tensor for parts in found.values() for tensor in parts.layers}
     others = {key: array for key, array in found[name].others.items() if key not in read}
     unused = {key: array for key, array in found[name].unused.items() if key not in read}
@@ -244,7 +244,8 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """The layers as they are; BadInputError where the numbers in their names give another order."""
+    """The layers as they are. Raises BadInputError where the numbers in their names give another
+    order."""
     last: dict[str, Layer] = {}
     for layer in layers:
         before = last.get(_kind(layer))
@@ -262,7 +263,8 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     """Return the only order in which the sizes of consecutive layers fit and the numbers in the
     names of one kind increase.
 
-    BadInputError where several orders fit. Where none fits, the order of the numbers is returned.
+    Raises BadInputError where several orders fit. Where none fits, the order of the numbers is
+    returned.
     """
     by_kind: dict[str, list[Layer]] = {}
     for layer in sorted(layers, key=_numbers):
@@ -311,7 +313,7 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 def _activated(layers: list[Layer]) -> list[int]:
     """Return the layers followed by the activation: once between two linear layers.
 
-    BadInputError where the names do not decide whether that is before or after a LayerNorm.
+    Raises BadInputError where the names do not decide whether that is before or after a LayerNorm.
     """
     linear = [index for index, layer in enumerate(layers) if layer.is_linear]
     open_places = [
@@ -391,7 +393,7 @@ def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """The names of the activation between the layers and of that of the output; "" for none."""
+    """The names of the activation between the layers and of that of the output, or "" for none."""
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
             'a state dict does not contain its activation; give activation="tanh" (or '

@@ -330,7 +330,7 @@ def graph_functions(
     path: of the file; external weights are read from files of its folder.
     states: their number in the plant.
     inputs: their number in the plant.
-    outputs: requested kind -> name of an output of the graph; "" for all.
+    outputs: requested kind -> name of an output of the graph, or "" for all.
 
     BadInputError without the package onnx, and for a graph that is not read.
     """
@@ -388,7 +388,7 @@ def _evaluate(
     """Add the results of all nodes to the arrays; the operators on symbols with the sizes of their
     results, and the lowest precision of a constant that a node holds.
 
-    BadInputError where they have more numbers than are computed.
+    Raises BadInputError where they have more numbers than are computed.
     """
     steps = []
     precision = "float64"
@@ -420,7 +420,7 @@ def _inputs_of(
     """The name and the shape of each input: the state, or of a Q the state and the input of the
     plant, in one row or in two.
 
-    BadInputError for anything else.
+    Raises BadInputError for anything else.
     """
     shapes = {}
     for item in graph.input:
@@ -449,8 +449,8 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """BadInputError where a network takes neither the states of the plant nor, as a Q does, its
-    states and inputs."""
+    """Raises BadInputError where a network takes neither the states of the plant nor, as a Q does,
+    its states and inputs."""
     if width == states:
         return
     if inputs == 0:
@@ -532,7 +532,7 @@ def _evaluated(
 def _refuse_unread(
     name: str, operator: Callable[..., Any], inputs: list[Any], attributes: Mapping[str, Any]
 ) -> None:
-    """BadInputError where an operator has inputs or attributes that are not read."""
+    """Raises BadInputError where an operator has inputs or attributes that are not read."""
     try:
         rule = signature(getattr(operator, "pyfunc", operator))
     except ValueError:  # of NumPy's own, which take arrays alone
@@ -548,8 +548,8 @@ def _refuse_unread(
 
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
-    """Return the size of an operator's result before it is computed; 0 if it is no larger than the
-    input."""
+    """Return the size of an operator's result before it is computed, or 0 if it is no larger than
+    the input."""
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
     shapes = [np.shape(array) for array in inputs if array is not None]

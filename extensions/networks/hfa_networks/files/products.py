@@ -53,8 +53,8 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """x (N, n) -> the same (N, k), each product of all rows at once; None where no product is
-        large."""
+        """x (N, n) -> the same (N, k), each product of all rows at once, or None where no product
+        is large."""
         if not self._factors:
             return None
         steps = []

@@ -21,8 +21,8 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     Q: (x, u) (n + m,) -> 1.
     states: n.
 
-    BadInputError unless Q is one polynomial of degree 2 in u, whose coefficients may depend on x in
-    any way, and ∂²Q/∂u² is definite at x = 0.
+    Raises BadInputError unless Q is one polynomial of degree 2 in u, whose coefficients may depend
+    on x in any way, and ∂²Q/∂u² is definite at x = 0.
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(f"a network of (x, u) gives {Q.numel_out(0)} numbers; a Q is one")

@@ -46,7 +46,7 @@ def precision_of(matrix: np.ndarray) -> type[np.floating]:
 
 
 def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetwork | None:
-    """The network of layers (weight (k, n), bias (k,), name of the activation behind it); None
+    """The network of layers (weight (k, n), bias (k,), name of the activation behind it), or None
     where an activation is not among `ROW_ACTIVATIONS`."""
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None

@@ -37,7 +37,7 @@ class Normalizer(NamedTuple):
     name: of its tensors in the file.
     mean: (n,).
     deviation: (n,), above 0.
-    clip: largest absolute value; inf for none.
+    clip: largest absolute value, or inf for none.
     """
 
     name: str
@@ -57,8 +57,8 @@ class Parts(NamedTuple):
     """A network's part of a state dict, and all that is left.
 
     layers: tensors of its layers.
-    normalizer: before the first layer; None for none.
-    squash: behind the last layer; None for none.
+    normalizer: before the first layer, or None for none.
+    squash: behind the last layer, or None for none.
     others: tensors that belong to none of these, and to nothing that is known not to act.
     unused: tensors that do not act on a policy by their names, but may do so by their sizes.
     """
@@ -114,10 +114,10 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
     """Sort the tensors of a state dict by function.
 
-    part: words of the names of the layers, with + between them; "" for all.
+    part: words of the names of the layers, with + between them, or "" for all.
     is_policy: whether "" is the policy alone, and not a critic in the same file.
 
-    BadInputError where no name has one of the words, or two normalizers or squashes fit.
+    Raises BadInputError where no name has one of the words, or two normalizers or squashes fit.
     """
     groups = _grouped(tensors)
     normalizers = {}
@@ -245,7 +245,7 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """The normalizer that a module is; None where it is not one that is known."""
+    """The normalizer that a module is, or None where it is not one that is known."""
     for names, module, mean, divisor in _NORMALIZERS:
         if group.keys() == names and stem.endswith(module):
             deviation, clip = divisor(group)

@@ -58,7 +58,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
 def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
     """The tensors, floats as doubles, and the precision of the file.
 
-    BadInputError where they are no finite numbers of at least 32 bits, or too many.
+    Raises BadInputError where they are no finite numbers of at least 32 bits, or too many.
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"
@@ -124,9 +124,9 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 
 
 def refuse_pickle_bomb(content: bytes) -> None:
-    """BadInputError where reading a pickle would take more memory than its bytes, since it numbers
-    more objects than it has bytes, or more steps than a policy needs: tuples nested as deep as
-    these end the process when they are hashed."""
+    """Raises BadInputError where reading a pickle would take more memory than its bytes, since it
+    numbers more objects than it has bytes, or more steps than a policy needs: tuples nested as deep
+    as these end the process when they are hashed."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
             raise BadInputError("it is damaged: it numbers more objects than it has bytes")
@@ -223,7 +223,7 @@ class _Restricted(pickle.Unpickler):
 
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
-    """BadInputError where the members are larger together than a file may be."""
+    """Raises BadInputError where the members are larger together than a file may be."""
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
         raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
 
@@ -231,7 +231,7 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     """A member of a zip, of a bounded size, whatever size its directory states.
 
-    BadInputError where it is larger, or packed as neither torch nor NumPy does.
+    Raises BadInputError where it is larger, or packed as neither torch nor NumPy does.
     """
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1

@@ -48,7 +48,7 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
     """The row of each output of x -> y, and the nodes in them.
 
     Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
-    node: common terms of two polynomials cancel. NotReadError where the function has
+    node: common terms of two polynomials cancel. Raises NotReadError where the function has
     operations other than +, -, *, division by a constant, powers, tanh, min, max, |t|, sign and
     comparisons. The expression is that which CasADi has simplified when it was built.
     """
@@ -173,7 +173,7 @@ class _Reader:
         return {self._node("product", first, last): _ONE}
 
     def _degree(self, row: Row) -> float:
-        """Return the degree of a polynomial in the inputs; inf for other functions."""
+        """Return the degree of a polynomial in the inputs, or inf for other functions."""
         if not row.keys() <= self._powers.keys():
             return math.inf
         return max(len(self._powers[variable]) for variable in row)

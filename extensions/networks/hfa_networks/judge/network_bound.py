@@ -22,9 +22,9 @@ class Proof(NamedTuple):
 
     what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
     error: proved upper bound, relative as searched, ...
-    fraction: ... at any state |z_i| <= fraction b_i of the box; 0 where nothing is proved.
+    fraction: ... at any state |z_i| <= fraction b_i of the box, or 0 where nothing is proved.
     boxes: number of boxes in the subdivision.
-    beyond: a state (n,) with a larger error, which ended the proof; None without one.
+    beyond: a state (n,) with a larger error, which ended the proof, or None without one.
     is_of_all: whether it covers all errors that are compared.
     """
 
@@ -51,8 +51,8 @@ def prove(
     seconds: float,
     progress: Progress | None = None,
 ) -> Proof | None:
-    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`; None where
-    the function has operations without a bound.
+    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`, or None
+    where the function has operations without a bound.
 
     A box that is not bounded by the limit is halved across the input that contributes most to the
     width of its bound. Those nearest to z = 0 come first, so the fraction grows.

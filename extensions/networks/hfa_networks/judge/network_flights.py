@@ -48,12 +48,12 @@ Expression = Callable[[ca.SX], ca.SX]
 class Flown(NamedTuple):
     """The results of flights of a network from the box; the names are those of the JSON.
 
-    flights: number of initial conditions; 0 where the linear loop is unstable.
+    flights: number of initial conditions, or 0 where the linear loop is unstable.
     cost_lost_flown_percent: beyond V*, at most.
     cost_lost_flown_mean_percent: on average.
-    rest_point: (n,), the equilibrium of the linear loop; None without one.
+    rest_point: (n,), the equilibrium of the linear loop, or None without one.
     reach: the largest multiple of the box from which it converges, on the linear plant.
-    reach_nonlinear: that multiple on the nonlinear plant; None without one.
+    reach_nonlinear: that multiple on the nonlinear plant, or None without one.
     reach_nonlinear_exact: that multiple on the nonlinear plant, of the exact policy.
     """
 
@@ -71,11 +71,11 @@ class Loop(Protocol):
 
     @property
     def rest(self) -> np.ndarray | None:
-        """Return the equilibrium near z = 0, (n,); None without one."""
+        """Return the equilibrium near z = 0, (n,), or None without one."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the rest point, (n,), and the cost; None where V* about the rest point has
-        not come down."""
+        """The end less the rest point, (n,), and the cost, or None where V* about the rest point
+        has not come down."""
 
 
 class TimeAxis(Protocol):
@@ -93,8 +93,8 @@ class TimeAxis(Protocol):
         """Return whether A - B K is stable."""
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """X (n, n): under w = L* z, u = -K z costs z'Xz more than V*; None where that loop is not
-        stable."""
+        """X (n, n): under w = L* z, u = -K z costs z'Xz more than V*, or None where that loop is
+        not stable."""
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Without disturbance."""
@@ -212,7 +212,7 @@ def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.nda
 class _FlowLoop:
     """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA.
 
-    rest: its equilibrium near z = 0; None without one.
+    rest: its equilibrium near z = 0, or None without one.
     """
 
     def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
@@ -238,7 +238,7 @@ class _FlowLoop:
         return self._bound.results[0]
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end, less the rest point, and the cost; None where V* about the rest point has not
+        """The end, less the rest point, and the cost, or None where V* about the rest point has not
         come down to `RETURNED`."""
         from scipy.integrate import odeint
 
@@ -271,7 +271,7 @@ class _StepLoop:
     expressions: x, after and paid, of CasADi.
     P: (n, n), of V*.
     sums: α, and the steps of a flight.
-    rest: its equilibrium near x = 0; None without one.
+    rest: its equilibrium near x = 0, or None without one.
     by_exact: (n, n), where the exact loop is after as many steps.
     """
 
@@ -315,8 +315,8 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return z (n,) with rates(z) = 0 near 0, by Newton's method; None where none is found within
-    `_FARTHEST_REST` boxes."""
+    """Return z (n,) with rates(z) = 0 near 0, by Newton's method, or None where none is found
+    within `_FARTHEST_REST` boxes."""
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
     point = np.zeros(len(b))
     for _ in range(_NEWTON_STEPS):
@@ -407,7 +407,7 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that flights converge from a
-    few initial conditions in it and in each smaller one tried; 0 for none."""
+    few initial conditions in it and in each smaller one tried, or 0 for none."""
 
     def returns(size: float) -> bool:
         return all(loop.returned(start) is not None for start in size * starts_in(b, few))

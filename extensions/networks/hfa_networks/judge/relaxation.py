@@ -175,7 +175,7 @@ class _Affine(NamedTuple):
 class Bounds(NamedTuple):
     """Bounds of the output that is largest over each box, |e_i|.
 
-    highest: (boxes,), upper bound of all |e_i|; nan without a bound.
+    highest: (boxes,), upper bound of all |e_i|, or nan without a bound.
     lowest: (boxes,), lower bound of |e_i| at the corner (boxes, n).
     corner: (boxes, n).
     gaps: (boxes, n), contribution of each input to the width of the bound.

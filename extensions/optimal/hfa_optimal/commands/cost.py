@@ -78,7 +78,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
 
 def _part(text: str) -> float:
-    """BadInputError unless it is between 0.0001 and 0.5."""
+    """Raises BadInputError unless it is between 0.0001 and 0.5."""
     part = number(text)
     if not 1e-4 <= part <= 0.5:
         raise BadInputError("must be between 0.0001 and 0.5")
@@ -171,7 +171,7 @@ def _prove(request: CostRequest) -> int:
 
 
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
-    """The bound of an earlier run, verified; BadInputError where it is of other flights."""
+    """The bound of an earlier run, verified. Raises BadInputError where it is of other flights."""
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.fields import COST_FIELDS
     from hfa_optimal.bound import given_of

@@ -175,8 +175,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return found
 
     def deployments(self, model: Model) -> list[Deployment]:
-        """Return the deployments of the files; BadInputError for a gain without a sample time, and
-        for a sample time without a gain."""
+        """Return the deployments of the files. Raises BadInputError for a gain without a sample
+        time, and for a sample time without a gain."""
         from hfa_policy.deployment import Deployment, sampled_gain
 
         gains = [card for card in self.cards if card.suffix.lower() != ".toml"]
@@ -220,7 +220,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def _best_flights(
     request: AssessRequest, deployed: Deployed
 ) -> Callable[[AssessedPoint], BestCosts] | None:
-    """Return a function of an assessed trim: the cost of its best flights; None without them."""
+    """Return a function of an assessed trim: the cost of its best flights, or None without them."""
     count = request.compared(deployed.deployment)
     if count == 0:
         return None

@@ -120,7 +120,7 @@ def _plant(texts: Texts, is_discrete: bool) -> Plant:
 
 
 def _slipped(text: str, kind: str, rng: np.random.Generator) -> str | None:
-    """The text after a slip in its digits; None where that is no text of a number."""
+    """The text after a slip in its digits, or None where that is no text of a number."""
     sign = "-" if text.startswith("-") else ""
     digits = text.removeprefix("-")
     first = next(index for index, digit in enumerate(digits) if digit in "123456789")

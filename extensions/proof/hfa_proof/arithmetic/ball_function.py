@@ -48,8 +48,8 @@ class BallFunction:
 
         arguments: the nonzeros of each input, in the same order
 
-        Undecided when a divisor, a root or a comparison is not decided on the box; ValueError when
-        an argument has another number of entries.
+        Undecided when a divisor, a root or a comparison is not decided on the box. Raises
+        ValueError when an argument has another number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
             raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")

@@ -57,7 +57,7 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """D of L D L' = M for every symmetric M in the matrix of balls; None when a pivot may be 0.
+    """D of L D L' = M for every symmetric M in the matrix of balls, or None when a pivot may be 0.
 
     The signs of D are those of the eigenvalues (Sylvester's law of inertia). Only the lower
     triangle is read."""

@@ -90,8 +90,8 @@ def check_certificate(
     progress: called for each box
     model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is not a certificate, was edited, or is about another model;
-    Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
+    Raises Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -104,7 +104,7 @@ def check_certificate(
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Number of boxes that prove the statement; Rejected unless they do."""
+    """Number of boxes that prove the statement. Raises Rejected unless they do."""
     if isinstance(statement, ScheduleStatement):
         return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
     if isinstance(statement, GameStatement):

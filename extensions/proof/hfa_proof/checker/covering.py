@@ -23,8 +23,8 @@ def covering(
     pieces: the evidence in any order; they may overlap and reach beyond the stated interval
     box_of: the box for which a piece is evidence
 
-    Rejected where a point is not covered, and for an end that is not finite, ends in reverse order
-    or a box with another number of coordinates.
+    Raises Rejected where a point is not covered, and for an end that is not finite, ends in reverse
+    order or a box with another number of coordinates.
     """
     _check_ends(f"where {what} are needed", stated, len(stated))
     boxes = [box_of(piece) for piece in pieces]

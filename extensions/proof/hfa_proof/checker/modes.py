@@ -21,8 +21,8 @@ from hfa_proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """Return the number of eigenvalues of every A right of -rate; none lies on it. Rejected unless
-    proved."""
+    """Return the number of eigenvalues of every A right of -rate; none lies on it. Raises Rejected
+    unless proved."""
     H = matrix(line.H)
     turn = matrix(line.turn)
     n = A.parts[0].nrows()
@@ -47,7 +47,7 @@ def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
     """V = ζ'P ζ, P > 0, decreases: A'P + P A ± growth < 0 on the box, growth the change of P at the
-    largest rate. Rejected unless proved."""
+    largest rate. Raises Rejected unless proved."""
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
         if -1 in eigenvalue_signs(end, turn):
@@ -59,7 +59,7 @@ def check_motion(
 
 
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
-    """Rejected unless every symmetric matrix of the form is positive definite.
+    """Raises Rejected unless every symmetric matrix of the form is positive definite.
 
     turn: coordinates in which that is decided; the errors of the parameters are small in them
     """
@@ -87,7 +87,7 @@ def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piec
 
         2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
 
-    The left side is convex in ω: the ends of a piece decide. Rejected unless proved."""
+    The left side is convex in ω: the ends of a piece decide. Raises Rejected unless proved."""
     pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
     least, most = map(arb, actuators.effectiveness)
     n = loop.G.nrows()

@@ -52,8 +52,8 @@ NOT_PROVED = (
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Within it an error of reading or checking a certificate names the file: BadInputError where
-    the certificate is about another model, Rejected otherwise."""
+    """Within it an error of reading or checking a certificate names the file: Raises BadInputError
+    where the certificate is about another model, Rejected otherwise."""
     try:
         yield
     except BadInputError as error:
@@ -171,7 +171,7 @@ class Fields:
         """An entry of nested lists of finite numbers as an array.
 
         name: of the entry
-        shape: length of each level of lists; None for any length
+        shape: length of each level of lists, or None for any length
 
         Malformed for anything else.
         """

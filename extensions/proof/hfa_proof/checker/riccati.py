@@ -38,8 +38,8 @@ class Solution(NamedTuple):
 def solution_on(
     weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
 ) -> Solution:
-    """The solution that makes A - S P Hurwitz. Rejected unless it is proved to be near the stated
-    P(s), and its lowest eigenvalue to have the sign `lowest`.
+    """The solution that makes A - S P Hurwitz. Raises Rejected unless it is proved to be near the
+    stated P(s), and its lowest eigenvalue to have the sign `lowest`.
 
     F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at symmetric P,
     and its one root near a symmetric P(s) is symmetric, because its transpose is a root too."""
@@ -93,7 +93,7 @@ def check_axis(
     """No solution makes A - S P Hurwitz, because H = [[A, -S], [-Q, -A']] has an eigenvalue j ω.
 
     The spectrum of H is symmetric, so that det(j ω I - H) is real: where it changes its sign there
-    is one. Rejected unless it is proved to do so among the frequencies, rad/s."""
+    is one. Raises Rejected unless it is proved to do so among the frequencies, rad/s."""
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
     identity = acb_mat(matrix(np.eye(len(rows))))
@@ -125,7 +125,8 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 
 
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
-    """Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of W."""
+    """Raises Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of
+    W."""
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []
     if "W" in critic:

@@ -10,7 +10,8 @@ from hfa_proof.checker.reading import Rejected
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Krawczyk's test: where about x̂(s) the one root of F is, a column; Rejected unless proved.
+    """Krawczyk's test: where about x̂(s) the one root of F is, a column. Raises Rejected unless
+    proved.
 
     residual: F along x̂, a column
     J: F' where |e_i| <= r_i

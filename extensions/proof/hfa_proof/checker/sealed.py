@@ -41,8 +41,8 @@ def claims_of(content: dict[str, Any]) -> Fields:
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a certificate; BadInputError when the file is not a certificate or was
-    edited."""
+    """Return the kind of a certificate. Raises BadInputError when the file is not a certificate or
+    was edited."""
     content, _ = read_sealed(path)
     return str(content.get("kind"))
 

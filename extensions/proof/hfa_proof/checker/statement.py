@@ -289,7 +289,7 @@ class ScheduleStatement:
     loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
     modes: of the aircraft alone, likewise
     decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
-        1/s; 0 if there is no such run
+        1/s, or 0 if there is no such run
     scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or none
     """
 
@@ -360,7 +360,7 @@ class GameStatement:
         """The statement of a certificate.
 
         entries: of the statement
-        model: of the aircraft; None where the game is of a plant's matrices
+        model: of the aircraft, or None where the game is of a plant's matrices
 
         Malformed names the first wrong entry.
         """

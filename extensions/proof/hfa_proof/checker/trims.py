@@ -51,8 +51,8 @@ class LinearModelBox:
 def linear_model_on(
     flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
 ) -> LinearModelBox:
-    """Return the linear model on a box; Rejected unless it is proved to contain a trim within all
-    limits.
+    """Return the linear model on a box. Raises Rejected unless it is proved to contain a trim
+    within all limits.
 
     decimals: cover all decimals that round to the parameters and imposed values, not only the
         doubles
@@ -104,8 +104,8 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
     linear: slopes of the equations on the box
     radii: of the unknowns about the polynomials
 
-    Rejected unless there is one trim within the radii. Equations that no unknown moves must hold
-    exactly.
+    Raises Rejected unless there is one trim within the radii. Equations that no unknown moves must
+    hold exactly.
     """
     moved = []
     for row, slopes in enumerate(linear.slopes):
@@ -120,7 +120,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Rejected unless every value that the trim finds lies within its limits.
+    """Raises Rejected unless every value that the trim finds lies within its limits.
 
     flight: its limits; a value that it imposes was compared when the statement was read
     values: name -> value on the box
@@ -151,8 +151,8 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     """Every stated trim is one, and the boxes from it to the next stated trim, at least one, are on
     its branch.
 
-    Two boxes are on one branch if at a common scheduling value the trim of one lies where the
-    other has no other trim than its own. Rejected unless proved."""
+    Two boxes are on one branch if at a common scheduling value the trim of one lies where the other
+    has no other trim than its own. Raises Rejected unless proved."""
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):

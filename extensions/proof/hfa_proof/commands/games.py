@@ -27,7 +27,7 @@ class Stated(NamedTuple):
 
     request: options of the command
     named: the game
-    family: the flights of the aircraft; None for a plant from a file
+    family: the flights of the aircraft, or None for a plant from a file
     value: scheduling value, as typed, or that of the trim"""
 
     request: SolutionRequest
@@ -118,7 +118,7 @@ def critic(request: CriticRequest) -> int:
 
 
 def _prepared(request: SolutionRequest) -> None:
-    """BadInputError where flint is missing, or -o names no file of a certificate."""
+    """Raises BadInputError where flint is missing, or -o names no file of a certificate."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

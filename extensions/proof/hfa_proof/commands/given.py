@@ -67,7 +67,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     statement: which was proved
     request: options of the command
 
-    BadInputError for an option that names a field which the statement does not have.
+    Raises BadInputError for an option that names a field which the statement does not have.
     """
     flight = getattr(statement, "flight", getattr(statement, "plant", None))
     if not isinstance(flight, Flight):
@@ -137,8 +137,8 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
 
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """K, P and W of --weights. NoSolutionError where the file has no K and the statement's K is not
-    the gain of its P or W."""
+    """K, P and W of --weights. Raises NoSolutionError where the file has no K and the statement's K
+    is not the gain of its P or W."""
     request.refuse(("design",), "is of a schedule, but the certificate is about a game")
     if request.weights is None:
         request.refuse(("basis",), "is of W; add --weights FILE")
@@ -192,7 +192,7 @@ def _given_controller(
 
 
 def _stated_intervals(statement: ScheduleStatement) -> Intervals | None:
-    """Return the intervals of uncertain actuators of the statement; None for a file of gains."""
+    """Return the intervals of uncertain actuators of the statement, or None for a file of gains."""
     actuators = statement.actuators
     if not isinstance(actuators, UncertainActuators):
         return None

@@ -70,7 +70,7 @@ class Proof(Reported):
     def write(self, path: Path, origin: Provenance) -> None:
         """The certificate, every number a double in full; of which run it is is not in its digest.
 
-        NoSolutionError where nothing is proved that it could state."""
+        Raises NoSolutionError where nothing is proved that it could state."""
         if not self.witness:
             raise NoSolutionError("nothing is proved; there is nothing to certify")
         witness = witness_content(self.witness)
@@ -110,7 +110,8 @@ class CertificateFile:
 
         statement: the statement to prove; its flight without trims, controller and actuators
 
-        BadInputError when the file is not a certificate of this statement, or does not prove it."""
+        Raises BadInputError when the file is not a certificate of this statement, or does not prove
+        it."""
         if not self._resume:
             return {}
         try:

@@ -150,7 +150,7 @@ def _flight_said(flight: Flight) -> tuple[str, Content]:
 
 
 def _identity(flight: Flight) -> tuple[str, str] | None:
-    """Return the name and the hash of the parameters; None for an aircraft of a file."""
+    """Return the name and the hash of the parameters, or None for an aircraft of a file."""
     return None if flight.model.extras.source[1] else identity_of(flight.parameters)
 
 

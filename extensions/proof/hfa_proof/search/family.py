@@ -125,8 +125,8 @@ class Family:
         return find_operating_point(model, self.condition(scheduling_value))
 
     def flight(self, low: float, high: float) -> Flight:
-        """Return the flights of an interval in the form of a statement, without their stated
-        trims. BadInputError where a limit is wider than the model's."""
+        """Return the flights of an interval in the form of a statement, without their stated trims.
+        Raises BadInputError where a limit is wider than the model's."""
         model = self.model
         condition = self.condition()
         imposed = dict(condition.imposed)
@@ -145,7 +145,7 @@ class Family:
         return Flight(model, parameters, spread, imposed, limits, low, high, ())
 
     def check(self, low: float, high: float) -> None:
-        """BadInputError unless the trims of the interval are of the kind that is proved."""
+        """Raises BadInputError unless the trims of the interval are of the kind that is proved."""
         model = self.model
         if not model.schedule:
             raise BadInputError(
@@ -191,7 +191,7 @@ class TrimSearch:
     def linear_model(self, box: Box) -> LinearModelBox:
         """Return the linear model on a box.
 
-        Undecided or Rejected when the box is too wide or a trim may lie beyond its limits;
+        Undecided or Rejected when the box is too wide or a trim may lie beyond its limits. Raises
         TrimError when the middle has no trim."""
         if box not in self._linear_models:
             trim = self.trim_box(box)
@@ -199,7 +199,7 @@ class TrimSearch:
         return self._linear_models[box]
 
     def _refuse_what_nothing_balances(self, low: float) -> None:
-        """BadInputError when an equation that no unknown moves does not hold."""
+        """Raises BadInputError when an equation that no unknown moves does not hold."""
         start = self.family.point(low).values
         trim = TrimBox(low, low, {}, {})
         values: dict[str, Any] = known_values(self.flight, trim, decimals=False)

@@ -60,7 +60,7 @@ class Loop:
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """The interval, cut at the breakpoints. BadInputError when they do not reach."""
+        """The interval, cut at the breakpoints. Raises BadInputError when they do not reach."""
         if not low < high:
             raise BadInputError(
                 f"the interval goes from {low:g} to {high:g}; give the lower end first"
@@ -88,7 +88,7 @@ def loop_of_gains(
     K: (g, m, n), or with intervals (g, m, n + m)
     intervals: of bandwidth, effectiveness and delay of the actuators
 
-    BadInputError for a single gain and for other shapes.
+    Raises BadInputError for a single gain and for other shapes.
     """
     if len(breakpoints) < 2:
         raise BadInputError("a table of gains needs at least two breakpoints, in increasing order")

@@ -93,8 +93,8 @@ def prove_models(
     value between two breakpoints, below the tolerance.
 
     `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K (g, m, n)
-    there, and as `error` the bounds of `ModelsStatement`. Breakpoints are ends of cells
-    of 1/16 of a step, or less. NoSolutionError when no step is fine enough."""
+    there, and as `error` the bounds of `ModelsStatement`. Breakpoints are ends of cells of 1/16 of
+    a step, or less. Raises NoSolutionError when no step is fine enough."""
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
     grid = GridSearch(family, low, high, tolerance)
@@ -122,7 +122,7 @@ class GridSearch:
         self._weights = weights_of(self._game)
 
     def add(self, box: Box) -> None:
-        """Prove a box, or its parts. NoSolutionError where that is not possible."""
+        """Prove a box, or its parts. Raises NoSolutionError where that is not possible."""
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
@@ -131,8 +131,8 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
-        """The proved cell; None where it could be halved and uses up too much of the tolerance with
-        breakpoints at its own ends."""
+        """The proved cell, or None where it could be halved and uses up too much of the tolerance
+        with breakpoints at its own ends."""
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
         if box.high - box.low > _NARROWEST * self.family.step:
@@ -143,7 +143,7 @@ class GridSearch:
         return cell
 
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
-        """Rejected where the solution of the game is not found."""
+        """Raises Rejected where the solution of the game is not found."""
         solution_box = _solution_near(self._game, self._weights, linear)
         for reach in _REACHES:
             tried = replace(solution_box, reach=arb(reach * float(solution_box.reach)))

@@ -231,7 +231,8 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (
-        f"{'' if stable else 'requested '}for every actuator bandwidth from {slow:g} to {fast:g} rad/s,"
+        f"{'' if stable else 'requested '}for every actuator bandwidth from {slow:g} to {fast:g}
+        rad/s,"
         f" the same of all inputs; for effectiveness from {least:g} to {most:g}\nand delay up to "
         f"{actuators.delay:g} s of each input for itself, changing at any time, as when commands "
         "are sampled and held"
@@ -256,7 +257,7 @@ def game_report(
     critic its distances from the solution.
 
     data: of the proof, with the entry `statement`
-    states: names of the rows of P; () for z1, z2, ...
+    states: names of the rows of P, or () for z1, z2, ...
     origin: whose game it is, for the title
     file: of the critic, for the title
     """

@@ -200,7 +200,7 @@ class ScheduleSearch:
                 self.boxes["modes"].append(ProvedBox(box, least, most, line.rate, content))
 
     def prove_motion(self, progress: Progress | None) -> None:
-        """Prove a rate up to which the scheduling value may move; None if nothing is proved."""
+        """Prove a rate up to which the scheduling value may move, or None if nothing is proved."""
         search = MotionSearch(self)
         for rate in search.suggested_rates():
             boxes = search.boxes(rate, progress)
@@ -347,7 +347,7 @@ class MotionSearch:
         return rates
 
     def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """The boxes on which the rate is proved; none when it is not on all of them."""
+        """The boxes on which the rate is proved, or none when it is not on all of them."""
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
         for whole in told(self._boxes, progress):

@@ -64,7 +64,7 @@ _SHARP = 1e-6
 
 
 def weights_of(game: Game) -> Weights:
-    """Return the weights of a game for a statement. NoSolutionError unless Q >= 0 and R > 0,
+    """Return the weights of a game for a statement. Raises NoSolutionError unless Q >= 0 and R > 0,
     decided exactly."""
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
@@ -105,9 +105,9 @@ class ExactGame:
 
         game: in doubles
         family: whose linear model A and B are; None: they are the matrices of the game, exactly
-        scheduling_value: of the linear model; None without a family
+        scheduling_value: of the linear model, or None without a family
 
-        NoSolutionError where `weights_of` raises it, or no trim is found.
+        Raises NoSolutionError where `weights_of` raises it, or no trim is found.
         """
         weights = weights_of(game)
         if family is None or scheduling_value is None:
@@ -136,8 +136,8 @@ class ExactGame:
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """The stabilizing solution, whose lowest eigenvalue has this sign, proved. NoSolutionError
-        when that cannot be done."""
+        """The stabilizing solution, whose lowest eigenvalue has this sign, proved. Raises
+        NoSolutionError when that cannot be done."""
         A, B = self.wide if decimals else self.doubles
         box = find_solution(self.game, self.weights, A, B)
         return box, solution_on(self.weights, A, B, box, lowest)
@@ -152,7 +152,7 @@ class ExactGame:
 
     def why_no_value(self) -> SolutionBox | list[float] | None:
         """A stabilizing solution with a negative eigenvalue, or frequencies between which the
-        Hamiltonian has an eigenvalue on the axis; None when no value is not proved."""
+        Hamiltonian has an eigenvalue on the axis, or None when no value is not proved."""
         try:
             return self.solution(lowest=-1)[0]
         except (NoSolutionError, ArithmeticError):
@@ -187,7 +187,8 @@ class ExactGame:
 def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
     """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
 
-    NoSolutionError when the Schur method finds none, or a mode of A - S P may lie on the axis."""
+    Raises NoSolutionError when the Schur method finds none, or a mode of A - S P may lie on the
+    axis."""
     form = NormalForm.of(game)
     units = form.units
     start = by_schur(form)
@@ -239,7 +240,7 @@ class Bracket:
 def prove_delta_min(
     exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """The narrowest bracket of delta_min that can be proved; None when none can.
+    """The narrowest bracket of delta_min that can be proved, or None when none can.
 
     exact: the game; its own δ plays no part
     in_doubles: delta_min as computed in doubles, where the search begins
@@ -302,7 +303,7 @@ def prove_solution(
     `data` of the result has P, the printed one, and `relative_radius`, within which the exact
     solution lies (Frobenius), also for every parameter that reads as the same decimal where the
     game is the aircraft's. Proved are P > 0, A - S P and A - B K Hurwitz, delta above the proved
-    bracket of delta_min. NoSolutionError when the game has no value, or when it cannot be
+    bracket of delta_min. Raises NoSolutionError when the game has no value, or when it cannot be
     enclosed."""
     _tell(progress, "solving in doubles")
     P = solve_game(game).P
@@ -365,7 +366,7 @@ def prove_critic(
     """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz;
     `proved` if it does.
 
-    BadInputError for a network, about which nothing is proved."""
+    Raises BadInputError for a network, about which nothing is proved."""
     if critic.network:
         raise BadInputError("a network is not supported here; give W, P or K")
     exact = ExactGame.of(game, family, scheduling_value)

@@ -27,8 +27,8 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return the pieces that prove the loop on a box for all of its actuators; empty when none are
-    found."""
+    """Return the pieces that prove the loop on a box for all of its actuators, or empty when none
+    are found."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -113,7 +113,7 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """H and X that serve all of the points (rates, rows), in doubles; None when there are none.
+    """H and X that serve all of the points (rates, rows), in doubles, or None when there are none.
 
     The largest t with the form of `decrease` - t I >= 0 at all points, 0 <= H <= I, 0 <= X <= 100,
     in the modes of their mean, is found by Clarabel (Goulart and Chen, 2024); t > 0 is needed."""
@@ -142,7 +142,7 @@ def _largest_margin(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """H, (n, n), and the diagonal of X, (size - n,), of the largest t with the form of `decrease`
-    - t I >= 0 at all points (rates, rows), 0 <= H <= I, 0 <= X <= 100; None unless t > 0."""
+    - t I >= 0 at all points (rates, rows), 0 <= H <= I, 0 <= X <= 100, or None unless t > 0."""
     import cvxpy as cp
 
     n, size = points[0][0].shape

@@ -42,7 +42,7 @@ COMBINED = 100
 
 
 def checked(made: Content, kind: str, folder: Path) -> Report | None:
-    """Return the report of a certificate; None where it is refused."""
+    """Return the report of a certificate, or None where it is refused."""
     try:
         verified = check_certificate(forge(folder / "forged.json", made), model=model_of(kind))
     except (Rejected, BadInputError, Malformed):
@@ -51,7 +51,7 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """The certificate with these changes one after the other; None where one finds nothing."""
+    """The certificate with these changes one after the other, or None where one finds nothing."""
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:

@@ -45,8 +45,8 @@ def check_certificate(
     progress: called for each part
     model: the user's aircraft, for a certificate about it
 
-    BadInputError when the file is not a certificate, was edited, or is about another model;
-    Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
+    Raises Rejected when entries are not understood or do not prove the statement.
     """
     content, written = read_sealed(path)
     with naming(path):

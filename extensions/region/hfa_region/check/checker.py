@@ -45,7 +45,7 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 def check_region(
     statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
-    """Number of parts on which V' < 0 is proved; Rejected unless the statement is proved."""
+    """Number of parts on which V' < 0 is proved. Raises Rejected unless the statement is proved."""
     loop = RegionLoop(statement, witness.T, witness.order)
     one = Polynomial.constant(arb(1))
     length = power_of_length(loop.n, 2)
@@ -72,8 +72,8 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Rejected unless the parts hold every combination of inputs that are free or at a limit and of
-    disturbances at their ends."""
+    """Raises Rejected unless the parts hold every combination of inputs that are free or at a limit
+    and of disturbances at their ends."""
     stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
         low, high = loop.reaches(name)
@@ -110,7 +110,7 @@ def _check_extents(
     extents: Mapping[str, tuple[Evidence, Evidence]],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Rejected unless every state stays within its extent, and with it within its limits."""
+    """Raises Rejected unless every state stays within its extent, and with it within its limits."""
     statement = loop.statement
     for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
         reach = loop.reach(index)
@@ -133,7 +133,7 @@ def _check_deviation(
     evidence: tuple[Evidence, Evidence],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Rejected unless a state's deviation in the set is proved to lie between the ends."""
+    """Raises Rejected unless a state's deviation in the set is proved to lie between the ends."""
     name = loop.statement.loop.states[index]
     deviation = loop.deviation(index)
     from_low = deviation - Polynomial.constant(ends[0])

@@ -56,7 +56,7 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input from its lowest and highest value; None without
+        """Return the distances of an input from its lowest and highest value, or None without
         limit."""
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
@@ -86,7 +86,7 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """The one equilibrium near x0; Rejected unless it is proved to be there."""
+        """The one equilibrium near x0. Raises Rejected unless it is proved to be there."""
         n = len(self._x0)
         x = list(self._x0)
         for _ in range(_STEPS):
@@ -113,7 +113,8 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Rejected unless it is the stated trim, with all inputs strictly within their limits."""
+        """Raises Rejected unless it is the stated trim, with all inputs strictly within their
+        limits."""
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
@@ -216,7 +217,7 @@ class RegionLoop:
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
 
-        Rejected where an output may leave its limits.
+        Raises Rejected where an output may leave its limits.
         """
         total = self._taylor(Polynomial([{}]))
         for slope, rate in zip(self.gradient, self.rates(part), strict=True):
@@ -224,8 +225,8 @@ class RegionLoop:
         return total
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
-        """z' where each input is free or at its limit and each disturbance at its end; Rejected
-        where an output may leave its limits under any disturbance."""
+        """z' where each input is free or at its limit and each disturbance at its end. Raises
+        Rejected where an output may leave its limits under any disturbance."""
         key = tuple(part.values())
         if key not in self._rates:
             sizes = {name: exact(size) for name, size in self.statement.loop.disturbances.items()}
@@ -263,7 +264,7 @@ class RegionLoop:
         return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
-        """Rejected unless each is proved to lie within its limits on the whole unit ball."""
+        """Raises Rejected unless each is proved to lie within its limits on the whole unit ball."""
         for name, value in zip(self.statement.loop.limited_outputs, values, strict=True):
             low, high = self.statement.loop.limits[name]
             ball = value.range()
@@ -340,8 +341,8 @@ def _is_invertible(T: arb_mat) -> bool:
 
 
 def refuse_curved(loop: SaturatedLoop) -> None:
-    """BadInputError where a rate is not affine in the disturbances: their ends would not be the
-    worst."""
+    """Raises BadInputError where a rate is not affine in the disturbances: their ends would not be
+    the worst."""
     if not loop.disturbances:
         return
     function = _function(loop, outputs=False)

@@ -32,7 +32,7 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return why boxes prove the region of a polynomial policy better than sums of squares; ""
+    """Return why boxes prove the region of a polynomial policy better than sums of squares, or ""
     where they do not."""
     from hfa_region.check.loop import Equilibrium
 
@@ -55,7 +55,7 @@ def prove_gain_on_boxes(
 ) -> int:
     """Prove the region of a polynomial policy; the exit code.
 
-    P: of the game or the critic; None without one
+    P: of the game or the critic, or None without one
     reason: as of `better_on_boxes`
     """
     request.refuse(_OF_SQUARES, "is of --prover squares; leave it out")
@@ -135,7 +135,8 @@ def continuous(deployed: Deployed) -> ca.Function:
 
     z: deviations of the moving states; trim: all states, the inputs and the parameters
 
-    BadInputError where an observation or a map takes an input, which the policy itself moves.
+    Raises BadInputError where an observation or a map takes an input, which the policy itself
+    moves.
     """
     model = deployed.model
     n, m = len(model.states), len(model.inputs)

@@ -31,7 +31,7 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
     critic: whose policy is a polynomial of degree `HIGHEST_POLICY` at most, 0 at z = 0
     inputs: names, in the order of the game
 
-    BadInputError for another policy.
+    Raises BadInputError for another policy.
     """
     if critic.linear:
         return {}
@@ -74,7 +74,7 @@ def _terms(u: ca.SX, z: ca.SX) -> Terms:
 
 
 def _check_same(u: ca.Function, terms: Terms) -> None:
-    """BadInputError unless the terms are the whole policy, and 0 at z = 0."""
+    """Raises BadInputError unless the terms are the whole policy, and 0 at z = 0."""
     n = u.numel_in(0)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
     total = np.zeros(_POINTS)

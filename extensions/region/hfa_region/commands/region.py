@@ -221,8 +221,8 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
-    """Return V of the certificate of an earlier run, verified, its proved level 1. BadInputError
-    where it is of another loop."""
+    """Return V of the certificate of an earlier run, verified, its proved level 1. Raises
+    BadInputError where it is of another loop."""
     if not request.resume:
         return None
     from hfa_region.check.certificate import check_certificate

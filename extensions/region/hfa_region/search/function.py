@@ -101,7 +101,7 @@ class PolynomialFunction:
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
     def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
-        """The first share of each ray (N, n) at which V reaches a level; inf where it does not.
+        """The first share of each ray (N, n) at which V reaches a level, or inf where it does not.
 
         The coefficients of V along a ray are those of a polynomial in the share."""
         degrees = self.exponents.sum(axis=1)

@@ -91,7 +91,7 @@ def minimized(
     tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
-    """The free numbers and matrices of least cost, or of one that is enough; None where the
+    """The free numbers and matrices of least cost, or of one that is enough, or None where the
     equations are not solved.
 
     groups: of equations

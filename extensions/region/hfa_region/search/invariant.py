@@ -104,7 +104,7 @@ class EdgeSearch(LevelSearch):
 def invariant_region(
     region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
 ) -> Region:
-    """Return the largest set that is proved invariant; NoSolutionError where none is found.
+    """Return the largest set that is proved invariant. Raises NoSolutionError where none is found.
 
     region: of the loop without disturbance
     disturbances: name -> largest absolute value
@@ -210,7 +210,7 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """The largest level of a V that is found and passes the check; None where none does."""
+    """The largest level of a V that is found and passes the check, or None where none does."""
     n = len(candidate.T)
     degree = candidate.V.degree
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)

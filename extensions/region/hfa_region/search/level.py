@@ -136,7 +136,8 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Evidence that V' < 0 on a part where `_level_constraints` hold; None where none is found.
+        """Evidence that V' < 0 on a part where `_level_constraints` hold, or None where none is
+        found.
 
         share: of rho, the level
         enough: a margin with which the solver may stop"""
@@ -157,7 +158,7 @@ class LevelSearch:
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Each part of {V <= rho} with the evidence that V' < 0 on it; None where a part has
+        """Each part of {V <= rho} with the evidence that V' < 0 on it, or None where a part has
         none."""
         found = []
         for part in self.parts:
@@ -177,7 +178,7 @@ class LevelSearch:
         return True
 
     def largest(self, least: float = 1e-5) -> float:
-        """The largest share of rho that holds, by bisection; 0 where `least` does not."""
+        """The largest share of rho that holds, by bisection, or 0 where `least` does not."""
         if self.holds(1.0):
             return 1.0
         if not self.holds(least):
@@ -195,7 +196,7 @@ class LevelSearch:
         return low
 
     def evidence(self) -> dict[str, Any] | None:
-        """The whole witness of {V <= rho}; None where a part is not found."""
+        """The whole witness of {V <= rho}, or None where a part is not found."""
         if self.proofs is None:
             return None
         parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
@@ -349,7 +350,7 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """The Gram matrices of `positive`, whose arguments these are; None where there are none, or
+    """The Gram matrices of `positive`, whose arguments these are, or None where there are none, or
     their margin is below `MARGIN`."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
@@ -369,7 +370,7 @@ def _length(variables: int) -> Terms:
 
 
 def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
-    """Evidence that {V <= 1} lies in the open unit ball; None where none is found.
+    """Evidence that {V <= 1} lies in the open unit ball, or None where none is found.
 
     V: over rho, in y
     degree: of V
@@ -383,8 +384,8 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 
 
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
-    """T with {V <= rho} in the unit ball of y, z = T y, proved in floating point; None where none
-    is found.
+    """T with {V <= rho} in the unit ball of y, z = T y, proved in floating point, or None where
+    none is found.
 
     V: the function
     rho: its level
@@ -408,7 +409,7 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
 def proved_level(
     loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
-    """The largest level of V up to rho that is found and passes the check; None where none does.
+    """The largest level of V up to rho that is found and passes the check, or None where none does.
 
     loop: the saturated loop
     V: the function

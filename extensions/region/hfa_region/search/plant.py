@@ -218,7 +218,7 @@ def first_rise(
 
 
 def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """The smallest share of each ray (N, n) where V' >= 0 is found, refined; inf where none."""
+    """The smallest share of each ray (N, n) where V' >= 0 is found, refined, or inf where none."""
     count, n = rays.shape
     points = (radii[:, None, None] * rays).reshape(-1, n)
     rising = _rises(plant, slope, points).reshape(len(radii), count)

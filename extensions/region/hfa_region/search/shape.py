@@ -28,7 +28,7 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """A V, its level 1, whose set is larger than that of the search; None where none is found.
+    """A V, its level 1, whose set is larger than that of the search, or None where none is found.
 
     search: of the V at hand, whose level holds
     rows: (k, n), slopes of the signals that have limits

@@ -162,7 +162,7 @@ class Squares:
     def solve(
         self, margin: float | None = None, seconds: float = np.inf, enough: float | None = None
     ) -> Solution | None:
-        """The best unknowns; None where the solver finds none.
+        """The best unknowns, or None where the solver finds none.
 
         margin: that of the Gram matrices, instead of the largest; then the least cost is found to
             `_NEAR` of it
@@ -265,7 +265,7 @@ def positive(
     enough: float | None = None,
 ) -> tuple[float, dict[str, Any]] | None:
     """The margin with which a target is a sum of squares where the constraints are not negative,
-    and the Gram matrices; None where the solver fails.
+    and the Gram matrices, or None where the solver fails.
 
     target: polynomial
     constraints: name, polynomial and the degrees of the monomials of its multiplier
