@@ -164,9 +164,9 @@ def is_network(path: Path) -> bool:
     return _format_of(path) != ""
 
 
-def _format_of(path: Path) ->
-str:
-    """Return the entry point in `CRITICS` that reads a file, or "" for the arrays of this module."""
+def _format_of(path: Path) -> str:
+    """Return the entry point in `CRITICS` that reads a file, or "" for the arrays of this
+    module."""
     suffix = path.suffix.lower()
     names: list[str] = []
     try:

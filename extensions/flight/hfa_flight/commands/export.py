@@ -72,9 +72,8 @@ def export(request: ExportRequest) -> int:
     A folder contains C source without dependencies: the equations, the trim of --at, A, B, a
     gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
     closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy
-    DEPLOYMENT.toml
-    writes only the command of a deployed policy at a sample, including normalizer, clip and map.
-    FILE.m is a function of MATLAB and Octave that makes state-space systems of the .mat files of
+    DEPLOYMENT.toml writes only the command of a deployed policy at a sample, including normalizer,
+    clip and map. FILE.m is a function of MATLAB and Octave that makes state-space systems of the .mat files of
     `hfa sweep` and `hfa linearize`."""
     names_no_policy = (
         not request.law
