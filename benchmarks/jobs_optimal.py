@@ -34,7 +34,7 @@ _SECONDS = 30.0
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """The second and later solutions: what is built once an aircraft is built."""
+    """Time the second and later solutions, after everything that is built once per aircraft."""
     if importlib.util.find_spec("rockit") is None:
         return []
     model = load_model(f"{_GTM}:GTM")

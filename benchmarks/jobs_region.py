@@ -15,7 +15,7 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """From the command to its report, once."""
+    """Time the command once, with its report."""
     name = "pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM"
     aircraft = Path(__file__).parents[1] / "examples" / name
     start = time.perf_counter()

@@ -124,7 +124,7 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
 
 
 def _sized(job: str, count: int) -> Size:
-    """One job of that size, timed after one of the smallest size, which loads what it needs."""
+    """Time one job of this size, after one of the smallest size that loads all modules."""
     prepared = {"points": _points, "flights": _flights, "states": _states, "networks": _networks}
     smallest = _GROWING[job][2][0]
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as folder:

@@ -88,7 +88,7 @@ class Size(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A job at growing sizes, and what the sizes count."""
+    """A job at growing sizes, and the unit of the sizes."""
 
     job: str
     unit: str

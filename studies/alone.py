@@ -1,4 +1,4 @@
-"""A study as a program of its own."""
+"""A study as a separate program."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def _bits(columns: int) -> int:
 
 
 def _summed(of_rows: list[np.ndarray], of_columns: list[np.ndarray]) -> Pair:
-    """The product of the sums of these slices, without what is smaller than the last ones."""
+    """The product of the sums of these slices, without terms smaller than the last slices."""
     parts = [  # products of slices of one size at once, largest first
         np.concatenate(of_rows[:order], axis=-1)
         @ np.concatenate(of_columns[order - 1 :: -1], axis=-2)

@@ -79,7 +79,7 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return the smallest δ of a game, to 1e-6 relative, independent of its own delta.
+    """Return the smallest δ of a game, to 1e-6 relative, independent of the delta in the game.
 
     Raises NoSolutionError when none exists, and names the mode that rules out every solution, if
     one is found.

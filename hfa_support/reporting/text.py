@@ -73,7 +73,7 @@ def matrix_table(
 def entry_rows(
     P: tuple[np.ndarray, ...], K: tuple[np.ndarray, ...], names: Any
 ) -> list[tuple[Any, ...]]:
-    """Rows (matrix, row, column, its entry in each P or K, unit): of the P, then of the K.
+    """Return rows (matrix, row, column, its entry in each P or K, unit), those of P first.
 
     P: (n, n) each
     K: (m, n) each

@@ -148,7 +148,7 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What a row shows of flights, and the flights."""
+    """Return the entries of a row about flights, and the flights."""
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]
     ratios = [each["linear_over_best"] for each in found if each["linear_over_best"] is not None]

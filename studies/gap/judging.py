@@ -135,7 +135,7 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """Of the sampled loop at its equilibrium: spectral radius, and the first delay with which it is
+    """The sampled loop at its equilibrium: spectral radius, and the first delay with which it is
     unstable, s, or None where it is unstable without, or none was found."""
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]

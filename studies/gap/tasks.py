@@ -27,7 +27,7 @@ class Task:
 
     name: in the table.
     aircraft: as `--aircraft` takes it, or None for the flexible aircraft.
-    hold: what the trim holds, in the units of the model.
+    hold: the imposed values of the trim, in the units of the model.
     """
 
     name: str

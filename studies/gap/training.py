@@ -41,7 +41,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Its name in files."""
+        """The name in files."""
         words = [*self.task.name.replace(",", "").replace("/", " ").split(), self.algorithm]
         return "-".join([*words, str(self.seed)])
 

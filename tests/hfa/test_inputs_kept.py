@@ -48,7 +48,7 @@ def test_no_output_is_an_input(words: str, kept: str) -> None:
 
 
 def test_an_output_beside_the_inputs_is_written() -> None:
-    """An output in a folder beside the inputs is written."""
+    """An output in the folder of the inputs is written."""
     plant_of_parts()
     assert hfa("solve", "--model", "A.csv", *OF_PARTS.split(), "-o", "result.csv").code == DONE
     assert Path("result.csv").is_file()

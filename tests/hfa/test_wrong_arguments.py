@@ -149,7 +149,7 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Of a function, one argument after the other replaced by every wrong value."""
+    """Replace one argument of a function after the other by every wrong value."""
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):

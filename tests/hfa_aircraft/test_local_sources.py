@@ -26,7 +26,7 @@ PLANT = Model(
 def test_a_changed_neighbour_is_another_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A changed module beside the file is another model."""
+    """A changed module in the file's folder makes another model."""
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "inner_of_plant.py").write_text("two = 2.0\n")
     (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two\ngain = two\n")

@@ -85,7 +85,7 @@ class Car(NamedTuple):
 
 
 def test_states_keep_the_class_of_their_declaration() -> None:
-    """With its properties, in the equations and in what is found."""
+    """A model with its properties, in the equations and in results."""
     model = cart(
         states=Car(Signal("m"), Signal("m/s", start=2.0)),
         equations=lambda x, u, p, w: (
@@ -103,7 +103,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
 def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
-    """It was a RuntimeError of CasADi from the first function that was made."""
+    """Before, the first function that was made raised CasADi's RuntimeError."""
     stray = ca.SX.sym("stray")
     rate = stray if where == "a rate" else 0.0
     output = stray if where == "an output" else 0.0

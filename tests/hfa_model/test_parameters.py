@@ -20,8 +20,8 @@ from hfa_model.printed_matrices import PublishedModel
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    """Also of awkward numbers, and of a covariance of rank one: its other eigenvalues are zero but
-    for rounding."""
+    """Awkward numbers, and a covariance of rank one: its other eigenvalues are zero but for
+    rounding."""
     rng = np.random.default_rng(1)
     count = len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())

@@ -22,7 +22,7 @@ DECLARED = {
 
 
 def test_what_is_declared_is_read_as_floats() -> None:
-    """Data as declared come back with numbers as floats."""
+    """Data as declared are returned with numbers as floats."""
     value = {
         "name": "x",
         "sizes": [[1, 2.5]],

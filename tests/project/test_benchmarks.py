@@ -86,7 +86,7 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 def test_c_by_hand_flies_our_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
-    """C by hand flies our flight and another would be noticed."""
+    """Handwritten C simulates the same flight, and a difference is detected."""
     data = case.data()
     # The planted fault: constants of another aircraft.
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
@@ -189,7 +189,7 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
 
 
 def test_stored_verdicts_follow_from_their_figures() -> None:
-    """And the first page has every missed target."""
+    """The first page has every missed target."""
     first = report.PAGES[0].read_text("utf-8")
     for figure in report.stored()["figures"]:
         timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])

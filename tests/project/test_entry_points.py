@@ -104,7 +104,7 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> N
 
 
 def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
-    """Each command of docs/extending.md gives its exit code and prints what the page shows."""
+    """Each command of docs/extending.md has its exit code and prints the output of the page."""
     consoles = [
         block for block in blocks_of(PAGE.read_text("utf-8")) if block.language == "console"
     ]

@@ -30,7 +30,7 @@ LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.loc
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
-    """Of each pinned distribution that is installed here in the locked version."""
+    """Check each pinned distribution that is installed here in the locked version."""
     excluded = {}
     compared = 0
     for pin in pins(lock):

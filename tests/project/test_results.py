@@ -92,7 +92,7 @@ def results() -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", SHOWN)
 def test_results_show_reports_and_survive_a_pickle(name: str) -> None:
-    """A result shows its report and comes back from a pickle."""
+    """A result shows its report and is restored from a pickle."""
     result = results()[name]
     shown = repr(result)
     assert type(result).__name__ == name

@@ -2,8 +2,8 @@
 the order of its states, their units (powers of two), an orthogonal change of them in units in which
 they are comparable: turned in others, what is small beside the largest is lost in its rounding.
 
-Of any dataclass with the matrices of a game, a game in discrete time or a generalized plant, and of
-the matrices of a critic beside it."""
+They apply to any dataclass with the matrices of a game, a game in discrete time or a generalized
+plant, and to the matrices of a critic."""
 
 from __future__ import annotations
 

@@ -58,8 +58,8 @@ def random_start(
     """Weights far from the solution, of four kinds in turn: indefinite, around the solution,
     positive, unscaled.
 
-    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: of the
-    states."""
+    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: usual
+    sizes of the states."""
     rng = np.random.default_rng(index)
     units = np.array(sizes)
     scaled = exact * np.outer(units, units)

@@ -419,7 +419,7 @@ A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.
 
 
 def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
-    """A file may have dataclasses and tables beside it."""
+    """Dataclasses and tables may be in the file's folder."""
     (tmp_path / "own.py").write_text(WITH_A_TABLE)
     assert_refused(
         hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"

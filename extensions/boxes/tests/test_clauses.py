@@ -121,7 +121,7 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
 
 
 def test_deviations_hold_those_of_the_exact_inverse() -> None:
-    """Of y = (3 z_1, 7 z_2): thirds and sevenths are not doubles."""
+    """For y = (3 z_1, 7 z_2): thirds and sevenths are not doubles."""
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))

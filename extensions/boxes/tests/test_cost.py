@@ -341,7 +341,7 @@ def test_an_input_without_slope_may_be_used() -> None:
 
 
 def test_the_curvature_of_three_inputs_is_below_all_directions() -> None:
-    """Of x' = a + b + c + 0.4 (a b + b c + c a) the second derivative along (1, 1, 1) is lowest
+    """For x' = a + b + c + 0.4 (a b + b c + c a) the second derivative along (1, 1, 1) is lowest
     where the slope of W is negative."""
     names = ("a", "b", "c")
 

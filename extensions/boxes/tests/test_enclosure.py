@@ -148,7 +148,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_folded_constants_are_the_function(margin: float) -> None:
-    """Of 5 (0.2 y) - y nothing is left, though the double 0.2 times 5 is not 1: the margin alone
+    """5 (0.2 y) - y is simplified to 0, though the double 0.2 times 5 is not 1: the margin alone
     decides."""
     y = ca.SX.sym("y")
     folded = 5 * (0.2 * y) - y + margin

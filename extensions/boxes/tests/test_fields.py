@@ -1,4 +1,4 @@
-"""Each field of a statement on boxes is compared with what the user gives, or shown."""
+"""Each field of a statement on boxes is compared with the user's input, or shown."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def assert_walked(
     changes: dict[str, list[Change]],
     text_of: Callable[[dict[str, Any]], str],
 ) -> None:
-    """Every change of every field differs from what is given, is refused, or is shown."""
+    """Every change of every field differs from the input, is refused, or is shown."""
     assert set(changes) == {name for name, _ in entries_of(content, table)} == set(table)
     original = text_of(content)
     walked = [(name, change) for name in changes for change in changes[name]]

@@ -87,7 +87,7 @@ def is_true(statement: CostStatement) -> bool:
 
 @pytest.mark.slow
 def test_no_false_bound_of_1000_is_accepted() -> None:
-    """What is accepted is a weaker claim, true by the least cost that is known."""
+    """Every accepted claim is weaker, and true by the least known cost."""
     rng = np.random.default_rng(0)
     original = content()
     check_cost(*read_cost(copy.deepcopy(original), CART))

@@ -262,7 +262,7 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """Of x' = -x every set {y² + a y⁴ <= 1} in the cube is proved where it meets no face."""
+    """For x' = -x every set {y² + a y⁴ <= 1} in the cube is proved where it meets no face."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
@@ -277,8 +277,8 @@ def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
-    """Of x' = -x (x - 1/2)² + u with the relu network u = -margin x the margin alone is left of
-    V' at x = 1/2."""
+    """For x' = -x (x - 1/2)² + u with the relu network u = -margin x, V' at x = 1/2 consists of the
+    margin alone."""
     z = ca.SX.sym("z", 1)
     hidden = ca.fmax(ca.vertcat(z, -z), 0)
     network = ca.Function("u", [z], [ca.DM([[-margin, margin]]) @ hidden])

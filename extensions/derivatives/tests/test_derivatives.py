@@ -323,7 +323,8 @@ def test_a_small_unmanned_aircraft_has_its_published_short_period():
 
 @pytest.mark.parametrize("mode", PRINTED_F104)
 def test_the_f104_has_its_published_modes(mode):
-    """Longitudinally, within 2 and 0.2 %, as the matrix by hand. A wrong Cm_alpha is seen."""
+    """Longitudinal modes agree within 2 and 0.2 %, like those of the matrix derived by hand. A
+    wrong Cm_alpha is seen."""
     damping, stiffness, tolerance = PRINTED_F104[mode]
     root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
     wrong = linear_model({**F104, "Cm_alpha": 1.1 * F104["Cm_alpha"]}, gravity=32.2)

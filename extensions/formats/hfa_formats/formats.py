@@ -70,7 +70,7 @@ def _is_whole(text: str) -> bool:
 
 
 def _name(result: type[Result]) -> str:
-    """trim of hfa.trim/1."""
+    """Return the name of a format without its version: trim of hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 

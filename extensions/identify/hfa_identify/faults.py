@@ -146,7 +146,7 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
 
 
 def _with_value(search: Search, name: str, value: float) -> str:
-    """The name of an error of a column, and its value."""
+    """Return the name of an error of a column, and its value."""
     model = search.responses.calm.model
     unit = sensor_errors(model, (name.partition("_")[2],))[name].signal(model).unit
     return f"{name} of {value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")

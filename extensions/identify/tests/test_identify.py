@@ -255,8 +255,7 @@ def test_exchanged_columns_are_named():
 
 @pytest.mark.slow
 def test_a_unit_that_a_parameter_absorbs_is_named():
-    """A free drag makes up for a thrust in lbf: what is left is an error of scale that no sensor
-    has."""
+    """A free drag makes up for a thrust in lbf: the remaining error of scale occurs in no sensor."""
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
     columns = flown_in_steps(moves, 10)
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
@@ -265,8 +264,8 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
 
 
 def test_delays_below_the_noise_have_bands():
-    """Two samples of the speed, 0.08 s, are too little for this noise: the report states what can
-    be told."""
+    """With this noise a delay of two samples of the speed, 0.08 s, cannot be determined, and the
+    report states so."""
     wrong = record(seed=1)
     wrong["speed"] = late(wrong["speed"])
     errors = identify(begun(1.2), wrong, FREE).column_errors
@@ -311,7 +310,7 @@ def lag(rates, start):
 
 
 def test_signs_that_explain_alike_are_both_named():
-    """Of a linear model nothing tells the sign of the input from that of the state."""
+    """In a linear model the signs of the input and of the state cannot be distinguished."""
     model, columns = lag(lambda u, k, x: u - k * x, 1.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     wrong = columns | {"x": columns["x"] + 0.02 * noise, "u": -columns["u"]}

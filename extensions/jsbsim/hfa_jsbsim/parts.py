@@ -34,7 +34,7 @@ class Choices:
     partial: omit motors, rotors and gas cells, which are not supported; else they are refused.
     filters: whether lags, washouts, integrators and other components with a memory are states; else
         they are in their steady state.
-    throttles: whether each engine has a throttle of its own.
+    throttles: whether each engine has a separate throttle.
     engines: whether the lags of engines are states; else they follow their throttles at once.
     step: that of JSBSim's frame, s, where the equations are those of one frame; else 0.
     """

@@ -248,7 +248,7 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
 
 
 def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
-    """An actuator with hysteresis rests at its input and a note says so."""
+    """An actuator with hysteresis is in equilibrium at its input, and a note reports it."""
     actuator = (
         '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
         " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"

@@ -1,4 +1,4 @@
-"""The policy of a Q(x, u): where Q is quadratic in u it is found, else it is refused."""
+"""The policy of a Q(x, u) is found where Q is quadratic in u, and refused elsewhere."""
 
 from __future__ import annotations
 

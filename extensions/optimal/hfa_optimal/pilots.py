@@ -54,5 +54,5 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """Return a policy with ticks of its own."""
+    """Return a policy with independent ticks."""
     return Pilot(name, flights.compiled(policy, scenario))

@@ -1,4 +1,4 @@
-"""The cost of a policy's flights relative to the best flights found, of `hfa assess --best`."""
+"""The cost of a policy's flights relative to the best flights found, for `hfa assess --best`."""
 
 from __future__ import annotations
 

@@ -57,7 +57,8 @@ class Normalizer:
             raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
 
     def of_frames(self, count: int) -> Normalizer:
-        """Return the normalizer of the observations of several samples; itself for one."""
+        """Return the normalizer of the observations of several samples, or this one for a single
+        sample."""
         if count == 1:
             return self
         means, variances = np.tile(self.mean, count), np.tile(self.variance, count)

@@ -367,8 +367,8 @@ def test_a_lost_flight_names_state_limit_and_time():
 
 
 def test_the_first_lost_flight_is_the_first():
-    """Of flights that leave within the same second, compared with SciPy; a second of the pulse is
-    33 samples."""
+    """Flights that leave within the same second, compared with SciPy; a second of the pulse is 33
+    samples."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
     o, action = ca.SX.sym("o", 4), {"elevator": {"box": [-1, 1]}, "throttle": {"box": [-1, 1]}}

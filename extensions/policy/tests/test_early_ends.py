@@ -82,7 +82,7 @@ def test_a_flight_that_has_converged_stays(stays):
 
 
 def test_the_equilibrium_follows_the_altitude():
-    """Its slope with respect to the altitude is that between two trims of a hundred meters."""
+    """The slope with respect to the altitude is that between two trims a hundred metres apart."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
@@ -132,7 +132,7 @@ def _distance(flown, rows, chosen):
 
 @pytest.mark.slow
 def test_states_lag_behind_an_equilibrium_that_climbs():
-    """In a climb the speed settles off the equilibrium of its altitude, by what is predicted."""
+    """In a climb the speed settles off the equilibrium of its altitude, by the predicted amount."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
     o = ca.SX.sym("o", 2)

@@ -53,7 +53,8 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """Their files show large changes from one sample to the next, as other units also would."""
+    """The files contain large changes from one sample to the next, which other units would also
+    cause."""
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
@@ -78,7 +79,7 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """Its observations are equal, or a sample apart; where episodes begin again, far apart."""
+    """The observations are equal, or a sample apart; where episodes begin again, far apart."""
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
     last = original + change * random.normal(size=(8, 4))
@@ -374,7 +375,7 @@ def test_a_change_is_named_only_near_the_optimum(times, found):
 
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
-    """The card of the exact optimum costs what it does, but for sampling."""
+    """The deployment file of the exact optimum has the optimal cost, except for sampling."""
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)

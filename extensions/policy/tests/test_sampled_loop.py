@@ -52,7 +52,7 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 
 
 def test_half_a_period_of_the_slowest_oscillation():
-    """Of modes of 0.5 and 3 rad/s; one that half a period damps to a twentieth does not count."""
+    """Modes of 0.5 and 3 rad/s: one that half a period damps to a twentieth does not count."""
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)
         slow, fast = np.array([[real, 0.5], [-0.5, real]]), np.array([[-0.2, 3.0], [-3.0, -0.2]])

@@ -129,8 +129,8 @@ def test_what_is_not_given_is_named() -> None:
 
 
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
-    """None is ignored: an aircraft beside a plant's certificate, a plant beside an aircraft's, a
-    design without its controller."""
+    """None is ignored: an aircraft with a plant's certificate, a plant with an aircraft's, a design
+    without its controller."""
     model = hfa.aircraft()
     for kind, options in (
         ("plant", {"dynamics": "published"}),

@@ -49,7 +49,7 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
-    """Its title has at most 100 columns, also where nothing else was given."""
+    """The title has at most 100 columns, even without further options."""
     result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
     assert result.code == 0
     title = Path("check.md").read_text(encoding="utf-8").partition("\n\n")[0]

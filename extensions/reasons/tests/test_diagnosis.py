@@ -369,7 +369,7 @@ def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistak
     "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
 )
 def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None:
-    """The right networks have no cause but what v hides."""
+    """The reports of the right networks name no cause, except where V hides it."""
     candidate = networks.from_network(
         game,
         network_files.torch_file("critic.pt", layers(name)),

@@ -386,7 +386,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
 
 
 def test_the_equilibrium_is_enclosed() -> None:
-    """That of x' = 2 - x² is no double, and no number of 192 bits."""
+    """The equilibrium of x' = 2 - x² is not a double, nor a number of 192 bits."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
     loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
     (found,) = Equilibrium(loop).x
@@ -527,7 +527,7 @@ def test_the_remainders_of_a_product_multiply() -> None:
 
 
 def test_a_function_of_a_remainder_has_a_remainder() -> None:
-    """The exponential of what is within |y|² of 0 reaches e at |y| = 1."""
+    """The exponential of a value within |y|² of 0 reaches e at |y| = 1."""
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     found = unknown.through(arb_series.exp)
     assert found.center + found.remainder >= arb(1).exp()

@@ -1,4 +1,4 @@
-"""Each field of a region's statement is compared with what the user gives, or shown."""
+"""Each field of a region's statement is compared with the user's input, or shown."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]
 
 
 def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
-    """Its input at (angle, rate) = (0.1, -0.3) rad, rad/s; what it leaves out is stated."""
+    """The input at (angle, rate) = (0.1, -0.3) rad, rad/s; omissions are stated."""
     file = Path(card(tmp_path)[-1])
     model = load_model(PENDULUM[1])
     linear = hfa.linearize(model, hfa.find_operating_point(model))
@@ -37,7 +37,7 @@ def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its certificate holds for this file, and for no file with another policy."""
+    """The certificate holds for this file, and for no file with another policy."""
     words = card(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "--seconds", "3", "-o", proof]) == 0

@@ -555,7 +555,7 @@ def test_without_disturbance_it_is_lqg(servo: tuple[Game, np.ndarray, Generalize
 
 
 def test_with_every_state_measured_well_state_feedback_game(game: Game) -> None:
-    """As the noise decreases, the filter's part of the coupling vanishes, and the smallest delta
+    """With decreasing noise the filter's part of the coupling vanishes, and the smallest delta
     becomes that of the game."""
     n = len(game.A)
     smallest = minimum_delta(game).value

@@ -91,7 +91,7 @@ def agree(one: DeltaMin, other: DeltaMin) -> bool:
 
 
 def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
-    """Its poles are from 0.1 to 25,000 rad/s."""
+    """The poles are from 0.1 to 25,000 rad/s."""
     plant = mixed_sensitivity(98)
     smallest = plant.minimum_delta()
     assert smallest.refused < smallest.value <= smallest.refused * (1.0 + AGREES)
@@ -119,7 +119,7 @@ def test_copies_agree_above_and_below_the_smallest_delta() -> None:
 
 
 def test_what_cancels_in_turned_axes_hides_nothing() -> None:
-    """Its poles are from 8e-4 to 5,148 rad/s and its delta_min is 1.28456, that of rho(XY) =
+    """The poles are from 8e-4 to 5,148 rad/s and its delta_min is 1.28456, that of rho(XY) =
     delta^2. Of the given axes rounding moved it by a thousandth."""
     plant = mixed_sensitivity(15)
     for copy in copies(plant, 15, 4):
@@ -128,7 +128,7 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
 
 
 def test_a_turned_plant_is_solved_as_given_one() -> None:
-    """Its poles are from 2e-4 to 1000 rad/s; the gain of the controller is that in the plant's own
+    """The poles are from 2e-4 to 1000 rad/s; the gain of the controller is that in the plant's own
     axes, rounded."""
     plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value

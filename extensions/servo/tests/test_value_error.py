@@ -14,7 +14,8 @@ from hfa_servo.value_error import value_error
 
 
 def test_the_error_of_a_value_bounds_changes() -> None:
-    """Of every entry by up to a ten-millionth, far above rounding: nearly reached, never passed."""
+    """Every entry is changed by up to a ten-millionth, far above rounding: nearly reached, never
+    passed."""
     rng = np.random.default_rng(11)
     part = 1e-7
     for number in range(3):

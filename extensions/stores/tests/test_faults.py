@@ -1,4 +1,4 @@
-"""A store on a full disk, and beside settings of Zarr."""
+"""A store on a full disk, and with settings of Zarr."""
 
 from __future__ import annotations
 

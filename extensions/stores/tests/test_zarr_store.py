@@ -179,7 +179,7 @@ def _flip(file: Path) -> None:
 def test_a_damaged_chunk_is_computed_again(
     made: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
 ) -> None:
-    """A chunk that is gone cannot be told from one that was not computed yet."""
+    """A deleted chunk cannot be distinguished from one that was not computed yet."""
     damage(path / file)
     if noticed:
         with pytest.raises(ValueError, match=r"\w"):

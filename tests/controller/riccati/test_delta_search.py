@@ -65,7 +65,7 @@ def test_a_solution_within_what_is_open_is_found() -> None:
 
 
 def test_all_good_and_none_good_are_named() -> None:
-    """All good is 0 and none good says which it is."""
+    """If every delta is good, the result is 0; if none is good, the message states it."""
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(NoSolutionError, match=r"^no delta up to 2\.749e\+11 will do: shown$"):
         smallest_delta(lambda _: Answer(False, "shown"), 1.0, 1e-6)
@@ -136,7 +136,7 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
 def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
-    """Turned, beside a fast state and a mode from which it is 4e-9 of that away."""
+    """Turned, with a fast state and a mode at a relative distance of 4e-9."""
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
@@ -210,7 +210,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
 
 
 def test_an_unreached_mode_is_named_in_any_units() -> None:
-    """The mode is named beside fast states too."""
+    """The mode is named in the presence of fast states too."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]

@@ -230,8 +230,8 @@ def scalar(a: float, apart: float) -> Game:
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
 def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
-    """Never solved below, always a thousandth above; nearer it is solved to what the condition of
-    P, 1/apart, leaves, or the message says that it is near, and nothing about it that is untrue."""
+    """Never solved below, always a thousandth above; nearer, it is solved to the digits that the
+    condition of P, 1/apart, permits, or the message states the nearness and nothing untrue."""
     game = scalar(a, apart)
     exists = reference_solution(game).exists
     assert exists == (apart > 0.0)

@@ -177,8 +177,8 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_metres_leave_unitless_margins_alone(game: Game) -> None:
-    """Gain and phase of each loop, the disk, poles, gains; and what a search brackets, as far as
-    that goes."""
+    """Gain and phase of each loop, the disk, poles, gains; and the bracket of a search, as far as
+    it goes."""
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)

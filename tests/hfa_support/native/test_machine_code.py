@@ -65,7 +65,7 @@ def test_a_broken_compiler_is_noted_and_replaced(
     cache: Path,
     broken: str,
 ) -> None:
-    """With a broken compiler the virtual machine serves and says so."""
+    """With a broken compiler the virtual machine is used, and a note reports it."""
     does, warning = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'

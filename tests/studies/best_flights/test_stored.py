@@ -51,7 +51,7 @@ def test_a_flight_is_found_again(index: int) -> None:
 
 
 def test_stored_examination_is_what_the_page_shows() -> None:
-    """Each row follows from its flights and meets what is asked: SciPy within 1 %, meshes within
+    """Each row follows from its flights and meets the requirements: SciPy within 1 %, meshes within
     .5 %, 95 % found."""
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
     page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The study of trained policies: its rule for deployments, its counts, and what is stored."""
+"""The study of trained policies: its rule for deployments, its counts, and the stored results."""
 
 from __future__ import annotations
 

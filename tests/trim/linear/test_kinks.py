@@ -114,7 +114,7 @@ def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
-    """The lapse rate of the temperature ends at 11 km: the HFA there, and nowhere else."""
+    """The lapse rate of the temperature ends at 11 km: the HFA has a kink there, and nowhere else."""
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     kinks = []
     for altitude in (tropopause, 40_000.0):

@@ -391,7 +391,7 @@ def test_an_operating_point_lists_its_names() -> None:
 
 
 def test_input_that_moves_nothing_is_named():
-    """The only free variable does not stand in the equations."""
+    """The only free variable does not occur in the equations."""
     model = Model(
         "coasting",
         {"speed": hfa.Signal("m/s", 1.0, start=10.0)},

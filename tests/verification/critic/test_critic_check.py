@@ -244,7 +244,7 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
 def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
-    """Of a model that holds from 100 to 150, trimmed at other speeds too."""
+    """A model that is valid from 100 to 150 is trimmed at other speeds too."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"speed": u.throttle - x.speed, "alpha": -x.alpha}, {}

@@ -22,7 +22,7 @@ from hfa import check_critic, solve_game
     ],
 )
 def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int) -> None:
-    """Right to rounding, and off by a hundred times the limit, by a direction of its own."""
+    """Right to rounding, and off by a hundred times the limit in an arbitrary direction."""
     game = game_models()["published-15"]
     exact = solve_game(game)
     direction = np.random.default_rng(0).standard_normal(exact.P.shape)

@@ -2,7 +2,7 @@
 
 Over [low, high] about a centre t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
 polynomial of degree 2 with the third derivative enclosed over the range, `line` has c = 0 and holds
-over wide ranges. Every remainder includes the rounding of its own numbers. A function that is not
+over wide ranges. Every remainder includes the rounding of its coefficients. A function that is not
 defined on a range has the rest inf or nan."""
 
 from __future__ import annotations

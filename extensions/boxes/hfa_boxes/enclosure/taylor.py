@@ -37,7 +37,7 @@ class Pairs(NamedTuple):
     """Places of the coefficients of s_i s_j, i <= j.
 
     first, second: i and j of each
-    factor: 2 of i < j, else 1, as a column
+    factor: 2 for i < j, else 1, as a column
     """
 
     first: np.ndarray

@@ -73,8 +73,8 @@ def export(request: ExportRequest) -> int:
     gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
     closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy
     DEPLOYMENT.toml writes only the command of a deployed policy at a sample, including normalizer,
-    clip and map. FILE.m is a function of MATLAB and Octave that makes state-space systems of the .mat files of
-    `hfa sweep` and `hfa linearize`."""
+    clip and map. FILE.m is a function of MATLAB and Octave that makes state-space systems of the
+    .mat files of `hfa sweep` and `hfa linearize`."""
     names_no_policy = (
         not request.law
         and request.weights is None

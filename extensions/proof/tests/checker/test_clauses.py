@@ -94,7 +94,7 @@ def _slower(made: Any) -> None:
 
 
 def _refused_with_a_value(made: Any) -> None:
-    """As the smallest delta one that has a value, with its positive solution as evidence."""
+    """Claim a delta whose game has a value as the smallest, with its positive solution as evidence."""
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
     witness = made["witness"]
@@ -103,8 +103,8 @@ def _refused_with_a_value(made: Any) -> None:
 
 
 def _refused_by_the_other_solution(made: Any) -> None:
-    """As the smallest delta one that has a value; as evidence the negative solution, which does not
-    stabilize."""
+    """Claim a delta whose game has a value as the smallest; as evidence the negative solution,
+    which does not stabilize."""
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
     S = 1.0 - 1.0 / high**2
@@ -399,8 +399,8 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 @ctx.workprec(256)
 def test_a_solution_far_from_the_stated_one_is_enclosed() -> None:
-    """0.75 p² + 2 p = 1, stated 0.1 beside the root with a reach of 0.5: one step of Newton's
-    method is not the root."""
+    """0.75 p² + 2 p = 1, stated 0.1 from the root with a reach of 0.5: one step of Newton's method
+    is not the root."""
     one = np.eye(1)
     root = (arb(1.75).sqrt() - 1) / arb(0.75)
     stated = TaylorModel(arb_mat([[root.mid() + arb(0.1)]]))

@@ -1,4 +1,4 @@
-"""Certificates from which something is taken away: what is still accepted is still true.
+"""Certificates from which something is taken away: accepted claims are still true.
 
 Every list is emptied, shortened or has an entry twice, every interval made a point, every entry
 left out, every pair exchanged: of true certificates and of false ones. What is accepted is judged
@@ -62,7 +62,7 @@ def changed(kind: str, *changes: Change) -> Content | None:
 
 
 def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path) -> int:
-    """How many of the changed certificates are accepted; every claim of those is true.
+    """Return the number of accepted changed certificates; assert that each of their claims is true.
 
     names: of removals, each alone or after a false statement
     """

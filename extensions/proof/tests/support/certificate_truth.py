@@ -1,5 +1,5 @@
-"""Whether what a certificate claims is true, in doubles and by another way than the checker's: at
-some scheduling values, by trims, eigenvalues and solutions of games."""
+"""Decide whether a certificate's claim is true, in doubles and by another method than the
+checker's: at some scheduling values, by trims, eigenvalues and solutions of games."""
 
 from __future__ import annotations
 
