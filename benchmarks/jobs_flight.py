@@ -206,7 +206,8 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """One process per core: their start, the compiled loop and the store are included in the time."""
+    """One process per core: their start, the compiled loop and the store are included in the
+    time."""
     cores = os.cpu_count() or 1
     workers = max(2, cores)
     members, alone, duration = (4, 1, 0.05) if quick else (10 * workers, 4, 20.0)

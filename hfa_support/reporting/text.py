@@ -77,7 +77,7 @@ def entry_rows(
 
     P: (n, n) each
     K: (m, n) each
-    names: states, inputs, state_units and input_units of a plant; "" for units not known
+    names: states, inputs, state_units and input_units of a plant, or "" for units not known
     """
     kinds = (
         ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit

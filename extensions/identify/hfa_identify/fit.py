@@ -162,7 +162,7 @@ class OutputError:
         small: the search ends where a step is this part of the standard deviations
         most_steps: or after this number
 
-        FloatingPointError where the simulation diverges from them."""
+        Raises FloatingPointError where the simulation diverges from them."""
         found = self.at(theta, tuple(starts), 0)
         level = 0
         for step in range(1, most_steps + 1):
@@ -181,7 +181,7 @@ class OutputError:
 
     def _lowered(self, found: Fit, first: int, step: int) -> tuple[int, Fit | None]:
         """The number of the first trial, from one on, whose step does not raise L, and the fit
-        after it; None where each step does."""
+        after it, or None where each step does."""
         for level in range(first, len(_TRIALS)):
             try:
                 theta, starts = self._moved(found, *_TRIALS[level])
@@ -205,7 +205,7 @@ class OutputError:
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
         """The fit with these parameters and starts, not known to be converged.
 
-        FloatingPointError where the simulation diverges."""
+        Raises FloatingPointError where the simulation diverges."""
         simulated = self._simulated(theta, starts)
         likelihood = self._likelihood_of(simulated, theta, starts)
         return self._fitted(simulated, theta, starts, likelihood, steps)
@@ -222,7 +222,7 @@ class OutputError:
     ) -> float:
         """L of simulations.
 
-        FloatingPointError where it is not a number."""
+        Raises FloatingPointError where it is not a number."""
         residuals = self._residuals([each.y for each in simulated])
         with np.errstate(over="ignore", invalid="ignore"):
             likelihood = self._likelihood(residuals, self._noise(residuals, theta), starts)
@@ -331,7 +331,7 @@ class OutputError:
     ) -> Normal:
         """The normal equations of a record. pull: (n,) of its start to the guess.
 
-        FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError where they leave the finite numbers."""
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])

@@ -43,7 +43,7 @@ class Search:
         In a short window no simulation diverges from a start far off. Where the fit of whole
         records fails, the windows are fitted once more with noise like the motion.
 
-        FloatingPointError where the simulation diverges all the same."""
+        Raises FloatingPointError where the simulation diverges all the same."""
         found = None
         for by_motion in (False, True):
             try:

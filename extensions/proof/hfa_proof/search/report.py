@@ -233,8 +233,8 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
     return (
         f"{'' if stable else 'requested '}for every actuator bandwidth from {slow:g} to {fast:g} "
         f"rad/s, the same of all inputs; for effectiveness from {least:g} to {most:g}\n"
-        f"and delay up to {actuators.delay:g} s of each input for itself, changing at any time, as when "
-        "commands are sampled and held"
+        f"and delay up to {actuators.delay:g} s of each input for itself, changing at any time, "
+        "as when commands are sampled and held"
     )
 
 

@@ -126,7 +126,7 @@ class RegionSearch:
         self._size = 0.0
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
-        """The largest region; NoSolutionError where none is proved.
+        """The largest region. Raises NoSolutionError where none is proved.
 
         known: V of an earlier run, which the search continues
         """
@@ -249,8 +249,8 @@ class RegionSearch:
         return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
-        """V with its level 1, or one a little below, that holds in floating point; None where none
-        is found.
+        """V with its level 1, or one a little below, that holds in floating point, or None where
+        none is found.
 
         least: size that the set must exceed"""
         begin = time.process_time()
