@@ -62,7 +62,7 @@ CORE = {
     ),
     "linearize": CommandEntry(
         "model",
-        "exact linear model A, B at a trim, with modes and bands",
+        "compute the exact A, B at a trim, with modes and bands",
         "hfa.commands.linearize:linearize",
         example="hfa linearize --dihedral 10 -o model.mat",
         results=(
@@ -72,7 +72,7 @@ CORE = {
     ),
     "sweep": CommandEntry(
         "model",
-        "trims and linear models over a grid, modes tracked",
+        "trim and linearize over a grid, and track the modes",
         "hfa.commands.sweep:sweep",
         example="hfa sweep --dihedral 0:20:5 -o sweep.csv",
         results=("trim.sweeps.sweep:Sweep",),
@@ -86,7 +86,7 @@ CORE = {
     ),
     "solve": CommandEntry(
         "critic",
-        "exact solution of the zero-sum game, with a certificate",
+        "solve the zero-sum game exactly, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
         results=("controller.riccati.solution_report:AnalysedGame hfa.options.games:NamedGame",),

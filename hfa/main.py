@@ -189,7 +189,7 @@ def _refuse_to_overwrite(request: Request) -> None:
     for path in paths:
         refuse_read(path)
     if len({os.path.realpath(path) for path in paths}) < len(paths):
-        raise BadInputError(f"{paths[0]} is named twice; give each output a name of its own")
+        raise BadInputError(f"{paths[0]} is named twice; give each output its own name")
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:

@@ -130,7 +130,7 @@ def _climb(answers: _Answers, begin: float) -> None:
             most = f"delta up to {delta / 4.0:.4g}"
             if last.exists is None:
                 raise NoSolutionError(
-                    f"rounding leaves open whether any {most} will do: {last.reason}; check the"
+                    f"rounding does not decide whether any {most} will do: {last.reason}; check the"
                     " scaling of A, B, Q and R"
                 )
             raise NoSolutionError(f"no {most} will do: {last.reason}")

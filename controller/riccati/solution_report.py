@@ -71,7 +71,7 @@ class AnalysedGame(Result, Reported):
         disk = self.disk
         doubt = ""
         if self.delta_min.uncertain:
-            doubt = f" (rounding leaves it open down to {self.delta_min.refused:.7g})"
+            doubt = f" (not decided, because of rounding, down to {self.delta_min.refused:.7g})"
         return replace(
             solved,
             title=(

@@ -77,8 +77,8 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     )
     condition: TrimCondition | Path | None = option(
         lambda model: (
-            f"{condition_help(model)}; or a list of points, .csv: a row of names, then a row"
-            " each, typed as in --hold"
+            f"{condition_help(model)}; or points, .csv: a row of names, then one row"
+            " for each point, typed as in --hold"
         ),
         "FILE",
         OfModel(condition_or_list),

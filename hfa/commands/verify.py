@@ -107,7 +107,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         "exit 0 when the linear cost is at most this much above the optimum", "PERCENT", positive
     )
     region: float | None = option(
-        "add the region of attraction of the saturated loop; time of the search",
+        "add the region of attraction of the saturated loop, searched for S seconds",
         "S",
         positive,
         part="verify.region",

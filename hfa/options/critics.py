@@ -36,9 +36,8 @@ class ReadingOptions(Request):
         rare=True,
     )
     network: str = option(
-        "parts of a file: value, V=critic,policy=actor, gradient=; default: by "
-        "its number "
-        "of outputs",
+        "parts of a file and their kinds, as in V=critic,policy=actor; default: by the number of "
+        "outputs",
         "[V=]NAME",
         default="",
         rare=True,

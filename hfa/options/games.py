@@ -100,7 +100,7 @@ class SeedOption(Request):
 def law_option(*laws: str) -> Any:
     """Return the field `law`: one of these laws, or the default that learns."""
     choices = (*laws, DEFAULT_LAW)
-    about = f"only {DEFAULT_LAW} (irl: studies/update_law)"
+    about = f"learning law; only {DEFAULT_LAW} (irl: studies/update_law)"
     if laws:
         about = f"{', '.join(choices)}; default {DEFAULT_LAW}"
     return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)

@@ -264,7 +264,7 @@ def condition_help(model: Model | None) -> str:
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
-    return f"file{names}; trim condition in place of the usual one"
+    return f"file{names}: trim condition in place of the usual one"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ FLY = CommandEntry(
 )
 EXPORT = CommandEntry(
     "exchange",
-    "the aircraft for other tools: C source, FMU, MATLAB",
+    "write the aircraft for other tools: C source, FMU, MATLAB",
     "hfa_flight.commands.export:export",
     results=("hfa_flight.results:Exported",),
     example="hfa export --dihedral 15 -o folder",

@@ -81,7 +81,7 @@ class GainSchedule(Reported):
             name = self.model.schedule
             covered = f"{self.model.describe(name, first)} to {self.model.describe(name, last)}"
             flown = f"{self.model.describe(name, lowest)} to {self.model.describe(name, highest)}"
-            raise BadInputError(f"the gains cover {covered}, not {flown}; fly where they are")
+            raise BadInputError(f"the gains cover {covered}, not {flown}; fly within that range")
 
 
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:

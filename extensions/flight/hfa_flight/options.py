@@ -240,8 +240,8 @@ def _about_gust(model: Model) -> str:
 def _about_turbulence(model: Model) -> str:
     length = _length_of(model)
     return (
-        f"{', '.join(LEVELS)}: of MIL-F-8785C at an ALTITUDE, {length} (p, q, r with a wing SPAN);"
-        f" {_OWN}: your own intensity, {length}/s, and scale; karman-LEVEL: von Karman; from --seed"
+        f"{', '.join(LEVELS)}: MIL-F-8785C at ALTITUDE, {length}; a wing SPAN adds p, q, r; {_OWN}:"
+        f" intensity, {length}/s, and scale; karman-LEVEL: spectra of von Karman; seeded by --seed"
     )
 
 

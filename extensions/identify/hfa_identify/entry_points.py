@@ -6,7 +6,7 @@ from hfa.entry_points import CommandEntry
 _WITH_DRAWS = ("trim", "linear-model", "game-solution", "critic-check", "assessment")
 IDENTIFY = CommandEntry(
     "model",
-    "parameters of an aircraft from flight records, with 95 % bands",
+    "identify parameters from flight records, with 95 % bands",
     "hfa_identify.commands.identify:identify",
     example="hfa identify examples/uav_record.csv --aircraft examples/uav.toml --free Cm_q",
     results=(

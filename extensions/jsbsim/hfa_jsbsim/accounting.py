@@ -188,7 +188,7 @@ def _of_writers(equations: Equations) -> list[Note]:
                 raise _refusal(mine[-1], fault)
         elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
             raise _refusal(
-                mine[-1], f"{shortened(name)} is JSBSim's own; that it is set is not read"
+                mine[-1], f"{shortened(name)} is JSBSim's own; setting it is not supported"
             )
         if "-cmd-norm" in name and name in properties.asked and len(writers) > len(mine):
             notes.append(Note(_SET_TWICE, shortened(name), mine[-1].where))

@@ -552,7 +552,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
                 return ca.if_else(running(file, around), on, _windmilling(file, around, name))
             if name == "n1":
                 raise file.mount.error(
-                    "n1 is read, whose lag is no state; leave engines=states out"
+                    "n1 is read, but its lag is not a state; leave engines=states out"
                 )
             return state
 

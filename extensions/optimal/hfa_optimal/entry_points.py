@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 OPTIMIZE = CommandEntry(
     "flight",
-    "best flight found of the nonlinear aircraft, against policies",
+    "search for the best flight, and compare policies with it",
     "hfa_optimal.commands.optimize:optimize",
     example="hfa optimize --dihedral 15 --start speed=5,alpha=2.865",
     results=(

@@ -4,7 +4,7 @@ from hfa.entry_points import CommandEntry
 
 REPORT = CommandEntry(
     "model",
-    "one page: trims, models, games, critics over the dihedral",
+    "write one page of trims, models, games and critics",
     "hfa_page.commands.report:report",
     example="hfa report --dihedral 15 -o report.html",
     install=".[page]",

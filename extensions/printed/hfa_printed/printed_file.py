@@ -243,7 +243,7 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
     parameters: dict[str, float] = {}
     texts = content["parameters"]
     if not isinstance(texts, dict):
-        raise BadInputError('parameters is no table; give [parameters] with lines as g = "9.81"')
+        raise BadInputError('parameters is not a table; give [parameters] with lines as g = "9.81"')
     for name, text in texts.items():
         parameters[name] = _scalar(name, read_block(name, text, parameters))
     return parameters

@@ -6,7 +6,7 @@ from hfa.entry_points import CommandEntry
 ABOUT_DESIGN = "paper, servo"
 DESIGN = CommandEntry(
     "flight",
-    "a certified controller at every point of the schedule, in one file",
+    "design a certified controller for every point of a schedule",
     "hfa_servo.commands.design:design",
     example="hfa design --design paper --dihedral 5,10,15 -o gains.npz",
     results=(

@@ -70,7 +70,7 @@ def test_all_good_and_none_good_are_named() -> None:
     with pytest.raises(NoSolutionError, match=r"^no delta up to 2\.749e\+11 will do: shown$"):
         smallest_delta(lambda _: Answer(False, "shown"), 1.0, 1e-6)
     with pytest.raises(
-        NoSolutionError, match=r"^rounding leaves open whether any delta up to 2\.7"
+        NoSolutionError, match=r"^rounding does not decide whether any delta up to 2\.7"
     ):
         smallest_delta(lambda _: Answer(None, "near the axis"), 1.0, 1e-6)
 

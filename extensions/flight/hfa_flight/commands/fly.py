@@ -141,7 +141,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
     problem = stored.discrete
     assert problem is not None
     if not request.initial:
-        raise BadInputError("--model flies from a state; add --initial NAME=VALUE")
+        raise BadInputError("--model needs an initial state; add --initial NAME=VALUE")
     duration = request.duration
     assert duration is not None
     if not (duration == int(duration) and 1 <= duration <= _MOST_STEPS):

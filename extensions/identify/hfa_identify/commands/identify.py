@@ -61,7 +61,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         required=True,
     )
     given: Mapping[str, float] = option(
-        "a parameter that is known, also where a pattern of --free fits it; repeatable",
+        "a known parameter, even if a pattern of --free matches it; repeatable",
         "NAME=VALUE",
         OfModel(_given),
         named=True,

@@ -68,7 +68,10 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
     seconds: float | None = option(
-        "horizon, s; default: the cost after it is negligible", "S", positive, rare=True
+        "horizon, s; by default the remaining cost is negligible",
+        "S",
+        positive,
+        rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
         "limits of a state in place of its flight envelope; repeatable",
@@ -78,7 +81,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`: print the distance of the cost from the least",
+        "certificate of `hfa prove cost`; print the distance from the least possible cost",
         "FILE",
         input_file(".json"),
     )

@@ -39,7 +39,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     design: Any = design_option(
         "--weights is a scheduled controller with the actuators of this design"
     )
-    rate: bool = option("also prove a rate of the scheduling variable", rare=True)
+    rate: bool = option("also prove an allowed rate of the scheduling variable", rare=True)
     error: float = option(
         "cover all parameters within N standard errors; default 0",
         "N",

@@ -165,7 +165,7 @@ class GridSearch:
                 raise NoSolutionError(
                     f"no grid is proved within {self.tolerance:g}: from {box.low:g} to "
                     f"{box.high:g} {self.family.model.schedule_unit} the bound is "
-                    f"{max(errors.values()):.3g}; ask for a larger tolerance"
+                    f"{max(errors.values()):.3g}; choose a larger tolerance"
                 )
             while last < len(self.cells):
                 longer = self._errors(first, last + 1)
