@@ -1,6 +1,6 @@
 """Solutions X of the Riccati equation of one normal form: as many digits as there are, none tested.
 
-By the Schur form, and by the matrix sign function."""
+By the Schur form, and by doubling."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import warnings
 import numpy as np
 
 from controller.riccati.balancing import is_hurwitz
-from controller.riccati.derivations import by_sign
+from controller.riccati.derivations import by_doubling
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.schur import stable_basis
 from hfa_support.errors import NoSolutionError
@@ -20,8 +20,6 @@ from hfa_support.errors import NoSolutionError
 REFINEMENTS = 12
 #: A correction of this size, relative, is rounding.
 ROUNDING = 4.0 * float(np.finfo(float).eps)
-#: Newton steps for the matrix sign: of a pole of 1e-12 relative to the fastest 50 are enough.
-SIGN_STEPS = 100
 _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
@@ -78,12 +76,9 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
     return best
 
 
-def by_refined_sign(form: NormalForm) -> np.ndarray:
-    """X, (n, n), of the matrix sign of the Hamiltonian, `refined`.
+def by_refined_doubling(form: NormalForm) -> np.ndarray:
+    """X, (n, n), by doubling, `refined`.
 
-    Raises NoSolutionError where rounding leaves no sign."""
+    Raises NoSolutionError where rounding leaves none."""
     with np.errstate(all="ignore"):
-        X = by_sign(form[None], SIGN_STEPS)[0]
-    if not np.all(np.isfinite(X)):
-        raise NoSolutionError("the matrix sign of the Hamiltonian is not finite")
-    return refined(form, X)
+        return refined(form, by_doubling(form[None])[0])

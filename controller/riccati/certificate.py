@@ -17,8 +17,8 @@ import numpy as np
 from controller.riccati.balancing import spectrum
 from controller.riccati.derivations import (
     SETTLED,
+    by_doubling,
     by_eigenvectors,
-    by_sign,
     inverses,
     largest,
     norms,
@@ -116,8 +116,8 @@ class Certified(NamedTuple):
 def certified_solution(form: NormalForm) -> Certified:
     """The solution of the normal form of one game.
 
-    The derivations by eigenvectors and by the matrix sign come first. Where these have not the
-    digits, the Schur form and a refined matrix sign decide, in coordinates in which X is of
+    The derivations by eigenvectors and by doubling come first. Where these have not the
+    digits, the Schur form and refined doublings decide, in coordinates in which X is of
     moderate size. Raises NoSolutionError with the reason of the first test that fails."""
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -157,13 +157,13 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
     with np.errstate(all="ignore"):  # what overflows is not certified
         derived = by_eigenvectors(form)
         X = derived.X
-        n = X.shape[-1]
         good = (largest(X) <= 1.0 / MODERATE) & (derived.correction <= SETTLED)
-        good &= derived.stable == n
+        good &= derived.stable == X.shape[-1]
         good &= derived.axis_distance >= AXIS_DISTANCE
         X = np.where(good[:, None, None], X, 0.0)
-        loops = closed_loops(form, X)
-        measured = measured_solution(form, X, loops) | measured_agreement(X, by_sign(form))
+        loops = closed_loops(form, X, derived.loop)
+        measured = measured_solution(form, X, loops) | measured_agreement(X, by_doubling(form))
+        measured["game_loop_abscissa"] += derived.spread
         measured["reach"] = shown_reach(form, X, loops)
         hidden = good & ~(measured["reach"] > CLEAR_REACH)
         if hidden.any():
@@ -176,7 +176,7 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 
 
 def carefully_certified(form: NormalForm) -> Certified:
-    """`certified_solution` by the Schur form and a refined matrix sign.
+    """`certified_solution` by the Schur form and refined doublings.
 
     NoSolutionError with the reason in the last coordinates where all fail.
     """
@@ -227,14 +227,14 @@ def _certified_in(
     form: NormalForm, given: NormalForm | None = None
 ) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
     """Return X in these coordinates, and its tests; given: see `hamiltonian_checks`."""
-    from controller.riccati.careful_derivations import by_refined_sign, by_schur
+    from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 
     checks = hamiltonian_checks(form, given)
     refuse_failures(checks)
     X = by_schur(form)
     checks += solution_checks(form, X)
     refuse_failures(checks)
-    checks += agreement_checks(X, by_refined_sign(form))
+    checks += agreement_checks(X, by_refined_doubling(form))
     refuse_failures(checks)
     return X, form, checks
 
@@ -254,17 +254,12 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
     if given is None or not all(check.ok for check in checks):
         return checks
     frequencies = np.unique(np.append(np.abs(of_hamiltonian.eigenvalues.imag), frequency))
-    return (*checks, _check_of_entries(given, form, frequencies))
-
-
-def _check_of_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> Check:
-    """Rounding of the entries must not be able to move an eigenvalue of H to the axis."""
-    change = distance_by_entries(given, levelled, frequencies)
+    change = distance_by_entries(given, form, frequencies)
     reason = (
         f"a change of {change:.2g} of the entries of A, B, E and Q may put an eigenvalue of the"
         " Hamiltonian on the imaginary axis"
     )
-    return at_least("hamiltonian_entries", change, ENTRIES, reason)
+    return (*checks, at_least("hamiltonian_entries", change, ENTRIES, reason))
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
@@ -320,10 +315,14 @@ def agreement_checks(X: np.ndarray, second_X: np.ndarray) -> tuple[Check, ...]:
     return checks_of(TEST_OF_AGREEMENT, measured_agreement(X, second_X))
 
 
-def closed_loops(form: NormalForm, X: np.ndarray) -> Loops:
-    """Return the closed loops of X, of one game or of a stack; X finite."""
+def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None) -> Loops:
+    """Return the closed loops of X, of one game or of a stack; X finite.
+
+    game: the eigenvalues of A - S X where they are known"""
+    if game is None:
+        game = np.linalg.eigvals(form.A - form.S @ X)
     control, right = np.linalg.eig(form.A - form.B @ (form.B.mT @ X))
-    return Loops(np.linalg.eigvals(form.A - form.S @ X), control, right, inverses(right))
+    return Loops(game, control, right, inverses(right))
 
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
@@ -353,7 +352,7 @@ def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -
 
 
 def _refuse_overflow(form: NormalForm) -> None:
-    if not np.all(form.is_finite):
+    if not form.is_finite.all():
         raise NoSolutionError(
             "the numbers of the game differ so much in size that they overflow; check the scaling"
             " of A, B, E, Q and R"

@@ -54,7 +54,8 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
     """Compare the gain K (m, n) with that of the exact solution, in flight."""
     exact_gain = bounded_real_gain(game, exact.K)
     exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()
-    loop = spectrum(game.A - game.B @ K) if is_moderate(K) else None
+    is_moderate = np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY)
+    loop = spectrum(game.A - game.B @ K) if is_moderate else None
     if loop is None or loop.abscissa >= 0.0:
         return FlightCost(math.inf, math.inf, math.inf, exact_gain, 0.0, exact_distance)
     worst, mean = _lost(game, exact, K)
@@ -84,11 +85,6 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
     root = vectors[:, paid] / np.sqrt(values[paid])
     lost = np.linalg.eigvalsh(root.T @ (D * squared) @ root)
     return max(float(lost[-1]), 0.0), max(float(lost.mean()), 0.0)
-
-
-def is_moderate(matrix: np.ndarray) -> bool:
-    """Return whether every entry is a number no larger than `LARGEST_CRITIC_ENTRY`."""
-    return bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY))
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:

@@ -7,19 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.riccati.balancing import hamiltonian
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors: one in double precision, the others with twice the digits.
+#: Newton steps after the eigenvectors, with twice the digits.
 STEPS = 3
 #: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
 #: has more digits.
 SETTLED = 1e-12
-#: Newton steps for the matrix sign: 10 are usual, one more for each halving of |Re λ|.
-SIGN_STEPS = 25
-#: A step that changes the matrix sign by less, relative, leaves rounding alone.
-SETTLED_SIGN = 1e-7
-#: Below this change a factor c is 1 but for less than the change.
-NEAR_SIGN = 0.1
+#: Rounding of a correction that is larger than this part of an entry may change the entry.
+NOTICED = 1e-2
+#: Doublings of the time: 5 to 10 are usual, 45 enough for a pole of 1e-12 of the fastest.
+DOUBLINGS = 50
+#: The next step changes X by the square of this E, relative.
+SMALL = 1e-8
+#: p, the cost of the last state: below that of most games in balanced units.
+LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
@@ -29,19 +32,24 @@ class FromEigenvectors(NamedTuple):
     correction: (N,), of the last Newton step, relative to X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), not above `Spectrum.axis_distance` of the Hamiltonian
+    loop: (N, n), eigenvalues of A - S X
+    spread: (N,), by which rounding of their eigenvectors may move them
     """
 
     X: np.ndarray
     correction: np.ndarray
     stable: np.ndarray
     axis_distance: np.ndarray
+    loop: np.ndarray
+    spread: np.ndarray
 
 
 def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     """X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, then Newton steps.
 
-    V1 has the eigenvectors of A - S X, so that they solve the Lyapunov equation of a step too. The
-    distance to the axis is bounded by the condition of all eigenvectors (Bauer and Fike).
+    V1 has the eigenvectors of A - S X, so that they solve the Lyapunov equation of a step too, and
+    V1⁻¹ (A - S X) V1 is diagonal but for rounding. The distance to the axis is bounded by the
+    condition of all eigenvectors (Bauer and Fike).
     Source: Zhou, Doyle and Glover, Section 13.2."""
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
@@ -58,41 +66,55 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     X = (basis[:, n:] @ inverse).real
     X = (X + X.mT) / 2.0
     sums = rates[:, :, None] + rates[:, None, :]
-    for step in range(STEPS):
-        if step == 0:
-            half = X @ (form.A - form.S @ X / 2.0)
-            residual = half + half.mT + form.Q
-        else:
-            residual = form.residual(X)
-        Z = (inverse.mT @ ((V1.mT @ residual @ V1) / -sums) @ inverse).real
-        X = X + (Z + Z.mT) / 2.0
-        correction = largest(Z) / largest(X)
-        if step > 0 and not (correction > SETTLED).any():
+    correction = np.empty(len(X))
+    rough: slice | np.ndarray = slice(None)
+    part = form
+    for _ in range(STEPS):
+        left = V1[rough]
+        right = inverse[rough]
+        Z = (left.mT @ part.residual(X[rough]) @ left) / -sums[rough]
+        Z = (right.mT @ Z @ right).real
+        X[rough] += (Z + Z.mT) / 2.0
+        size = largest(X)
+        correction[rough] = largest(Z) / size[rough]
+        least = np.diagonal(X, axis1=1, axis2=2).min(axis=1) / size
+        rough = np.flatnonzero(correction > np.minimum(SETTLED, NOTICED * least))
+        if not rough.size:
             break
-    return FromEigenvectors(X, correction, stable, distance)
+        part = form[rough]
+    nearly_diagonal = inverse @ (form.A - form.S @ X) @ V1
+    loop = np.diagonal(nearly_diagonal, axis1=1, axis2=2)
+    spread = norms(nearly_diagonal * (1.0 - np.eye(n)))
+    return FromEigenvectors(X, correction, stable, distance, loop, spread)
 
 
-def by_sign(form: NormalForm, steps: int = SIGN_STEPS) -> np.ndarray:
-    """X with (W + I) [I; X] = 0, W = sign(H) of each Hamiltonian, (N, n, n).
+def by_doubling(form: NormalForm) -> np.ndarray:
+    """X, (N, n, n), the limit of the costs p I + X_k of 2^k steps that end at the cost p I.
 
-    H <- (c H + (c H)⁻¹) / 2 with c = |det H|^(-1/2n), until it settles: an error squares at each
-    step. Source: Roberts, Int. J. Control 32 (1980), 677-687."""
-    W = form.hamiltonian
+    T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 gives a game in
+    discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is
+    X <- X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0
+    but for rounding. p > 0 lets an unstable mode without cost cost something; c is not quite
+    |det H|^(1/2n), where such a mode may be.
+    Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80."""
     n = form.A.shape[-1]
-    is_near = False
-    for _ in range(steps):
-        if not is_near:
-            W = W * np.exp(-np.linalg.slogdet(W)[1] / (2 * n))[:, None, None]
-        last = W
-        W = (W + inverses(W)) / 2.0
-        change = np.fmax.reduce(norms(W - last) / norms(W))  # where it is not nan
-        if not change > SETTLED_SIGN:
+    one = np.eye(n)
+    c = 0.85 * np.exp(np.linalg.slogdet(form.hamiltonian)[1] / (2 * n))[:, None, None]
+    A = form.A - LAST * form.S
+    Q = form.Q + LAST * (A + form.A.mT)
+    T = -2.0 * c * inverses(hamiltonian(A - c * one, form.S, Q))
+    E = one - T[:, :n, :n]
+    G = T[:, :n, n:]
+    X = T[:, n:, :n]
+    for _ in range(DOUBLINGS):
+        V = inverses(one + G @ X)
+        EV = E @ V
+        X = X + E.mT @ (X @ V) @ E
+        G = G + EV @ G @ E.mT
+        E = EV @ E
+        if not (np.abs(E) > SMALL).any():
             break
-        is_near = change < NEAR_SIGN
-    columns = W + np.eye(2 * n)
-    of_X = columns[:, :, n:]
-    constant = -columns[:, :, :n]
-    return inverses(of_X.mT @ of_X) @ (of_X.mT @ constant)
+    return X + LAST * one
 
 
 def largest(matrices: np.ndarray) -> np.ndarray:

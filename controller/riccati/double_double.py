@@ -8,20 +8,19 @@ Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118."""
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 #: Of 22 to 25 bits each up to 100 columns: together more than twice the digits of a double.
 SLICES = 5
 
-#: (high, low), arrays of one shape; low may be 0.0.
-Pair = tuple[Any, Any]
+#: (high, low), arrays of one shape.
+Pair = tuple[np.ndarray, np.ndarray]
 
 
 def exact(matrix: np.ndarray) -> Pair:
     """The doubles themselves as a pair."""
-    return matrix, 0.0
+    return matrix, np.zeros_like(matrix)
 
 
 def add(left: Pair, right: Pair) -> Pair:
@@ -34,31 +33,22 @@ def add(left: Pair, right: Pair) -> Pair:
 
 
 def product(left: Pair, right: Pair) -> Pair:
-    """left right to about 2^-105 of the largest entry of the row times that of the column.
+    """left right to about 2^-104 of the largest entry of the row times that of the column.
 
     left: (..., p, n); right: (..., n, q).
     """
-    bits = _bits(left[0].shape[-1])
-    of_rows = _slices(left, bits, -1)
-    return _summed(of_rows, _slices(right, bits, -2))
+    mixed = left[0] @ right[1] + left[1] @ right[0]
+    return add(product_of_doubles(left[0], right[0]), exact(mixed))
 
 
-def square(left: Pair, signs: np.ndarray) -> Pair:
-    """`product` of left, (..., p, n), with diag(signs) left'; signs: (n,), of 1 and -1."""
-    of_rows = _slices(left, _bits(len(signs)), -1)
-    return _summed(of_rows, [(each * signs).mT for each in of_rows])
-
-
-def _bits(columns: int) -> int:
-    """Return how many bits of a number a slice has, so that sums of products are exact."""
-    return (53 - math.ceil(math.log2(SLICES * max(columns, 1)))) // 2
-
-
-def _summed(of_rows: list[np.ndarray], of_columns: list[np.ndarray]) -> Pair:
-    """The product of the sums of these slices, without terms smaller than the last slices."""
+def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
+    """`product` of the doubles themselves, without terms smaller than the last slices."""
+    p, n = left.shape[-2:]
+    slices = _slices(np.concatenate([left, right.mT], axis=-2))
+    rows = np.concatenate(slices, axis=-1)[..., :p, :]
+    columns = np.concatenate(slices[::-1], axis=-1)[..., p:, :].mT
     parts = [  # products of slices of one size at once, largest first
-        np.concatenate(of_rows[:order], axis=-1)
-        @ np.concatenate(of_columns[order - 1 :: -1], axis=-2)
+        rows[..., : order * n] @ columns[..., (SLICES - order) * n :, :]
         for order in range(1, SLICES + 1)
     ]
     total = exact(parts.pop() + parts.pop())  # rounded below the digits of the result
@@ -69,8 +59,7 @@ def _summed(of_rows: list[np.ndarray], of_columns: list[np.ndarray]) -> Pair:
 
 def transposed(pair: Pair) -> Pair:
     """Return the transpose of a matrix or of a stack."""
-    high, low = pair
-    return high.mT, low if np.ndim(low) == 0 else low.mT
+    return pair[0].mT, pair[1].mT
 
 
 def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -81,7 +70,8 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
     """
     factors = np.diag(right)
     if np.count_nonzero(right) > np.count_nonzero(factors):
-        high, low = product(exact(left), exact(right.T))
+        columns = np.broadcast_to(right.T, (*left.shape[:-2], *right.T.shape))
+        high, low = product_of_doubles(left, columns)
         return np.asarray((total - high) - low)
     high, low = _halves(left)
     of_factors = _halves(factors)
@@ -96,22 +86,20 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, numbers - high
 
 
-def _slices(pair: Pair, bits: int, axis: int) -> list[np.ndarray]:
-    """Return slices of a number of bits whose sum is the pair, but for bits below the last slice.
+def _slices(matrix: np.ndarray) -> list[np.ndarray]:
+    """Return slices whose sum is the matrix, but for bits below the last slice.
 
-    Each row (axis -1) or column (axis -2) has one scale.
+    Each row has one scale.
     """
-    remainder, low = pair
-    has_low_part = np.ndim(low) > 0
-    largest = np.abs(remainder).max(axis=axis, keepdims=True, initial=0.0)
+    # So that sums of products of slices are free of rounding.
+    bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[-1], 1)))) // 2
+    largest = np.abs(matrix).max(axis=-1, keepdims=True, initial=0.0)
     # Beside this number a double has no bits below the first slice.
     shift = np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits))
     slices = []
-    for number in range(1, SLICES + 1):
-        if has_low_part and number in (3, SLICES):  # the low part begins below two slices
-            remainder, low = add((remainder, 0.0), (low, 0.0))
-        piece = (remainder + shift) - shift
+    for _ in range(SLICES):
+        piece = (matrix + shift) - shift
         slices.append(piece)
-        remainder = remainder - piece
+        matrix = matrix - piece
         shift = shift * 2.0**-bits
     return slices

@@ -82,21 +82,19 @@ def value_found(form: NormalForm) -> Found:
     """`existence`, in the first coordinates of three in which rounding leaves it not open."""
     found = _found_in(form)
     if found.answer.exists is None:
-        turned = form.turned()
-        if turned is not form:
-            found = _found_in(turned)
+        found = _found_in(form.turned())
     if found.answer.exists is None:
-        levelled = form.levelled()
-        if levelled is not form:
-            found = _found_in(levelled, form)
+        found = _found_in(form.levelled(), form)
     return found
 
 
 def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
     """`value_found` in these coordinates alone; given: see `hamiltonian_checks`."""
     n = len(form.A)
-    if not form.Q.any() and is_surely_stable(form.A):  # P = 0
-        return Found(Answer(True), form, StableSubspace(np.eye(2 * n, n), 0.0))
+    if not form.Q.any():
+        poles = spectrum(form.A)
+        if poles.abscissa < 0.0 and poles.axis_distance() >= AXIS_DISTANCE:  # P = 0
+            return Found(Answer(True), form, StableSubspace(np.eye(2 * n, n), 0.0))
     try:
         failed = [check for check in hamiltonian_checks(form, given) if not check.ok]
     except NoSolutionError as overflow:
@@ -112,7 +110,8 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
             return Found(Answer(False, reason), form, None)
         reason = failed[0].reason if failed else "rounding hides the stable subspace"
         return Found(Answer(None, reason), form, None)
-    smallest = least_sign(subspace)
+    signs = subspace.basis[:n].T @ subspace.basis[n:]
+    smallest = float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
     # Rounding turns [X1; X2] by up to the error, and X1'X2 by no more than twice that.
     open_below = 2.0 * subspace.error
     if smallest > open_below:
@@ -124,13 +123,6 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
         return Found(Answer(True), form, subspace)
     reason = "rounding hides whether the stabilizing solution is positive semidefinite"
     return Found(Answer(None, reason), form, subspace)
-
-
-def least_sign(subspace: StableSubspace) -> float:
-    """The smallest eigenvalue of X1'X2, symmetric."""
-    n = subspace.basis.shape[1]
-    signs = subspace.basis[:n].T @ subspace.basis[n:]
-    return float(np.linalg.eigvalsh((signs + signs.T) / 2.0)[0])
 
 
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
@@ -191,9 +183,3 @@ def shown_gain(form: NormalForm) -> tuple[float, float]:
         if squared > best[0] ** 2:
             best = math.sqrt(squared), float(frequency)
     return best[0] * size, best[1]
-
-
-def is_surely_stable(matrix: np.ndarray) -> bool:
-    """Return whether every eigenvalue lies left of the imaginary axis by more than rounding."""
-    found = spectrum(matrix)
-    return found.abscissa < 0.0 and found.axis_distance() >= AXIS_DISTANCE

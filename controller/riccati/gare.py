@@ -166,9 +166,8 @@ def _abscissa_error(form: NormalForm, certified: Certified) -> float:
         x_in_form = np.abs(np.linalg.solve(turn, right))
         turned_x = np.abs(turn) @ x_in_form
         y_in_form = np.abs(rows @ turn).T
-    moved = np.sum(y * (np.abs(A) @ x) + y_in_form * (np.abs(form.A) @ x_in_form), axis=0)
-    through_gain = x + turned_x
-    moved += np.sum(np.abs(rows @ B).T * (np.abs(K) @ through_gain), axis=0)
-    moved += np.sum(y * (np.abs(B) @ np.abs(K) @ x), axis=0)
-    bound = values.real + len(A) * np.finfo(float).eps * moved
-    return float(bound.max() - values.real.max())
+    moved = y * ((np.abs(A) + np.abs(B) @ np.abs(K)) @ x)
+    moved += y_in_form * (np.abs(form.A) @ x_in_form)
+    through_gain = np.abs(rows @ B).T * (np.abs(K) @ (x + turned_x))
+    rounding = len(A) * np.finfo(float).eps * (moved.sum(axis=0) + through_gain.sum(axis=0))
+    return float((values.real + rounding).max() - values.real.max())

@@ -16,8 +16,8 @@ from controller.riccati.double_double import (
     add,
     exact,
     product,
+    product_of_doubles,
     remainder,
-    square,
     transposed,
 )
 
@@ -68,8 +68,8 @@ class NormalForm:
     T: (..., n, n), the P of a game is T'X T
     root: (m, m), lower triangular, R = root root'
     delta: of the games
+    R: (m, m) of the user
     made_of: sizes of the terms of the matrices of one game, None where they are given
-    R: (m, m) of the user, None where R = I
     """
 
     A: np.ndarray
@@ -79,8 +79,8 @@ class NormalForm:
     T: np.ndarray
     root: np.ndarray
     delta: float
+    R: np.ndarray
     made_of: Sizes | None = field(default=None, kw_only=True)
-    R: np.ndarray | None = field(default=None, kw_only=True)
 
     @classmethod
     @lru_cache(maxsize=8)
@@ -98,7 +98,8 @@ class NormalForm:
         A = without_faint(A, FAINT)
         B = without_faint(B, FAINT**0.5)
         scaled_B = np.linalg.solve(root, B.mT).mT
-        E = without_faint(like.E / like.delta, FAINT**0.5)
+        disturbance = without_faint(like.E, FAINT**0.5)
+        E = disturbance / like.delta
         Q = without_faint((like.Q + like.Q.T) / 2.0, FAINT)
         units = units_of(A, scaled_B @ scaled_B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
         rows = units[..., :, None]
@@ -106,7 +107,7 @@ class NormalForm:
         form = cls(
             A=A * columns / rows,
             inputs=B / rows,
-            disturbance=without_faint(like.E, FAINT**0.5) / rows,
+            disturbance=disturbance / rows,
             Q=Q * rows * columns,
             T=np.eye(A.shape[-1]) / rows,
             root=root,
@@ -135,8 +136,7 @@ class NormalForm:
 
     def game(self) -> Game:
         """The game in y, with the R and delta of the user."""
-        R = self.root @ self.root.T
-        return Game(self.A, self.inputs, self.disturbance, self.Q, R, self.delta)
+        return Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
 
     @cached_property
     def B(self) -> np.ndarray:
@@ -160,10 +160,11 @@ class NormalForm:
 
         Next to the smallest delta the two nearly cancel, and P would be that of another game."""
         root = self.root
-        R = np.eye(len(root)) if self.R is None else self.R
-        over_R = np.linalg.solve(root.T, self.B.mT).mT
-        of_B = remainder(self.inputs, self.B, root)
-        half = over_R @ (0.5 * over_R @ remainder(R, root, root) - of_B).mT
+        half = np.zeros_like(self.A)
+        if not np.array_equal(root, self.R):  # R = I leaves B as it is
+            over_R = np.linalg.solve(root.T, self.B.mT).mT
+            of_B = remainder(self.inputs, self.B, root)
+            half = over_R @ (0.5 * over_R @ remainder(self.R, root, root) - of_B).mT
         if math.isfinite(self.delta):
             deltas = np.eye(self.E.shape[-1]) * self.delta
             half = half + remainder(self.disturbance, self.E, deltas) / self.delta @ self.E.mT
@@ -211,27 +212,27 @@ class NormalForm:
         refinement). In double precision they end at a relative error of 1e-16 times the condition,
         which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states."""
         n = X.shape[-1]
-        m = self.B.shape[-1]
-        k = self.E.shape[-1]
-        factors = np.concatenate([self.A, self.B, self.E], axis=-1)
-        high, low = product(exact(X), exact(factors))
+        high, low = product_of_doubles(X, np.concatenate([self.A, self.B, self.E], axis=-1))
         linear = high[..., :n], low[..., :n]
-        inputs = high[..., n:], low[..., n:]
-        total = add(linear, add(transposed(linear), exact(self.Q)))
-        total = add(total, square(inputs, np.array([-1.0] * m + [1.0] * k)))
-        return np.asarray(total[0] + X @ self.rounded @ X)
+        inputs = high[..., n:]
+        signed = inputs * np.repeat([-1.0, 1.0], [self.B.shape[-1], self.E.shape[-1]])
+        square = product_of_doubles(signed, inputs.mT)
+        total = add(add(linear, transposed(linear)), add(exact(self.Q), square))
+        mixed = signed @ low[..., n:].mT
+        return np.asarray(total[0] + (mixed + mixed.mT + X @ self.rounded @ X))
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|) of each game, X
-        (..., n, n), |·| entry by entry.
+        (..., n, n), symmetric, |·| entry by entry.
 
         |S| denotes |B B'| + |E E'|: cancellation between the two players does not count as
         smallness."""
         S_size = np.abs(self.B @ self.B.mT) + np.abs(self.E @ self.E.mT)
         size = np.abs(X)
-        residual = self.A.mT @ X + X @ self.A + self.Q - X @ self.S @ X
-        terms = np.abs(self.A).mT @ size + size @ np.abs(self.A) + np.abs(self.Q)
-        terms = terms + size @ S_size @ size
+        linear = X @ self.A
+        residual = linear + linear.mT + self.Q - X @ self.S @ X
+        linear = size @ np.abs(self.A)
+        terms = linear + linear.mT + np.abs(self.Q) + size @ S_size @ size
         largest = terms.max(axis=(-2, -1))
         return np.asarray(
             np.abs(residual).max(axis=(-2, -1)) / np.where(largest > 0.0, largest, 1.0)
@@ -239,7 +240,7 @@ class NormalForm:
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """P of the game in the user's coordinates, (..., n, n), symmetric."""
-        P = self.T.mT @ ((X + X.mT) / 2.0) @ self.T
+        P = self.T.mT @ X @ self.T
         return (P + P.mT) / 2.0
 
     def gain(self, X: np.ndarray) -> np.ndarray:
@@ -301,14 +302,13 @@ class NormalForm:
 
         W: orthogonal, apart from rounding. D: powers of two, (n,).
         """
-        turn = exact(W.T)
         inverse = precise_inverse(W)
         Q = product(product(transposed(inverse), exact(self.Q)), inverse)[0]
         return replace(
             self,
             A=similar(exact(self.A), W, D)[0],
-            inputs=product(turn, exact(self.inputs))[0] * D[:, None],
-            disturbance=product(turn, exact(self.disturbance))[0] * D[:, None],
+            inputs=product_of_doubles(W.T, self.inputs)[0] * D[:, None],
+            disturbance=product_of_doubles(W.T, self.disturbance)[0] * D[:, None],
             Q=(Q + Q.T) / 2.0 / np.outer(D, D),
             T=D[:, None] * (W.T @ self.T),
             made_of=self.made_of and self.made_of.in_coordinates(D[:, None] * W.T, W / D),
@@ -324,7 +324,7 @@ def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
 
 def precise_inverse(W: np.ndarray) -> Pair:
     """(W')⁻¹, of a W that is orthogonal but for rounding."""
-    high, low = product(exact(W.T), exact(W))
+    high, low = product_of_doubles(W.T, W)
     defect = np.eye(len(W)) - high, -low
     return add(exact(W), product(exact(W), defect))  # a step of Newton's method
 

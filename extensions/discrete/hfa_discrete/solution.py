@@ -10,7 +10,7 @@ import numpy as np
 
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
-from controller.riccati.careful_derivations import by_refined_sign, by_schur, unrefined
+from controller.riccati.careful_derivations import by_refined_doubling, by_schur, unrefined
 from controller.riccati.certificate import (
     INDEFINITENESS,
     RESIDUAL,
@@ -196,7 +196,7 @@ def _certified(form: StepForm) -> _Certified:
         X = form.refined(by_schur(form.equivalent))
         checks = _checks(form, X)
         refuse_failures(checks)
-        checks += agreement_checks(X, by_refined_sign(form.equivalent))
+        checks += agreement_checks(X, by_refined_doubling(form.equivalent))
     except np.linalg.LinAlgError as error:
         raise NoSolutionError(
             "delta^2 I - discount E'P E becomes singular during the iteration"

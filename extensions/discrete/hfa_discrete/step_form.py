@@ -78,6 +78,7 @@ class StepForm(NormalForm):
             T=form.T,
             root=form.root,
             delta=form.delta,
+            R=form.R,
             low=low * units[:, None] / units,
         )
         with suppress(NoSolutionError):  # said where the step is solved
@@ -158,6 +159,7 @@ class StepForm(NormalForm):
             T=self.T,
             root=np.eye(m),
             delta=self.delta,
+            R=np.eye(m),
         )
 
     def policies(self, X: np.ndarray) -> Policies:

@@ -17,7 +17,7 @@ from reference_riccati import reference_solution, relative_error
 from tolerances import FEW_ROUNDINGS, SAME_FORMULA
 
 from controller import analyse_game, minimum_delta
-from controller.riccati.careful_derivations import by_refined_sign
+from controller.riccati.careful_derivations import by_refined_doubling
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin
@@ -47,7 +47,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
     )  # and so is every entry, in units that make them alike
     assert np.abs((solution.P - reference.P) * np.outer(units, units)).max() < 1e-12
     form = NormalForm.of(game)
-    assert relative_error(form.value(by_refined_sign(form)), reference.P) < 1e-12
+    assert relative_error(form.value(by_refined_doubling(form)), reference.P) < 1e-12
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:

@@ -10,7 +10,7 @@ import hfa
 from controller import minimum_delta, solve_games
 from controller.riccati import certificate
 from controller.riccati.certificate import certified_stack
-from controller.riccati.derivations import by_sign
+from controller.riccati.derivations import by_doubling
 from controller.riccati.normal_form import NormalForm
 from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa.paper import published_game
@@ -44,7 +44,7 @@ def test_the_schur_form_decides_where_the_sign_fails(monkeypatch):
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
     # The planted fault: a wrong sign function, which no plant gives.
-    monkeypatch.setattr(certificate, "by_sign", lambda form: by_sign(form) * (1.0 + 1e-7))
+    monkeypatch.setattr(certificate, "by_doubling", lambda form: by_doubling(form) * (1.0 + 1e-7))
     stack = certified_stack(NormalForm.of_plants(A, B, like))
     assert np.isnan(stack.X).all()
     assert not stack.holds.any()
