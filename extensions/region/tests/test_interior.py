@@ -7,14 +7,17 @@ import pytest
 import scipy.sparse as sp
 
 from hfa_region.search.interior import Group, Matrix, minimized
+from hfa_region.search.products import products_of
 from hfa_region.search.squares import Terms, positive
 
 
 def _correlations(diagonal: float) -> Group:
     """Q = [diagonal, t; t, 1]: three equations in t and the four entries of Q."""
-    entries = np.array([[1, 0, 0, 0], [0, 0, 0, 1], [0, 0.5, 0.5, 0]], dtype=float)
+    products = products_of(2, 1, 1)
+    assert products.keys.tolist() == [2, 17, 32]  # x², x y, y²
+    shares = np.array([[1, 0, 0], [0, 0, 1], [0, 0.5, 0]], dtype=float)
     E = np.array([[0.0], [0.0], [-1.0]])
-    return Group(E, np.array([diagonal, 1.0, 0.0]), [Matrix(2, sp.csr_matrix(entries))])
+    return Group(E, np.array([diagonal, 1.0, 0.0]), [Matrix(products, sp.csr_matrix(shares))])
 
 
 def test_the_largest_entry_of_a_positive_matrix() -> None:

@@ -20,6 +20,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from hfa_region.search.products import Products
+
 _ITERATIONS = 80
 #: Of the gap between a cost and its bound.
 _TOLERANCE = 1e-9
@@ -32,19 +34,24 @@ _SHORTEST_STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """One Q_k of a group.
+    """One Q_k of a group: the Gram matrix of monomials, times a polynomial.
 
-    size: n
-    equations: (m, n²), A_k: symmetric in the two indices of an entry
+    products: of the monomials
+    factor: (m, k), the share of each product in each equation
     """
 
-    size: int
-    equations: sp.csr_matrix
+    products: Products
+    factor: sp.csr_matrix
+
+    @property
+    def size(self) -> int:
+        """n."""
+        return self.products.size
 
     @cached_property
-    def stacked(self) -> sp.csr_matrix:
-        """(m n, n), the matrices of the equations below each other."""
-        return self.equations.reshape((-1, self.size)).tocsr()
+    def equations(self) -> sp.csr_matrix:
+        """(m, n²), A_k: symmetric in the two indices of an entry."""
+        return (self.factor @ self.products.sums).tocsr()
 
     @cached_property
     def transposed(self) -> sp.csr_matrix:
@@ -144,10 +151,9 @@ class _Cone:
 
     def schur(self) -> np.ndarray:
         """(m, m), tr(A_i Z⁻¹ A_j Q)."""
-        n = self.matrix.size
-        products = (self.matrix.stacked @ self.Q).reshape(-1, n, n)
-        scaled = np.matmul(self.inverse, products).reshape(-1, n * n)
-        return np.asarray(self.matrix.equations @ scaled.T)
+        of_products = self.matrix.products.schur(self.Q, self.inverse)
+        factor = self.matrix.factor
+        return np.asarray(factor @ (factor @ of_products).T)
 
     def changed(self, dZ: np.ndarray) -> np.ndarray:
         """-Q dZ Z⁻¹, symmetric: how Q follows Z."""

@@ -30,8 +30,9 @@ _ENOUGH = 10.0 * MARGIN
 _SLACK = 1e-7
 #: How often a level is lowered on whose ball an output may leave its limits.
 _SMALLER = 25
-#: Steps of the bisection.
-_STEPS = 11
+#: Share from which the largest level is looked for, and the ratio at which the bisection ends.
+_LEAST = 1e-5
+_NEAR = 1.0003
 #: How much larger than a set of points an ellipsoid is tried, one after the other.
 _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
@@ -177,17 +178,17 @@ class LevelSearch:
                 return False
         return True
 
-    def largest(self, least: float = 1e-5) -> float:
-        """The largest share of rho that holds, by bisection, or 0 where `least` does not."""
+    def largest(self, known: float = 0.0) -> float:
+        """The largest share of rho that holds, by bisection, or 0 where none does.
+
+        known: a share that holds"""
         if self.holds(1.0):
             return 1.0
-        if not self.holds(least):
+        if not known and not self.holds(_LEAST):
             return 0.0
-        low = least
+        low = known or _LEAST
         high = 1.0
-        for _ in range(_STEPS):
-            if high < 1.01 * low:
-                break
+        while high > _NEAR * low:
             middle = float(np.sqrt(low * high))
             if self.holds(middle):
                 low = middle
@@ -423,9 +424,8 @@ def proved_level(
         if held is None:
             return None
         try:
-            share = LevelSearch(loop, V, rho, held, setting).largest()
-            if share * rho < 1.0 < rho:  # in the ball of 1 a turn has held
-                share = 1.0 / rho
+            known = 1.0 / rho if rho > 1.0 else 0.0  # a turn has held in the ball of level 1
+            share = LevelSearch(loop, V, rho, held, setting).largest(known)
             break
         except NoSolutionError:  # the equations or outputs on so large a ball
             rho = 1.0 if rho > 1.0 else 0.8 * rho

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from hfa_region.check.polynomial import Polynomial, exponents_of, monomials
+from hfa_region.check.polynomial import Polynomial, monomials
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.interior import Group, Matrix, minimized
+from hfa_region.search.products import BASE, packed, products_of
 
-#: Base of the exponents in one whole number.
-_BASE = 16
 #: Largest margin that is asked of a Gram matrix, of a target whose largest coefficient is 1.
 _MOST_MARGIN = 1e-3
 #: By how much equations may miss: of evidence, and of a problem whose result is tried again.
@@ -42,14 +40,14 @@ class Terms:
         keys = []
         values = []
         for key, _, coefficient in polynomial.terms():
-            keys.append(_packed(key))
+            keys.append(packed(key))
             values.append(float(coefficient.mid()))
         return cls(np.array(keys, dtype=np.int64), np.array(values, dtype=float))
 
     @classmethod
     def packed(cls, V: PolynomialFunction) -> Terms:
         """A polynomial of exponents in rows."""
-        base = _BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
+        base = BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
         return cls(V.exponents.astype(np.int64) @ base, V.coefficients)
 
     def __add__(self, other: Terms) -> Terms:
@@ -68,17 +66,6 @@ class Terms:
 
 #: The polynomial 1.
 ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
-
-
-@cache
-def _packed(key: int) -> int:
-    return sum(power * _BASE**i for i, power in enumerate(exponents_of(key)))
-
-
-@lru_cache(maxsize=64)
-def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
-    """The keys of `monomials`, in their order."""
-    return np.array([_packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +162,7 @@ class Squares:
             cost[column] = value
         if margin is None:
             cost[0] = -1.0
-            limit = Matrix(1, sp.csr_matrix(np.ones((1, 1))))
+            limit = Matrix(products_of(self.variables, 0, 0), sp.csr_matrix(np.ones((1, 1))))
             groups.append(Group(np.eye(1, self._count), np.array([_MOST_MARGIN]), [limit]))
         else:
             groups = [_with_margin(group, margin) for group in groups]
@@ -198,36 +185,30 @@ class Squares:
         constant = identity.constants[0]
         for more in identity.constants[1:]:
             constant = constant + more
-        products = [self._products(gram, factor) for gram, factor in identity.grams]
-        lists = [*identity.keys, *(keys for keys, *_ in products), constant.keys]
-        known = np.unique(np.concatenate(lists))
+        products = [products_of(self.variables, gram.low, gram.high) for gram, _ in identity.grams]
+        terms = [
+            (made.keys[:, None] + factor.keys).ravel()
+            for made, (_, factor) in zip(products, identity.grams, strict=True)
+        ]
+        known = np.unique(np.concatenate([*identity.keys, *terms, constant.keys]))
         E = np.zeros((len(known), self._count))
         for keys, columns, values in zip(
             identity.keys, identity.columns, identity.values, strict=True
         ):
             np.add.at(E, (np.searchsorted(known, keys), columns), values)
         matrices = []
-        for (keys, entries, values), (gram, _) in zip(products, identity.grams, strict=True):
-            rows = np.searchsorted(known, keys)
-            shape = (len(known), gram.size**2)
-            equations = sp.csr_matrix((values, (rows, entries)), shape=shape)
-            matrices.append(Matrix(gram.size, equations))
-            diagonal = np.arange(gram.size) * (gram.size + 1)
-            E[:, 0] += np.asarray(equations[:, diagonal].sum(axis=1)).ravel()
+        for made, keys, (_, factor) in zip(products, terms, identity.grams, strict=True):
+            count = len(made.keys)
+            places = (np.searchsorted(known, keys), np.repeat(np.arange(count), len(factor.keys)))
+            values = np.tile(-factor.values, count)
+            shares = sp.csr_matrix((values, places), shape=(len(known), count))
+            matrix = Matrix(made, shares)
+            matrices.append(matrix)
+            diagonal = np.arange(matrix.size) * (matrix.size + 1)
+            E[:, 0] += np.asarray(matrix.equations[:, diagonal].sum(axis=1)).ravel()
         b = np.zeros(len(known))
         np.subtract.at(b, np.searchsorted(known, constant.keys), constant.values)
         return Group(E, b, matrices)
-
-    def _products(self, gram: Gram, factor: Terms) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Keys, entries of the matrix and values of -m m' factor."""
-        keys = packed_monomials(self.variables, gram.low, gram.high)
-        pairs = (keys[:, None] + keys[None, :]).ravel()
-        entries = np.tile(np.arange(len(pairs)), len(factor.keys))
-        return (
-            (factor.keys[:, None] + pairs[None, :]).ravel(),
-            entries,
-            np.repeat(-factor.values, len(pairs)),
-        )
 
 
 def _with_margin(group: Group, margin: float) -> Group:

@@ -1,0 +1,104 @@
+"""The products of monomials in a Gram matrix, and the Schur complement of their sums."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+
+import numpy as np
+import scipy.sparse as sp
+
+from hfa_region.check.polynomial import exponents_of, monomials
+
+#: Base of the exponents in one whole number.
+BASE = 16
+
+
+@cache
+def packed(key: int) -> int:
+    """The exponents of a key of a polynomial in one number, Σ α_i 16^i."""
+    return sum(power * BASE**i for i, power in enumerate(exponents_of(key)))
+
+
+@lru_cache(maxsize=64)
+def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
+    """The keys of `monomials`, in their order."""
+    return np.array([packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """The k products of one degree, of the n monomials that take part in products of this or a
+    higher degree.
+
+    start: first of these monomials
+    first, last: places of the products
+    stacked: (k n, n), the matrices of the products below each other
+    sums: (l, n²), the entries of each of the l products from the first on
+    """
+
+    start: int
+    first: int
+    last: int
+    stacked: sp.csr_matrix
+    sums: sp.csr_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """The products of two of n monomials, m = (y^α).
+
+    size: n
+    keys: (k,), of the products, by degree
+    sums: (k, n²), 1 where an entry of m m' is the product
+    blocks: one for each degree of the products
+    """
+
+    size: int
+    keys: np.ndarray
+    sums: sp.csr_matrix
+    blocks: Sequence[_Block]
+
+    def schur(self, Q: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        """(k, k), tr(H_i Z⁻¹ H_j Q), H_i the matrix of product i, Q and Z⁻¹ symmetric.
+
+        The lower triangle is computed, degree by degree."""
+        M = np.zeros((len(self.keys), len(self.keys)))
+        for block in self.blocks:
+            n = self.size - block.start
+            kept = slice(block.start, None)
+            right = (block.stacked @ Q[kept, kept]).reshape(-1, n, n)
+            scaled = np.matmul(inverse[kept, kept], right).reshape(-1, n * n)
+            own = slice(block.first, block.last)
+            M[block.first :, own] = block.sums @ scaled.T
+            M[own, block.last :] = M[block.last :, own].T
+        return M
+
+
+@lru_cache(maxsize=64)
+def products_of(variables: int, low: int, high: int) -> Products:
+    """The products of the monomials of degree low to high."""
+    own = packed_monomials(variables, low, high)
+    counts = [len(monomials(variables, degree, degree)) for degree in range(low, high + 1)]
+    degrees = np.repeat(np.arange(low, high + 1), counts)
+    pairs = (own[:, None] + own).ravel()
+    degrees_of_pairs = (degrees[:, None] + degrees).ravel()
+    _, firsts = np.unique(pairs, return_index=True)
+    firsts = firsts[np.lexsort((pairs[firsts], degrees_of_pairs[firsts]))]
+    keys = pairs[firsts]
+    by_degree = degrees_of_pairs[firsts]
+    entries = np.arange(len(pairs))
+    order = np.argsort(keys)
+    places = order[np.searchsorted(keys, pairs, sorter=order)]
+    shape = (len(keys), len(pairs))
+    sums = sp.csr_matrix((np.ones(len(pairs)), (places, entries)), shape=shape)
+    blocks = []
+    for degree in np.unique(by_degree).tolist():
+        start = int(np.searchsorted(degrees, degree - high))
+        first, last = np.searchsorted(by_degree, [degree, degree + 1]).tolist()
+        taken = np.arange(len(own)) >= start
+        inner = sums[:, np.outer(taken, taken).ravel()]
+        stacked = inner[first:last].reshape((-1, len(own) - start)).tocsr()
+        blocks.append(_Block(start, first, last, stacked, inner[first:]))
+    return Products(len(own), keys, sums, blocks)
