@@ -215,16 +215,21 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
         _settle_from_neighbours(system, values, z, c, settled)
     point, A, B, residual = system.linear(z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
-    within = system.condition.limits_on(names).within(point).all(axis=1)
-    within &= system.limits.within(z * system.scales).all(axis=1)  # a free output, as gamma
-    balanced = (np.abs(residual) <= BALANCE).all(axis=1)
-    within &= ~system.far_out(z).any(axis=1)
+    within = _true_rows(system.condition.limits_on(names).within(point))
+    of_free = system.limits.within(z * system.scales)  # of a free output too, as gamma
+    within &= _true_rows(of_free & ~system.far_out(z))
+    balanced = _true_rows(np.abs(residual) <= BALANCE)
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
     states = point[:, :n]
     inputs = point[:, n : n + m]
     return Points(status.astype(np.int8), states, inputs, A, B, {}, status == NO_TRIM)
+
+
+def _true_rows(mask: np.ndarray) -> np.ndarray:
+    """Return which rows of a mask (N, k) are true throughout, (N,): soon known where all are."""
+    return np.full(len(mask), True) if mask.all() else np.asarray(mask.all(axis=1))
 
 
 def _starts(
