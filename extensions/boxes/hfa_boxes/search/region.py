@@ -25,18 +25,21 @@ from hfa_proof.results import place_in_words
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Shares of the sampled set that are tried, linearly, one after the other; where none is proved,
-#: halves of the first, down to the least. The first that is tried of a later V.
-_SHARES = (0.5, 0.8, 0.95, 0.985)
-_LARGE = 0.95
+#: Shares of the sampled set of the first V that are tried, linearly, one after the other; where
+#: none is proved, halves of the first, down to the least. Shares of a later V, until one is proved.
+_RISING = (0.5, 0.8, 0.95)
+_FALLING = (0.985, 0.95, 0.8, 0.5)
 _LEAST = 0.004
 #: Part of the time that is left in which a first V is chosen or a set grows, that one level gets
-#: while none is proved, that a higher level of a V gets which grows later, and that the large share
-#: of a later V gets, which is tried first.
+#: while none is proved, that a higher level of the first V gets, and that one of a later V gets.
 _OF_GROWTH = 0.4
-_FIRST = 0.3
+_OF_FIRST = 0.3
 _OF_HIGHER = 0.15
-_OF_LARGE = 0.6
+_OF_LATER = 0.6
+#: The least growth of a set that is proved, linearly.
+_LARGER = 1.01
+#: Extents of a set that is made smaller for a limit of a state, over the limit.
+_WITHIN = 0.999
 #: Refuted places that become rows of linear programs, for one V.
 _REFUTED = 12
 #: Lyapunov matrices that are tried, and those of them that are sampled more.
@@ -128,8 +131,6 @@ class RegionSearch:
             )
         try:
             self._search(earlier)
-        except OutOfTimeError as error:
-            self._stopped = str(error)
         except KeyboardInterrupt:
             self._stopped = "interrupted"
         if self._best is None:
@@ -145,83 +146,102 @@ class RegionSearch:
         if earlier is not None:
             origin = "V of the certificate"
             shape = Shape.of_piece(earlier.piece, self._degree)
-            self._prove(shape, 1.0, origin)
+            self._prove(self._part(shape, 1.0), origin)
         growth = Growth(self.samples, self.J, shape, self._tell)
-        self._levels(growth, origin, is_last=False)
-        degrees = sorted({2, self._degree})
-        for degree in degrees:
+        if earlier is None:
+            self._first_levels(growth, origin)
+        for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
             growth.of_degree(degree)
-            self._deadline = time.process_time() + _OF_GROWTH * self._left()
-            try:
-                while growth.grown() is not None:
-                    pass
-            except OutOfTimeError:
-                pass
-            if self._left() <= 0.0:
-                return
-            level = growth.shape.bound(self.samples, _HIGHEST).level
-            growth.shape = growth.shape.of_level(min(level, _HIGHEST))
             origin = f"one of degree {degree} that was searched for"
-            self._levels(growth, origin, is_last=degree == degrees[-1])
+            self._grow(growth)
+            while self._later_level(growth, origin) and degree == self._degree:
+                self._grow(growth)
 
-    def _levels(self, growth: Growth, origin: str, *, is_last: bool) -> None:
-        """Prove growing shares of the set of a V, which changes where a place refutes it.
-
-        is_last: whether no further V follows, for which time is kept"""
-        refuted = 0
-        low = 0.0
-        high = 1.0
-        share = _SHARES[0] if self._best is None else _LARGE
-        while share > _LEAST:
-            if low > 0.0:
-                part = 1.0 if is_last else _OF_HIGHER
-            else:
-                part = _FIRST if self._best is None else _OF_LARGE
-            self._deadline = time.process_time() + part * self._left()
-            try:
-                self._prove(growth.shape, share, origin)
-                low = share
-                self._stopped = "no V with a larger set was found"
-            except RefutedError as error:
-                refuted += 1
-                place = self._place(growth.shape, share, error)
-                where = place_in_words(self.loop, place)
-                self._stopped = (
-                    f"V' >= 0 or a limit is passed at {where}, in {share:.3g} of the set by samples"
-                )
-                if refuted <= _REFUTED and growth.refuted(place) is not None:
-                    continue
-                high = share
-            except (OpenBoxError, Rejected, OutOfTimeError) as error:
-                self._stopped = f"at {share:.3g} of the set by samples, linearly: {error}"
-                high = share
-                if self._left() < 0.0 or low > 0.0:
-                    return
-            larger = [each for each in _SHARES if low < each < high]
-            if low == _SHARES[-1] or (not larger and low > 0.0):
+    def _first_levels(self, growth: Growth, origin: str) -> None:
+        """Prove rising shares of the set of a V; if the first is not proved, halve it until one
+        is."""
+        share = _RISING[0]
+        while not self._is_proved(growth, share, origin, _OF_FIRST):
+            share /= 2.0
+            if share < _LEAST or self._left() < 0.0:
                 return
-            share = larger[0] if larger else high / 2.0
+        if share == _RISING[0]:
+            for larger in _RISING[1:]:
+                if not self._is_proved(growth, larger, origin, _OF_HIGHER):
+                    return
 
-    def _place(self, shape: Shape, share: float, error: RefutedError) -> np.ndarray:
-        """Return z of a place that refutes a part of the set."""
-        return np.asarray(shape.of_level(share**2).in_cube().N @ error.place)
+    def _later_level(self, growth: Growth, origin: str) -> bool:
+        """Prove a share of the set of a V, larger than all sets before; return whether it is."""
+        if self._best is None:
+            self._first_levels(growth, origin)
+            return self._best is not None
+        for share in _FALLING:
+            if share * growth.shape.size() < _LARGER * self._largest or self._left() < 0.0:
+                return False
+            if self._is_proved(growth, share, origin, _OF_LATER if share == _FALLING[0] else 1.0):
+                return True
+        return False
+
+    def _grow(self, growth: Growth) -> None:
+        """Let the set of a V grow, up to the obstacle that samples find."""
+        self._deadline = time.process_time() + _OF_GROWTH * self._left()
+        try:
+            while growth.grown() is not None:
+                pass
+        except OutOfTimeError:
+            self._stopped = "the time was over before larger sets were tried"
+        level = growth.shape.bound(self.samples, _HIGHEST).level
+        growth.shape = growth.shape.of_level(min(level, _HIGHEST))
+
+    def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
+        """Prove a share of the set of a V, which changes where a place refutes it.
+
+        time_share: part of the time that is left, for one V"""
+        try:
+            for _ in range(_REFUTED):
+                self._deadline = time.process_time() + time_share * self._left()
+                part = self._part(growth.shape, share)
+                try:
+                    self._prove(part, origin)
+                except RefutedError as error:
+                    place = part.N @ error.place
+                    where = place_in_words(self.loop, place)
+                    self._stopped = (
+                        f"V' >= 0 or a limit is passed at {where}, in {share:.3g} of the set by "
+                        "samples"
+                    )
+                    if growth.refuted(place) is None:
+                        return False
+                else:
+                    self._stopped = "no V with a larger set was found"
+                    return True
+        except (OpenBoxError, Rejected, OutOfTimeError) as error:
+            self._stopped = f"at {share:.3g} of the set by samples, linearly: {error}"
+        return False
+
+    def _part(self, shape: Shape, share: float) -> Shape:
+        """Return a share of the set of a V, linearly, within the limits of the states."""
+        part = shape.of_level(share**2).in_cube()
+        limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
+        beyond = float(np.max(part.extents().ends / limits))
+        if beyond < 1.0:
+            return part
+        return part.of_level((_WITHIN / beyond) ** 2).in_cube()
 
     def _left(self) -> float:
         return self._seconds - (time.process_time() - self._begin)
 
-    def _prove(self, shape: Shape, share: float, origin: str) -> None:
-        """Prove a share of the set, linearly, and keep it where it is the largest so far.
-
-        An error where it is not proved."""
-        smaller = shape.of_level(share**2).in_cube()
-        extents = smaller.extents()
+    def _prove(self, shape: Shape, origin: str) -> None:
+        """Prove a set, and keep it where it is the largest so far; an error where it is not
+        proved."""
+        extents = shape.extents()
         decrease = Decrease(
-            self.loop, self.equilibrium, smaller.piece(), extents.ends, extents.multipliers
+            self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers
         )
         boxes = decrease.proved(_ENDLESS, self._count)
-        size = smaller.size()
+        size = shape.size()
         if size <= self._largest:
             return
         states = self.loop.states
@@ -233,7 +253,7 @@ class RegionSearch:
         statement = BoxStatement(self.loop, self._policy, at, decrease.piece, ends)
         witness = BoxWitness(extents.multipliers, 2 * boxes)
         region = BoxRegion(statement, witness, boxes, origin, Bound(np.inf, None, False), "")
-        self._best = region, smaller
+        self._best = region, shape
         self._largest = size
         if self._save is not None:
             self._save(region)

@@ -389,7 +389,9 @@ class Growth:
                 self._slowest = np.concatenate([self._slowest, slow])
                 continue
             # beyond its level 1 nothing is known
-            bound = found.bound(self._samples, 1.0)
+            bound = found.bound(self._samples, 1.0, quick=True)
+            if bound.level >= _ENOUGH:
+                bound = found.bound(self._samples, 1.0)
             found = found.of_level(min(bound.level, 1.0))
             size = found.size()
             if size > largest:
