@@ -364,7 +364,7 @@ def _draw_bars(axes: Any, bars: Sequence[dict[str, Any]]) -> None:
             each["to_reach"], place, "D", color="white", markeredgecolor="black", markersize=5
         )
         end = max(end, each["to_reach"])
-        axes.text(1.08 * end, place, ratio_text(each["ratio"]), va="center", fontsize=8)
+        axes.text(1.25 * end, place, ratio_text(each["ratio"]), va="center", fontsize=8)
     axes.set_yticks(
         range(len(bars)), [f"{each['job']}\nagainst {each['peer']}" for each in reversed(bars)]
     )
@@ -372,6 +372,7 @@ def _draw_bars(axes: Any, bars: Sequence[dict[str, Any]]) -> None:
     axes.set(
         xscale="log",
         xlim=(0.2, 5000),
+        ylim=(-1.6, len(bars) - 0.4),
         xlabel="time of the peer divided by ours (orange: slower than the peer)",
     )
     axes.plot([], [], color="black", linewidth=1.5, label="limit of this machine")

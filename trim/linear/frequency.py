@@ -96,7 +96,8 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     axes = figure.subplots(
         2 * lines, columns, sharex=True, squeeze=False, height_ratios=[3, 2] * lines
     )
-    labels = [f"{name}, {unit}" for name, unit in zip(model.inputs, model.input_units, strict=True)]
+    units = dict(zip(model.inputs, model.input_units, strict=True))
+    labels = [name if unit == "1" else f"{name}, {unit}" for name, unit in units.items()]
     output_units = model.point.model.units(model.outputs)
     handles = {}
     for panel, i in enumerate(drawn):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.figure import new_figure
 from verification.critic.error_table import COLUMNS
 
@@ -32,9 +31,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     where there is no P; where there is a table also its errors over time."""
     table = verdict.table
     names = verdict.exact.names
-    title = (
-        f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict_text(verdict.ok)}"
-    )
+    title = f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict.grade_text()}"
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
     learned = getattr(verdict.critic, name)
@@ -52,7 +49,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
         title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
     else:
         maps.append(("(learned - exact) / |exact|", relative, None))
-    figure = make(4.0 * len(maps) + 0.5, 4.2 if table is None else 7.6)
+    figure = make(4.0 * len(maps) + 0.5, 4.6 if table is None else 7.6)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(1 if table is None else 2, len(maps))
     for index, (map_title, entries, size) in enumerate(maps):
@@ -122,7 +119,7 @@ def _heat_map(
     axes.set_title(title)
     is_difference = size is None
     if size is None:
-        size = float(np.ma.filled(np.abs(matrix), 0.0).max())
+        size = 10.0 ** np.ceil(np.log10(2.0 * np.ma.filled(np.abs(matrix), 0.0).max()))
         linear = size * _LINEAR_SHARE
         powers = size * np.array([1.0, 0.1, 0.01])
     else:

@@ -37,6 +37,7 @@ def identified_figure(identified: Identified) -> Figure:
             left.plot(time, fitted, color="C0", linewidth=1.2)
             right.plot(time, measured - fitted, color="C3", linewidth=0.6)
         left.set_ylabel(f"{name},\n{shown_unit(unit)}")
+        right.set_ylabel(shown_unit(unit))
     axes[0][0].set_title("measured (dots) and fitted")
     axes[0][1].set_title("residual")
     for bottom in axes[-1]:

@@ -39,8 +39,18 @@ def drawn(
     for axes in panels[max(0, len(names) - 3) : len(names)]:
         axes.set_xlabel("time, s", fontsize=8)
         axes.tick_params(labelbottom=True)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8, title=title)
+    handles = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles[label] = handle
+    figure.legend(
+        [*handles.values()],
+        [*handles],
+        loc="outside upper center",
+        ncols=3,
+        fontsize=8,
+        title=title,
+    )
     return figure
 
 
@@ -65,8 +75,8 @@ def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flo
     axes.set_ylim(low - room, high + room)
     for limit in shown_values(np.array(limits), unit):
         if low - room < limit < high + room:
-            axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8)
-    axes.set_ylabel(f"{name}, {shown_unit(unit)}", fontsize=8)
+            axes.axhline(float(limit), color="black", linestyle=":", linewidth=0.8, label="limit")
+    axes.set_ylabel(name if unit == "1" else f"{name}, {shown_unit(unit)}", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.ticklabel_format(useOffset=False)
     axes.grid(alpha=0.3)

@@ -158,7 +158,8 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Whose flight, how long it takes, and from where."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
-        return f"Quickest flight found, to {whose}: {self.seconds:.4g} s\nfrom {begin} off it"
+        found = f"Quickest flight found, to {whose}: {self.seconds:.4g} s"
+        return f"{found}\nfrom {begin} off this trim"
 
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.meshes)[-2:]))

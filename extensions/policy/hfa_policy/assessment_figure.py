@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
     """Draw the spectral radius over the delay, one line for each trim, and the outcomes of the
-    flights, one bar for each trim; where every flight converges, the disk margins in their
-    place."""
+    flights, one bar for each trim; where all flights end alike, the disk margins in their place."""
     from matplotlib import colormaps
 
     left, right = figure.subplots(1, 2)
     labels = []
+    shades = colormaps["viridis"](np.linspace(0.0, 0.75, len(assessment.points)))
     for number, point in enumerate(assessment.points):
         value = next(iter(scheduled_value(point.point).values()), None)
         labels.append("trim" if value is None else f"{value:.4g}")
@@ -33,8 +33,7 @@ def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
             continue
         radii = point.delays.radii[:12]
         delays = 1e3 * assessment.deployed.deployment.dt * np.arange(len(radii))
-        shade = colormaps["viridis"](0.75 * number / max(len(assessment.points) - 1, 1))
-        left.plot(delays, radii, "o-", color=shade, markersize=3, label=labels[-1])
+        left.plot(delays, radii, "o-", color=shades[number], markersize=3, label=labels[-1])
     left.axhline(1.0, color="C3", linewidth=0.8, label="limit of stability")
     model = assessment.deployed.model
     schedule = f"{model.schedule}, {shown_unit(model.schedule_unit)}" if model.schedule else ""
@@ -53,22 +52,26 @@ def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
         )
     places = np.arange(len(labels))
     outcomes = [point.flights for point in assessment.points]
-    if all(outcome is None or outcome.returned == outcome.starts for outcome in outcomes):
-        _draw_margins(right, assessment)
-        if any(outcome is not None for outcome in outcomes):
-            right.set_title("every flight converges", fontsize=10)
+    flown = [outcome for outcome in outcomes if outcome is not None]
+    converge = all(outcome.returned == outcome.starts for outcome in flown)
+    if converge or all(outcome.lost == outcome.starts for outcome in flown):
+        _draw_margins(right, assessment, shades)
+        if flown:
+            end = "converges" if converge else "leaves the envelope"
+            right.set_title(f"every flight {end}", fontsize=10)
     else:
         _draw_outcomes(right, outcomes)
+    right.set_xlim(-1.0, len(labels))
     right.set_xticks(places, labels, rotation=0 if len(labels) <= 8 else 90)
     right.set_xlabel(schedule)
     return figure
 
 
-def _draw_margins(axes: Axes, assessment: Assessment) -> None:
-    """Draw the disk margin of each trim, 0 where the loop is unstable."""
+def _draw_margins(axes: Axes, assessment: Assessment, shades: np.ndarray) -> None:
+    """Draw the disk margin of each trim, 0 where the loop is unstable, in its color (N, 4)."""
     margins = [point.margins for point in assessment.points]
     disks = [0.0 if margin is None else margin.disk.disk for margin in margins]
-    axes.bar(np.arange(len(disks)), disks, color="C0", width=0.6)
+    axes.bar(np.arange(len(disks)), disks, color=shades, width=0.6)
     axes.set_ylabel("disk margin, all inputs at once")
 
 
