@@ -49,7 +49,8 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
         linear.step("throttle")
 
 
-def test_words_of_the_model_are_held_values_of_a_trim_and_columns_of_a_sweep() -> None:
+def test_names_are_held_values_and_sweep_columns() -> None:
+    """Names of the model are held values of a trim and columns of a sweep."""
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)

@@ -90,7 +90,8 @@ def test_the_tank_is_proved() -> None:
     assert 0 < checked(tank()) < 1000
 
 
-def test_policies_of_other_digits_or_states_have_other_digests() -> None:
+def test_other_policies_have_other_digests() -> None:
+    """Policies of other digits or states have other digests."""
     z = ca.SX.sym("z", 2)
     commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
     policies = [ca.Function("u", [z], [command]) for command in commands]

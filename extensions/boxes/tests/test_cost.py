@@ -340,7 +340,7 @@ def test_an_input_without_slope_may_be_used() -> None:
     assert np.all(np.abs(best) <= radii)
 
 
-def test_the_curvature_of_three_inputs_is_below_all_directions() -> None:
+def test_curvature_of_three_inputs_bounds_all_directions() -> None:
     """For x' = a + b + c + 0.4 (a b + b c + c a) the second derivative along (1, 1, 1) is lowest
     where the slope of W is negative."""
     names = ("a", "b", "c")
@@ -404,7 +404,7 @@ def test_the_envelope_is_met_from_all_equilibria() -> None:
         assert inequality.is_outside(box).tolist() == [radius == 0.0]
 
 
-def test_the_loss_covers_guesses_that_vary_in_two_directions() -> None:
+def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
     """The guess runs from -0.2 to 0.2 over a box in two states; the slope of g in it is 0.75."""
     model = Model(
         "two",
@@ -451,7 +451,7 @@ def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
     assert radius >= 0.375
 
 
-def test_the_hessian_is_definite_for_all_inputs_within_the_radii() -> None:
+def test_the_hessian_covers_all_inputs_within_radii() -> None:
     """g = y (u + u³) + y² + u² is convex near u = 0, and not at u = 1."""
     inequality = _on_a_line(SLED, 0.5)
     box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
@@ -459,7 +459,7 @@ def test_the_hessian_is_definite_for_all_inputs_within_the_radii() -> None:
     assert not inequality._is_convex(box, np.array([1.0]))
 
 
-def test_the_hessian_is_definite_at_both_ends_of_its_entries() -> None:
+def test_the_hessian_covers_both_ends_of_entries() -> None:
     """g = 0.6 y u (1 + 3 y) + y² + u² has the mixed derivative 0.6 (1 + 6 y), from -1.2 to 2.4."""
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 + 3.0 * x.position)}, {})

@@ -209,6 +209,6 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
     assert OnPiece.is_outside(inequality, small).tolist() == [share > 0.0]
 
 
-def test_the_hole_is_smaller_about_an_equilibrium_that_is_less_known() -> None:
+def test_a_vaguer_equilibrium_has_a_smaller_hole() -> None:
     """The policy saturates at a distance from the trim."""
     assert _decrease(0.0).hole < _decrease(0.2).hole

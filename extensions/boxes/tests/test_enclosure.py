@@ -54,7 +54,7 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
         assert np.all((low <= values) & (values <= high))
 
 
-def test_a_square_of_a_square_holds_the_ends_of_a_box() -> None:
+def test_squared_squares_hold_the_ends_of_boxes() -> None:
     """The linear part of y² is 0 at the centre of the first box, and the rest is all of it."""
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)

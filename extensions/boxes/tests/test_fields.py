@@ -164,9 +164,9 @@ def assert_walked(
 
 
 @pytest.mark.parametrize("degree", [2, 4])
-def test_each_field_of_a_region_is_compared_or_shown(
-    degree: int, aircraft: str, cart: Model
-) -> None:
+def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, cart: Model) -> None:
+    """Each field of a region is compared or shown."""
+
     def text_of(content: dict[str, Any]) -> str:
         statement = BoxStatement.read(content, cart, None)
         return checked_report(VerifiedBoxes(statement, 1, WRITTEN), "that of K").text()
@@ -204,7 +204,9 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
         BoxStatement.read(content, cart, None)
 
 
-def test_each_field_of_a_bound_is_compared_or_shown(cart: Model) -> None:
+def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
+    """Each field of a bound is compared or shown."""
+
     def text_of(content: dict[str, Any]) -> str:
         statement = CostStatement.read(content, cart)
         count = len(statement.pieces)

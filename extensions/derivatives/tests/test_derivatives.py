@@ -299,7 +299,7 @@ def roots_of(printed):
     [(NAVION, PRINTED, {}), (B747, PRINTED_747, {"gravity": 32.2}), (NT33A, PRINTED_NT33A, {})],
     ids=["navion", "747", "nt33a"],
 )
-def test_the_modes_lie_within_the_digits_of_the_table(table, printed, held):
+def test_modes_lie_within_the_digits_of_tables(table, printed, held):
     """The change of each mode by half a digit of each derivative, size and moment of inertia, added,
     is above its difference from the printed one."""
     base = linear_model(table, **held)
@@ -312,7 +312,7 @@ def test_the_modes_lie_within_the_digits_of_the_table(table, printed, held):
     assert (np.abs(np.array(found) - roots) < allowed).all()
 
 
-def test_a_small_unmanned_aircraft_has_its_published_short_period():
+def test_a_small_aircraft_has_its_published_short_period():
     """Within 0.2 % of that of the printed matrix, whose entries have four digits."""
     printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
     found = eigenvalue_near(linear_model(ULTRA_STICK), printed)

@@ -338,7 +338,7 @@ def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
         assert fly_members(plan, 0, 1)["cycle"] == place
 
 
-def test_a_cycle_of_the_aircraft_itself_is_found_without_a_law() -> None:
+def test_cycles_of_the_aircraft_are_found_without_law() -> None:
     """Van der Pol's oscillator with μ = 0.5: a cycle of amplitude 2.00, period 6.381 s."""
     oscillator = Model(
         name="van der Pol",

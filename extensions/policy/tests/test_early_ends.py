@@ -158,7 +158,7 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
     assert off[0] == pytest.approx(place.lag[0], rel=0.1)
 
 
-def test_a_mode_out_of_reach_takes_flights_out_again():
+def test_modes_out_of_reach_take_flights_out_again():
     """y' = .02 y, which no action moves, and x' = -x + u + .02 y²: flights that begin with a large
     y have x = .02 y² / 2.04 in the ball at first and not at the end."""
     signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)

@@ -314,7 +314,7 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 @pytest.mark.parametrize(
     ("ends", "reached"), [((-0.1, 9.0), (True, False)), ((-9.0, 2.25), (False, True))]
 )
-def test_each_limit_of_an_input_has_its_own_room(
+def test_each_input_limit_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
     """u = 2 x + 0.5 x² moves by 2.5 in the ball."""
@@ -323,7 +323,7 @@ def test_each_limit_of_an_input_has_its_own_room(
     assert region.reaches("u") == reached
 
 
-def test_the_policy_is_about_the_trim_and_not_the_equilibrium() -> None:
+def test_policies_are_about_trims_not_equilibria() -> None:
     """About the equilibrium at 2e-7 the command u = 2 z + 0.5 z², z = x - 1e-7, has a slope above
     2."""
     loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
@@ -368,7 +368,7 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
     assert limits_hold({"x": stated}, own, ()) == "x"
 
 
-def test_extents_of_a_quartic_are_proved_or_of_the_ball() -> None:
+def test_quartic_extents_are_proved_or_the_balls() -> None:
     """The extents are those of the statement, and never beyond the ball of radius 2."""
     loop = RegionStatement.read(sink()["statement"], SINK).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
@@ -490,7 +490,8 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
     assert np.all(away[near] < 1e-3)
 
 
-def test_the_ball_reaches_as_far_as_the_rows_of_its_coordinates() -> None:
+def test_the_ball_reaches_as_far_as_its_rows() -> None:
+    """The ball reaches as far as the rows of its coordinates."""
     loop = _glider_loop()
     for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
         assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
@@ -534,7 +535,7 @@ def test_a_function_of_a_remainder_has_a_remainder() -> None:
 
 
 @pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
-def test_the_norm_of_a_product_is_above_its_values(power: int, largest: float) -> None:
+def test_norms_of_products_are_above_their_values(power: int, largest: float) -> None:
     """(y_1 y_2)^k is 2^-k on the unit circle."""
     parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
     product = Polynomial([*parts, {key_of((power, power)): arb(1)}])

@@ -61,7 +61,8 @@ def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None
     assert "\n" not in str(refusal.value)
 
 
-def test_the_message_on_a_suffix_lists_those_of_packages() -> None:
+def test_messages_on_suffixes_list_those_of_packages() -> None:
+    """The message on a suffix lists those of packages."""
     with pytest.raises(BadInputError, match=r"^K\.abc: the suffix '\.abc' is unknown") as refusal:
         critic_in("K.abc", GAME)
     assert str(refusal.value).endswith(", ".join(critic_suffixes()))

@@ -53,7 +53,7 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
     np.testing.assert_allclose(tracked, expected, atol=1e-7)
 
 
-def test_nearly_parallel_shapes_that_turn_cross_on_a_point() -> None:
+def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
     """Two shapes 4 deg apart turn by as much from one side of the meeting to the other; both
     eigenvalues rise."""
     s = np.linspace(-1.0, 1.0, 5)

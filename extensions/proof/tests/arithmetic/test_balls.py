@@ -27,7 +27,8 @@ def test_pivots_are_those_of_elimination(off: float, second: float) -> None:
     assert found is None or [float(each) for each in found] == [2.0, second]
 
 
-def test_an_interval_about_0_holds_all_of_a_radius() -> None:
+def test_intervals_about_0_hold_the_whole_radius() -> None:
+    """An interval about 0 holds all of a radius."""
     assert symmetric(arb(1, 0.1)).contains(arb(1.09))
     assert symmetric(arb(-2, 0.1)).contains(arb(-2.09))
 

@@ -398,7 +398,7 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 
 @ctx.workprec(256)
-def test_a_solution_far_from_the_stated_one_is_enclosed() -> None:
+def test_solutions_far_from_the_stated_are_enclosed() -> None:
     """0.75 p² + 2 p = 1, stated 0.1 from the root with a reach of 0.5: one step of Newton's method
     is not the root."""
     one = np.eye(1)
@@ -483,7 +483,7 @@ def test_a_loop_that_only_the_doubles_stabilize() -> None:
 
 
 @ctx.workprec(256)
-def test_an_error_of_tables_for_doubles_alone_is_refused() -> None:
+def test_table_errors_for_doubles_alone_are_refused() -> None:
     """The stated error holds for the doubles of the parameters, and not for all decimals that they
     may be read from."""
     made = certificate("models")
@@ -499,7 +499,7 @@ def test_an_error_of_tables_for_doubles_alone_is_refused() -> None:
         check_models(replace(statement, errors=errors), witness)
 
 
-def test_a_gain_follows_from_both_values_of_a_critic() -> None:
+def test_gains_follow_from_both_values_of_critics() -> None:
     """K = R⁻¹ B'P is 2 for P = 2, that of W = 2 z² too."""
     one = np.eye(1)
     weights = Weights(one, one, one, np.inf)
@@ -511,7 +511,7 @@ def test_a_gain_follows_from_both_values_of_a_critic() -> None:
             check_gain(weights, B, critic)
 
 
-def test_trims_that_part_by_an_error_are_not_the_same() -> None:
+def test_trims_apart_by_an_error_are_different() -> None:
     """The trim of the other box is 0.5 +- 0.7; within 1 of 0 this one has no other."""
 
     def box_at(center: float, error: float) -> Any:

@@ -78,7 +78,8 @@ def test_the_remainder_shrinks_with_the_third_power() -> None:
 
 
 @pytest.mark.parametrize("limits", [(0.0, 201.0), (-1.0, 200.0)])
-def test_limits_wider_than_those_of_the_model_are_refused(limits: tuple[float, float]) -> None:
+def test_limits_wider_than_the_models_are_refused(limits: tuple[float, float]) -> None:
+    """Limits wider than those of the model are refused."""
     flights = Family(hfa.aircraft(), release(LEVEL_FLIGHT, limits={"throttle": limits}))
     with pytest.raises(BadInputError, match="limits of throttle are wider"):
         flights.flight(14.0, 14.5)
