@@ -40,7 +40,7 @@ _CONDITIONS = {
 _FLOWN = ("737", "f15", "c172p", "c310", "pc7", "sgs126")
 _STATES = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch")
 #: Rows of A and B that JSBSim's accelerations give.
-_RATES = _STATES[:6]
+RATES = _STATES[:6]
 #: Steps of the differences, of a state's or an input's usual size.
 _STEP = 1e-3
 _THROTTLES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -93,7 +93,7 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
             there = {key: moved[key] for key in state}
             items.append(_at(name, model, there, {key: moved[key] for key in inputs}))
     answers = answered(items, 3000.0)
-    ours = _of_rest(model, point)
+    ours = of_rest(model, point)
     agree = 0
     worst = (0.0, "")
     for number, column in enumerate(columns):
@@ -105,8 +105,8 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
         misses = np.abs(difference - ours[column]) / np.maximum(1.0, np.abs(ours[column]))
         agree += int(np.sum(misses < 1e-6))
         row = int(np.argmax(misses))
-        worst = max(worst, (float(misses[row]), f"{_RATES[row]} by {column}"))
-    return agree, len(_RATES) * len(columns), f"{worst[0]:.0e} ({worst[1]})"
+        worst = max(worst, (float(misses[row]), f"{RATES[row]} by {column}"))
+    return agree, len(RATES) * len(columns), f"{worst[0]:.0e} ({worst[1]})"
 
 
 def _step(model: Model, name: str) -> float:
@@ -118,14 +118,14 @@ def _step(model: Model, name: str) -> float:
     return 0.1 * _STEP
 
 
-def _of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
+def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
     """Columns of A and B with propellers and governors at rest."""
     linear = linearize(model, point, full=True)
     names = list(model.states)
     engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]
     # a governor at the limit of its blades is at rest there
     moving = [i for i in engines if np.any(linear.A[i, engines] != 0.0)]
-    rows = [names.index(name) for name in _RATES]
+    rows = [names.index(name) for name in RATES]
     table = np.hstack([linear.A, linear.B])
     rest = table[rows]
     if moving:

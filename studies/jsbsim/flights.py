@@ -43,7 +43,7 @@ CONDITIONS = {
 #: JSBSim's steps, s: each a quarter of the one before.
 STEPS = (1.0 / 120.0, 1.0 / 480.0, 1.0 / 1920.0)
 #: Radius of the sphere, ft; what is flown is within 1e-6 rad of it.
-_RADIUS = 1e10
+RADIUS = 1e10
 _SECONDS = 30
 _REST = 6.0
 #: Steps of ours a second.
@@ -140,7 +140,7 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
             [20.0, {"throttle": rng.uniform(0.2, 0.9)}],
         ]
         flight = {"state": start, "commands": inputs, "changes": changes, "flight": _SECONDS}
-        flights.append(flight | {"rest": _REST, "radius": _RADIUS})
+        flights.append(flight | {"rest": _REST, "radius": RADIUS})
     return flights
 
 

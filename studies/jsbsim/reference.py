@@ -411,7 +411,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     point["rest"]: s in which engines come to their speeds before. point["pulse"]: increments of
     commands during the second second, by name. point["changes"]: [time, {command: value}], in
     order. With these the answer has "start", the states with those of the engines when the flight
-    begins, and "states", which are those at each full second.
+    begins, and "states", which are those at each full second, or every point["interval"] s.
     """
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
@@ -428,7 +428,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     start = _states(simulator) | _of_engines(simulator)
     states = []
     changes = list(point.get("changes", ()))
-    a_second = round(1.0 / length)
+    interval = round(point.get("interval", 1.0) / length)
     for step in range(round(point["flight"] / length)):
         pulsing = 1.0 <= step * length < 2.0
         for name, value in point.get("pulse", {}).items():
@@ -438,7 +438,7 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
         if "changes" in point:
             _lean(simulator, commands, leaned)
         _run(simulator.run, simulator)
-        if (step + 1) % a_second == 0:
+        if (step + 1) % interval == 0:
             states.append(_states(simulator))
     answer: dict[str, Any] = _states(simulator)
     return answer | {"start": start, "states": states} if "changes" in point else answer

@@ -1,0 +1,237 @@
+"""Linear models identified from flights of JSBSim with sensor noise, compared with JSBSim's own
+linearization.
+
+`python -m studies.jsbsim.identified [COUNT]` prints the table of README.md: COUNT identifications
+of each aircraft, 24 without it. The packages jsbsim and hfa-identify are needed.
+
+Each flight is a 3-2-1-1 of the elevator from the trim, flown with both signs: what is quadratic in
+the motion is alike in both, so that it does not move the slopes. The amplitudes were chosen at
+other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 64 in
+above the centre of gravity.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfa import Signal, find_operating_point, identify
+from hfa_aircraft.model import Model
+from hfa_jsbsim.reader import read_model
+from studies.jsbsim.dynamics import RATES, of_rest
+from studies.jsbsim.flights import RADIUS
+from studies.jsbsim.reference import GRAVITY, answered
+from trim.point.condition import release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True)
+class Case:
+    """The trim of an aircraft, and the 3-2-1-1.
+
+    kcas: calibrated airspeed, kt. altitude: ft. pulse: shortest pulse, s. size: of the command.
+    repeated: records of each flight, with other noise.
+    given: slopes that the flights do not determine, with JSBSim's values.
+    """
+
+    kcas: float
+    altitude: float
+    pulse: float
+    size: float
+    repeated: int
+    given: tuple[str, ...] = ()
+
+    @property
+    def free(self) -> list[str]:
+        """Names of the slopes that are identified."""
+        return [name for name in SLOPES if name not in self.given]
+
+
+#: The c172p's drag has another slope from each full degree of alpha to the next, its lift from 0
+#: on, and its elevator from 0 on: the trim lies at 1.5 degrees.
+CASES = {
+    "737": Case(250.0, 10000.0, 1.0, 0.04, 4),
+    "c172p": Case(88.0, 4000.0, 0.5, 0.03, 1, ("speed__alpha", "speed__elevator")),
+}
+#: Length of a flight, s, between samples, and of JSBSim's steps.
+_SECONDS = 12.0
+_INTERVAL = 0.02
+_STEP = _INTERVAL / 160.0
+#: s in which engines settle before.
+_REST = 6.0
+#: Sensor -> standard deviation of its noise, ft/s, rad and rad/s.
+_NOISE = {"speed": 0.5, "alpha": 0.001, "pitch_rate": 0.002, "pitch": 0.001}
+#: State of the linear model -> that of JSBSim's linearization.
+_STATES = {
+    "speed": "Vt",
+    "alpha": "Alpha",
+    "pitch_rate": "Q",
+    "pitch": "Theta",
+    "altitude": "Alt",
+}
+_ELEVATOR = "DeCmd"
+_ROWS = ("speed", "alpha", "pitch_rate")
+_COLUMNS = ("speed", "alpha", "pitch_rate", "elevator")
+#: Slopes of forces and moment, as alpha__speed. That of the speed's rate by the pitch rate is given
+#: as 0. The others are kinematic, of gravity or of the atmosphere, and given too.
+SLOPES = tuple(
+    f"{row}__{column}"
+    for row in _ROWS
+    for column in _COLUMNS
+    if (row, column) != ("speed", "pitch_rate")
+)
+
+
+def main(words: Sequence[str]) -> int:
+    """Print a line for each aircraft."""
+    count = int(words[0]) if words else 24
+    print("| aircraft | PASS | bands that hold JSBSim's slopes | ours | least often |")
+    print("| --- | --- | --- | --- | --- |")
+    for name, case in CASES.items():
+        print(line(name, case, count), flush=True)
+    return 0
+
+
+def line(name: str, case: Case, count: int) -> str:
+    """The row of an aircraft: how many identifications are PASS, and how many of their 95 % bands
+    hold the slopes of JSBSim's linearization and of ours."""
+    point, flights = flown(name, case)
+    theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
+    model = linear_model(theirs, case.free)
+    passed = 0
+    held = dict.fromkeys(case.free, 0)
+    held_ours = 0
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        found = identify(
+            begun(model, rng), records(flights * case.repeated, rng), case.free, inputs="steps"
+        )
+        passed += found.ok
+        for slope, estimate in found.parameters.items():
+            held[slope] += estimate.low < theirs[slope] < estimate.high
+            held_ours += estimate.low < ours[slope] < estimate.high
+    bands = count * len(held)
+    least = min(held, key=lambda slope: held[slope])
+    cells = [
+        name,
+        f"{passed} of {count}",
+        f"{sum(held.values())} of {bands}",
+        f"{held_ours} of {bands}",
+        f"{least}, {held[least]} of {count}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
+    """The trim, and JSBSim's flights with both signs of the 3-2-1-1 over a flat earth: columns less
+    their values in the trim, without noise."""
+    model = read_model(f"jsbsim:{name}").with_parameters(gravity=GRAVITY)
+    held = {"kcas": case.kcas, "altitude": case.altitude}
+    point = find_operating_point(model, release(usual_condition(model), hold=held))
+    moves = [manoeuvre(case, sign) for sign in (1.0, -1.0)]
+    trimmed = point.inputs._asdict()
+    items = []
+    for steps in moves:
+        changes = [[time, {"elevator": trimmed["elevator"] + value}] for time, value in steps]
+        flight = {"state": point.states._asdict(), "commands": trimmed, "changes": changes}
+        flight |= {"flight": _SECONDS, "rest": _REST, "radius": RADIUS}
+        items.append({"aircraft": name, "point": flight | {"step": _STEP, "interval": _INTERVAL}})
+    flights = []
+    for steps, answer in zip(moves, answered(items), strict=True):
+        states = [answer["start"], *answer["states"]]
+        columns = {
+            state: np.array([each[state] for each in states]) - states[0][state]
+            for state in _STATES
+        }
+        times = _INTERVAL * np.arange(len(states))
+        edges, values = np.transpose(steps)
+        held_values = np.append(values, 0.0)[np.searchsorted(edges, times + 1e-9, side="right") - 1]
+        flights.append({"time": times, "elevator": held_values, **columns})
+    return point, flights
+
+
+def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
+    """Return times and increments of the elevator's steps."""
+    times = 0.5 + case.pulse * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
+    values = sign * case.size * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
+    return list(zip(times.tolist(), values.tolist(), strict=True))
+
+
+def records(
+    flights: Sequence[Mapping[str, np.ndarray]], rng: np.random.Generator
+) -> list[dict[str, np.ndarray]]:
+    """Records of the flights with noise of the sensors."""
+    noisy = []
+    for flight in flights:
+        columns = {"time": flight["time"], "elevator": flight["elevator"]}
+        for name, deviation in _NOISE.items():
+            columns[name] = flight[name] + deviation * rng.standard_normal(len(flight[name]))
+        noisy.append(columns)
+    return noisy
+
+
+def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
+    """Slope, as alpha__pitch_rate -> its value in JSBSim's linearization at the trim."""
+    request = {"state": point.states._asdict(), "commands": point.inputs._asdict()}
+    request |= {"radius": RADIUS, "linear": True}
+    answer = answered([{"aircraft": name, "point": request}])[0]
+    table = np.hstack([answer["A"], answer["B"]])
+    columns = [*answer["x"], *answer["u"]]
+    names = _STATES | {"elevator": _ELEVATOR}
+    return {
+        f"{row}__{column}": float(table[columns.index(_STATES[row]), columns.index(names[column])])
+        for row in _STATES
+        for column in names
+    }
+
+
+def own_slopes(point: OperatingPoint) -> dict[str, float]:
+    """The slopes of our linearization, with propellers in equilibrium at each state."""
+    columns = of_rest(point.model, point)
+    return {
+        f"{row}__{column}": float(columns[column][RATES.index(row)])
+        for row in _ROWS
+        for column in _COLUMNS
+    }
+
+
+def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
+    """A linear model in deviations from the trim, whose parameters are the free slopes."""
+    units = {"speed": ("ft/s", 10.0), "altitude": ("ft", 100.0)}
+    states = {name: Signal(*units.get(name, ("rad", 0.1))) for name in _STATES}
+    parameters = {name: Signal("1", abs(slopes[name]), start=slopes[name]) for name in free}
+    given = {**slopes, "speed__pitch_rate": 0.0}
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        rates = {}
+        for row in _STATES:
+            terms = [(column, getattr(x, column)) for column in _STATES]
+            rates[row] = 0.0
+            for column, value in (*terms, ("elevator", u.elevator)):
+                name = f"{row}__{column}"
+                rates[row] += (getattr(p, name) if name in parameters else given[name]) * value
+        return rates, {}
+
+    return Model(
+        name="linear",
+        states=states,
+        inputs={"elevator": Signal("1", 0.1)},
+        parameters=parameters,
+        equations=equations,
+    )
+
+
+def begun(model: Model, rng: np.random.Generator) -> Model:
+    """The model with each slope 50 % off, up or down."""
+    values = {
+        name: signal.start * rng.choice([0.5, 1.5]) for name, signal in model.parameters.items()
+    }
+    return model.with_parameters(**values)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

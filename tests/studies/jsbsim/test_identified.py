@@ -1,0 +1,42 @@
+"""Linear models identified from JSBSim's flights against JSBSim's linearization."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jsbsim")
+pytest.importorskip("hfa_identify")
+
+from hfa import identify
+from studies.jsbsim.identified import (
+    CASES,
+    begun,
+    flown,
+    jsbsim_slopes,
+    linear_model,
+    own_slopes,
+    records,
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_bands_hold_slopes_of_jsbsim(name: str) -> None:
+    """At least 90 % of the bands hold the slopes of JSBSim and ours, and none holds a pitch damping
+    that is 10 % off."""
+    case = CASES[name]
+    point, flights = flown(name, case)
+    theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
+    model = linear_model(theirs, case.free)
+    held = []
+    for seed in (1, 3, 4, 5):
+        rng = np.random.default_rng(seed)
+        noisy = records(flights * case.repeated, rng)
+        found = identify(begun(model, rng), noisy, case.free, inputs="steps")
+        assert found.ok, found.first_line
+        for slope, each in found.parameters.items():
+            held += [each.low < value < each.high for value in (theirs[slope], ours[slope])]
+        damping = found.parameters["pitch_rate__pitch_rate"]
+        assert not damping.low < 1.1 * theirs["pitch_rate__pitch_rate"] < damping.high
+    assert np.mean(held) > 0.9
