@@ -4,7 +4,7 @@ unknowns z and of what differs from point to point, c."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -25,6 +25,8 @@ NEARLY = 1e-7
 _STEPS, _STEPS_OF_MANY = 4, 2
 _FEW = 6
 _UNLIMITED = (-math.inf, math.inf)
+#: Results of the equations, row by row, for unknowns z (N, k) and constants c (N, ..).
+RowsOf = Callable[[np.ndarray, np.ndarray], Sequence[np.ndarray]]
 #: Where an angle without limits is looked for, by unit: to either side of 0.
 _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
@@ -327,9 +329,14 @@ class TrimSystem:
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
+    @property
+    def rows(self) -> tuple[RowsOf, ...]:
+        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
+        return self.equations.residual_rows, self.equations.linear_rows
+
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
-        residual, jacobian = self.equations.residual_rows(z, c)
+        residual, jacobian = self.rows[0](z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def quick_steps(
@@ -362,18 +369,13 @@ class TrimSystem:
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
-        flat = self.linear_rows(z, c)
+        (flat,) = self.rows[1](z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
         end = n + m + len(self.structure.watched)
         A = flat[:, end : end + n * n].reshape(len(flat), n, n)
         B = flat[:, end + n * n : end + n * (n + m)].reshape(len(flat), n, m)
         return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
-
-    def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """Return (N, ..), one row of `Equations.linear_rows` for each point."""
-        (flat,) = self.equations.linear_rows(z, c)
-        return flat
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None

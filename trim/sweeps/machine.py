@@ -12,7 +12,8 @@ import numpy as np
 
 from hfa_support.native.machine_code import compiled
 from trim.point.halving import LEAST_SHARE, LONGEST, MOST_TRIALS
-from trim.point.system import NEARLY, TrimSystem
+from trim.point.system import NEARLY, RowsOf
+from trim.sweeps.shared import SharedSystem, without_shared
 
 #: What the C code answers for each point.
 _UNSETTLED, _SETTLED, _SINGULAR = range(3)
@@ -25,7 +26,7 @@ _C_TEXT = """
 #define G {given}
 #define FLAT {flat}
 
-/* c -> g, what the steps of a point share. */
+/* c -> g, c with what the steps of a point share. */
 static void prepare(const double *c, double *g)
 {{
     const double *arg[{given_arg}] = {{c}};
@@ -34,9 +35,9 @@ static void prepare(const double *c, double *g)
     given(arg, res, iw, w, 0);
 }}
 
-static void evaluate(const double *z, const double *c, const double *g, double *r, double *J)
+static void evaluate(const double *z, const double *g, double *r, double *J)
 {{
-    const double *arg[{residual_arg}] = {{z, c, g}};
+    const double *arg[{residual_arg}] = {{z, g}};
     double *res[{residual_res}] = {{r, J}}, w[{residual_w}];
     casadi_int iw[{residual_iw}];
     residual(arg, res, iw, w, 0);
@@ -105,7 +106,7 @@ static int newton(const double *c, double *z)
     int pivots[K];
     double share = 1.0, size;
     prepare(c, g);
-    evaluate(z, c, g, r, J);
+    evaluate(z, g, r, J);
     size = norm(r);
     if (!factor(J, pivots))
         return {singular};
@@ -123,7 +124,7 @@ static int newton(const double *c, double *z)
             return {unsettled};
         for (int i = 0; i < K; i++)
             trial[i] = z[i] + share * step[i];
-        evaluate(trial, c, g, trial_r, trial_J);
+        evaluate(trial, g, trial_r, trial_J);
         double trial_size = norm(trial_r);
         int better = trial_size < size;
         if (!better) {{
@@ -158,7 +159,7 @@ void {symbol}_residual(long long count, const double *c, const double *z, double
     double g[G];
     for (long long i = 0; i < count; i++) {{
         prepare(c + i * C, g);
-        evaluate(z + i * K, c + i * C, g, r + i * E, J + i * K * K);
+        evaluate(z + i * K, g, r + i * E, J + i * K * K);
     }}
 }}
 
@@ -191,34 +192,26 @@ class CompiledTrim:
         """z (N, k) after Newton's method from z (N, k) with the constants c (N, ..), which points
         are settled (N,), and where a Jacobian is singular (N,)."""
         ends = np.array(z, order="C")
-        constants = np.ascontiguousarray(c)
         status = np.empty(len(z), dtype=np.int8)
-        count = ctypes.c_longlong(len(z))
-        self._newton(count, _address(constants), _address(ends), _address(status))
+        _run(self._newton, c, ends, status)
         return ends, status == _SETTLED, status == _SINGULAR
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """r (N, e) and J (N, k, k)."""
-        unknowns = np.ascontiguousarray(z)
-        constants = np.ascontiguousarray(c)
         count, k = z.shape
         residual = np.empty((count, self._rows[0]))
         jacobian = np.empty((count, k, k))
-        arrays = map(_address, (constants, unknowns, residual, jacobian))
-        self._residual(ctypes.c_longlong(count), *arrays)
+        _run(self._residual, c, z, residual, jacobian)
         return residual, jacobian
 
-    def linear(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
+    def linear(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray]:
         """(N, ..), a row of `Equations.linear_rows` a point."""
         flat = np.empty((len(z), self._rows[1]))
-        unknowns = np.ascontiguousarray(z)
-        constants = np.ascontiguousarray(c)
-        count = ctypes.c_longlong(len(z))
-        self._linear(count, _address(constants), _address(unknowns), _address(flat))
-        return flat
+        _run(self._linear, c, z, flat)
+        return (flat,)
 
 
-class CompiledSystem(TrimSystem):
+class CompiledSystem(SharedSystem):
     """A system whose steps and linear models run as machine code, where a compiler works.
 
     machine: the loops, or None without a compiler, or where there is no square system
@@ -242,17 +235,12 @@ class CompiledSystem(TrimSystem):
             return super().quick_steps(z, c)
         return self.machine.newton(z, c)
 
-    def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
+    @property
+    def rows(self) -> tuple[RowsOf, ...]:
+        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
         if self.machine is None:
-            return super().residuals(z, c)
-        return self.machine.residuals(z, c)
-
-    def linear_rows(self, z: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """(N, ..), a row of `Equations.linear_rows` a point."""
-        if self.machine is None:
-            return super().linear_rows(z, c)
-        return self.machine.linear(z, c)
+            return super().rows
+        return self.machine.residuals, self.machine.linear
 
 
 @lru_cache(maxsize=16)
@@ -262,7 +250,7 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
     whole = ca.Function("linear", linear.sx_in(), linear.call(linear.sx_in()))
-    parts = (*_without_shared(residual), whole)
+    parts = (*without_shared(residual), whole)
     for function in parts:
         name = function.name()
         generator.add(function)
@@ -272,7 +260,7 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
         "unknowns": residual.numel_in(0),
         "constants": residual.numel_in(1),
         "equations": residual.numel_out(0),
-        "given": max(1, parts[0].numel_out(0)),
+        "given": parts[0].numel_out(0),
         "flat": linear.numel_out(0),
         "most_trials": MOST_TRIALS,
         "longest": LONGEST,
@@ -291,20 +279,7 @@ def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | 
     )
 
 
-def _without_shared(residual: ca.Function) -> tuple[ca.Function, ca.Function]:
-    """Return c -> g, the terms of a residual that do not depend on z, and (z, c, g) -> its outputs:
-    all steps at a point share g."""
-    z, c = residual.sx_in()
-    outputs = residual.call([z, c])
-    rows, names, terms = ca.extract_parametric(ca.vertcat(*outputs), c)
-    g = ca.vertcat(ca.SX(0, 1), *names)
-    outputs = ca.vertsplit(rows, [0, outputs[0].numel(), rows.numel()])
-    options = {"cse": True}
-    return (
-        ca.Function("given", [c], [ca.vertcat(ca.SX(0, 1), *terms)], options),
-        ca.Function("residual", [z, c, g], outputs, options),
-    )
-
-
-def _address(array: np.ndarray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
+def _run(loop: Any, *arrays: np.ndarray) -> None:
+    """Run a loop over the rows of these arrays."""
+    rows = [np.ascontiguousarray(array) for array in arrays]
+    loop(ctypes.c_longlong(len(rows[0])), *(ctypes.c_void_p(row.ctypes.data) for row in rows))

@@ -25,6 +25,7 @@ from trim.point.operating_point import BALANCE, OperatingPoint, Status
 from trim.point.solve import find_operating_point
 from trim.point.system import TrimSystem
 from trim.sweeps.machine import CompiledSystem
+from trim.sweeps.shared import SharedSystem
 
 #: What became of a point.
 STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
@@ -191,7 +192,7 @@ def _system(*request: Any) -> TrimSystem:
     for name in variables:
         model.refuse_unheld("cannot sweep", name, tuple(model.parameters))
     begin = None if start is None else start.values
-    make = CompiledSystem if compile_code else TrimSystem
+    make = CompiledSystem if compile_code else SharedSystem
     system = make(model, condition.freed_for(variables), variables, begin)
     _last_system = (request, system)
     return system

@@ -1,0 +1,55 @@
+"""Terms of the equations that depend on the constants of a point alone, computed once a point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from hfa_support.native.bound import RowFunction
+from trim.point.system import Equations, RowsOf, TrimSystem
+
+
+class SharedSystem(TrimSystem):
+    """A system whose constants are followed by the terms that depend on them alone, unless a few
+    quick steps settle its points."""
+
+    @cached_property
+    def _shared(self) -> tuple[RowFunction, ...]:
+        return _shared_rows(self.equations)
+
+    @property
+    def rows(self) -> tuple[RowsOf, ...]:
+        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
+        return super().rows if self.is_quick else self._shared[1:]
+
+    def constants(
+        self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Return the constants of `TrimSystem.constants`, with the shared terms."""
+        c = super().constants(count, columns)
+        if not self.is_quick:
+            (c,) = self._shared[0](c)
+        return c
+
+
+@lru_cache(maxsize=16)
+def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
+    functions = (equations.residual_rows.function, equations.linear_rows.function)
+    return tuple(map(RowFunction, without_shared(*functions)))
+
+
+def without_shared(*functions: ca.Function) -> list[ca.Function]:
+    """Return c -> (c, g), g the terms of functions of (z, c) that do not depend on z, and each of
+    these functions in z and (c, g)."""
+    z, c = functions[0].sx_in()
+    outputs = [part for function in functions for part in function.call([z, c])]
+    parts, names, terms = ca.extract_parametric(outputs, c)
+    both = ca.vertcat(c, *names)
+    made = [ca.Function("given", [c], [ca.vertcat(c, *terms)], {"cse": True})]
+    for function in functions:
+        own = [parts.pop(0) for _ in range(function.n_out())]
+        made.append(ca.Function(function.name(), [z, both], own, {"cse": True}))
+    return made
