@@ -45,8 +45,8 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     """`product` of the doubles themselves, without terms smaller than the last slices."""
     p, n = left.shape[-2:]
     slices = _slices(np.concatenate([left, right.mT], axis=-2))
-    rows = np.concatenate(slices, axis=-1)[..., :p, :]
-    columns = np.concatenate(slices[::-1], axis=-1)[..., p:, :].mT
+    rows = np.concatenate([each[..., :p, :] for each in slices], axis=-1)
+    columns = np.concatenate([each[..., p:, :] for each in slices[::-1]], axis=-1).mT
     parts = [  # products of slices of one size at once, largest first
         rows[..., : order * n] @ columns[..., (SLICES - order) * n :, :]
         for order in range(1, SLICES + 1)
