@@ -76,9 +76,7 @@ class RowFunction(threading.local):
         for size in _TOGETHER:
             if together < size <= 2 * count:
                 together = size
-        if together not in self._bound:
-            self._bound[together] = self._bind(together)
-        evaluate, inputs, results = self._bound[together]
+        evaluate, inputs, results = self._bound.get(together) or self._bind(together)
         if count == together:
             for memory, table in zip(inputs, tables, strict=True):
                 memory[:] = table
@@ -101,4 +99,5 @@ class RowFunction(threading.local):
             bound = BoundFunction(mapped)
         inputs = [memory.reshape(together, -1) for memory in bound.inputs]
         results = [memory.reshape(together, -1) for memory in bound.results]
-        return bound, inputs, results
+        self._bound[together] = (bound, inputs, results)
+        return self._bound[together]

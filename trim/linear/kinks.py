@@ -74,4 +74,6 @@ def linearization_at(
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))
     smoothed = with_means_at_kinks(model, X, U, model.p[None], exact.A[None], exact.B[None])
-    return exact._replace(A=smoothed.A[0], B=smoothed.B[0]), smoothed.notes.get(0, ())
+    if not smoothed.notes:
+        return exact, ()
+    return exact._replace(A=smoothed.A[0], B=smoothed.B[0]), smoothed.notes[0]

@@ -100,12 +100,14 @@ class TrimProblem:
         unknowns = system.limits.within(z * system.scales)
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
-    def unwound(self, z: np.ndarray) -> np.ndarray:
-        """A solution (k,), angles far out less whole turns where that is a solution too."""
+    def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
+        """A solution (k,), angles far out less whole turns where that is a solution too, and
+        whether one is still far out."""
         if not self.system.far_out(z).any():
-            return z
+            return z, False
         shorter = self.system.wrapped(z)
-        return shorter if self.solved(shorter) else z
+        ends = shorter if self.solved(shorter) else z
+        return ends, bool(self.system.far_out(ends).any())
 
     def far_out(self, values: Mapping[str, float]) -> list[str]:
         """The free angles without limits that lie beyond 90 deg, in words."""

@@ -89,9 +89,9 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
     far_out: OperatingPoint | None = None
     for number, z in _searched(problem, guess):
         if problem.solved(z):
-            z = problem.unwound(z)
+            z, is_far = problem.unwound(z)
             point = problem.point(z, Status.TRIMMED, number)
-            if not problem.system.far_out(z).any():
+            if not is_far:
                 return point
             far_out = far_out or point
             continue

@@ -16,6 +16,7 @@ from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 from hfa_support.linear_table import LinearTable
 from hfa_support.native.bound import RowFunction
+from trim.limits import Limits
 from trim.point.condition import TrimCondition
 
 #: Norm of the scaled residuals from which one more step ends at rounding.
@@ -302,11 +303,7 @@ class TrimSystem:
         self.scales = self.equations.scales
         self.start = self.unknowns(begin)
         self.limits = condition.limits_on(self.equations.unknowns)
-        self.lowest = self.limits.lowest / self.scales
-        self.highest = self.limits.highest / self.scales
-        unlimited = np.isinf(self.lowest) & np.isinf(self.highest)
-        largest = [_USUAL.get(model.unit(name), math.inf) for name in self.equations.unknowns]
-        self.usual = np.where(unlimited, largest, math.inf) / self.scales
+        self.lowest, self.highest, self.usual = _scaled_ends(self.limits, self.equations)
         self.watched = condition.limits_on([name for name, _ in self.structure.watched])
         self.row_scales = self.equations.row_scales
         self.moved = self.equations.moved
@@ -413,6 +410,15 @@ class TrimSystem:
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
         """(k,), the scaled unknowns among the values of all variables."""
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
+
+
+@lru_cache(maxsize=64)
+def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
+    """Return `TrimSystem.lowest`, `highest` and `usual`."""
+    unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
+    largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
+    ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
+    return tuple(end / equations.scales for end in ends)
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
