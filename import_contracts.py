@@ -56,7 +56,7 @@ class ImportsNothingBut(Contract):
 
 
 class ImportedByNothingBut(ImportsNothingBut):
-    """Contract: what imports the modules, directly or not, is among the allowed packages."""
+    """Contract: every importer of the modules, direct or not, is among the allowed packages."""
 
     def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
         inside = allowed | _within(graph, self.modules)

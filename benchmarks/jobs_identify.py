@@ -44,7 +44,7 @@ class RecordCase:
     """A record of a small aircraft, and the residuals of its least squares.
 
     samples: of the record.
-    off: factor of the parameters at the begin of the search.
+    off: factor of the parameters at the start of the search.
     """
 
     def __init__(self, samples: int, off: float) -> None:

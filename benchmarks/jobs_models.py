@@ -337,8 +337,7 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 
 
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
-    """The F-16's condition, what varies in it, and from where to where: the turn rate at 502 ft/s,
-    or the speed."""
+    """The F-16's condition, its varied variable and range: turn rate at 502 ft/s, or speed."""
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
     if turning:

@@ -106,7 +106,7 @@ class Limit(NamedTuple):
     """The least time that one unit of a job can take on this machine.
 
     seconds: measured here and now
-    what: the work that no program can leave out
+    what: the unavoidable work
     """
 
     seconds: float
@@ -237,7 +237,7 @@ def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
 
 
 def limit_text(figure: Mapping[str, Any]) -> str:
-    """Our time over the limit, and of what work that is; a dash where none is known."""
+    """Return our time over the limit, and the work of the limit, or a dash where none is known."""
     limit = figure["limit"]
     if limit is None:
         return "–"

@@ -1,4 +1,4 @@
-"""Docstrings are plain text; here they become what Sphinx reads.
+"""Docstrings are plain text; here they become the format of Sphinx.
 
 A line "name: text" that names an argument becomes that parameter's text; one that names an
 attribute of a class becomes the text of the attribute's own entry."""

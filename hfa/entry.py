@@ -1,5 +1,5 @@
-"""Begin of the process of `hfa`: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to
-its end."""
+"""Start of the process of `hfa`: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to its
+end."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _refuse_small_address_space() -> None:
-    """Raises BadInputError where the process may have less than `_ADDRESS_SPACE`."""
+    """Raise BadInputError where the process may have less than `_ADDRESS_SPACE`."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -180,7 +180,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
 
 def _refuse_to_overwrite(request: Request) -> None:
-    """Raises BadInputError when a file that the run writes was read, or is named for two
+    """Raise BadInputError when a file that the run writes was read, or is named for two
     outputs."""
     from hfa_support.files import refuse_read
 

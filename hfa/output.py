@@ -156,8 +156,8 @@ class ProgressLine:
             say_aside(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
-        """Say once, terminal or not, what will take long: by the pace of the first `_TRIAL`
-        seconds."""
+        """Report once, terminal or not, that a run will take long, by the pace of the first
+        `_TRIAL` seconds."""
         now = time.monotonic()
         is_next = self._first is not None and done < self._first[1]  # of several
         if self._first is None or is_next or not done:  # before the first part all is preparation

@@ -61,11 +61,11 @@ class Layout(NamedTuple):
         return any(math.isnan(constant) for constant in constants)
 
     def refuse_broken(self) -> None:
-        """Raises BadInputError where the equations are wrong (`_symbolic`)."""
+        """Raise BadInputError where the equations are wrong (`_symbolic`)."""
         _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """Raises BadInputError for a variable (column) that acts in steps only: every slope is 0,
+        """Raise BadInputError for a variable (column) that acts in steps only: every slope is 0,
         though equations have it."""
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
@@ -171,7 +171,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raises BadInputError where an expression holds a symbol of the user's own, which has no
+    """Raise BadInputError where an expression holds a symbol of the user's own, which has no
     value."""
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):

@@ -230,7 +230,7 @@ class Model:
         }
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """Raises BadInputError unless a trim can impose the name: `holdable`, the rate of a state,
+        """Raise BadInputError unless a trim can impose the name: `holdable`, the rate of a state,
         or one of the others."""
         if name in self.rates or name in also:
             return
@@ -426,7 +426,7 @@ def _names(what: str, names: Any) -> tuple[str, ...]:
 
 
 def _check_signal(where: str, signal: Signal) -> None:
-    """Raises BadInputError for a signal whose numbers cannot be."""
+    """Raise BadInputError for a signal whose numbers cannot be."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):

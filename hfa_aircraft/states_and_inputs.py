@@ -1,4 +1,4 @@
-"""Names and units of the states and inputs of what belongs to one aircraft."""
+"""Names and units of the states and inputs, for values that belong to one aircraft."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class StatesAndInputs:
-    """Names and units of the states and inputs of what has a `model`."""
+    """Names and units of the states and inputs, for values with a `model`."""
 
     if TYPE_CHECKING:
 

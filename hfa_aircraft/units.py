@@ -150,7 +150,7 @@ class _Check:
 
 @dataclass(frozen=True)
 class _Begin:
-    """Begin of the searches of a converted model.
+    """Start of the searches of a converted model.
 
     factors: (name, factor to SI) of every signal.
     """

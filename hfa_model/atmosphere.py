@@ -43,7 +43,7 @@ def density(altitude: Quantity) -> Quantity:
 
 
 def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
-    """Raises BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
+    """Raise BadInputError when an altitude is not within 0 to `HIGHEST_ALTITUDE`.
 
     altitude: ft, one or several
     """

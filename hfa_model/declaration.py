@@ -61,7 +61,7 @@ class Equations:
 
 
 def check_in_range(x: State) -> None:
-    """Raises BadInputError unless the speed is positive, the altitude within the atmosphere and the
+    """Raise BadInputError unless the speed is positive, the altitude within the atmosphere and the
     dihedral angle within 90 degrees: elsewhere the equations mean nothing."""
     if x.speed <= 0.0:
         raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")

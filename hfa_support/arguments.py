@@ -1,4 +1,4 @@
-"""Arguments of public functions, compared with what their annotations name."""
+"""Arguments of public functions, compared with the types of their annotations."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 def _refuse_unbound(
     function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> None:
-    """Raises BadInputError where one is missing, unknown or too many."""
+    """Raise BadInputError where one is missing, unknown or too many."""
     signature = inspect.signature(function)
     try:
         signature.bind(*arguments, **named)

@@ -115,14 +115,14 @@ def is_finite(value: object) -> bool:
 
 
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
-    """Raises BadInputError unless the value is a finite number above 0."""
+    """Raise BadInputError unless the value is a finite number above 0."""
     if not (is_finite(value) and value > 0.0):
         text = f"{value}{unit}" if isinstance(value, float) else shown(value)
         raise BadInputError(f"{what} is {text}; it must be a positive number")
 
 
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
-    """Raises BadInputError unless the value is a whole number from `least` on."""
+    """Raise BadInputError unless the value is a whole number from `least` on."""
     if not isinstance(value, Integral) or int(value) < least:
         raise BadInputError(f"{what} is {shown(value)}; give a whole number from {least}")
 

@@ -71,7 +71,7 @@ def forget_read(path: Path) -> None:
 
 
 def refuse_read(path: Path) -> None:
-    """Raises BadInputError where the path, or a folder above it, was read: writing would destroy
+    """Raise BadInputError where the path, or a folder above it, was read: writing would destroy
     it."""
     read = _READ or set()
     real = Path(os.path.realpath(path))

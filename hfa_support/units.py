@@ -30,7 +30,7 @@ def si_unit(unit: str) -> str:
 def si_factor(unit: str) -> float:
     """Return the SI units in one English unit: 0.3048 for ft/s.
 
-    What follows "/" divides, up to the end of a bracket.
+    Units after "/" divide, up to the end of a bracket.
     """
     return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
 

@@ -1,4 +1,4 @@
 """The version, which `pyproject.toml` reads here (the installed metadata are slower to import);
-what can be resumed records it, because another version may give other numbers."""
+resumable results record it, because another version may give other numbers."""
 
 VERSION = "0.4.0"

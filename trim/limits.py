@@ -89,7 +89,7 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """`Limits.of`, which every trim of a model asks for again; changes: (name, lowest, highest)."""
+    """`Limits.of`, which every trim of a model needs again; changes: (name, lowest, highest)."""
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []
     for name in names:

@@ -239,7 +239,7 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
 
 
 def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raises BadInputError where two P differ by more than printing six digits leaves."""
+    """Raise BadInputError where two P differ by more than printing six digits leaves."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
         raise BadInputError("W and P are of different values; leave one of them out")

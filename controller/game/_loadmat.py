@@ -1,5 +1,5 @@
-"""Child process of `array_file`: writes what SciPy reads in a .mat file to standard output, as
-.npz.
+"""Child process of `array_file`: writes the entries that SciPy reads in a .mat file to standard
+output, as .npz.
 
 A damaged file can crash or hang the process that reads it. Arguments: the file, and the bytes that
 it may unpack to. The array "paths" is JSON: the names on the way to the arrays "0", "1" and so on.

@@ -122,7 +122,7 @@ class TrainingRun(Result, Reported):
     def settled(self) -> bool:
         """True if the data determine the weights and the residual has settled.
 
-        That is not yet a right critic: only the judge, who knows A, can tell.
+        A settled critic need not be right: only the judge, which uses A, decides.
         """
         has_rank = self.excitation.rank >= self.excitation.size
         return has_rank and math.isfinite(self.settling_time)

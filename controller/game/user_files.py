@@ -148,7 +148,7 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
 
 
 def is_discrete(stored: Mapping[str, Any]) -> bool:
-    """Return whether a plant says time = "discrete". Raises BadInputError for another word."""
+    """Return whether a plant declares time = "discrete". Raises BadInputError for another word."""
     time = words(stored, "time")
     if time and time not in (("discrete",), ("continuous",)):
         raise BadInputError(f'time is {shortened(time[0])}; it must be "continuous" or "discrete"')

@@ -193,7 +193,7 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raises BadInputError unless symmetric and positive semidefinite, or, strictly, definite by
+    """Raise BadInputError unless symmetric and positive semidefinite, or, strictly, definite by
     more than rounding."""
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:

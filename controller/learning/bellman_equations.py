@@ -97,7 +97,7 @@ class StackEquations:
         """Regressors and residuals of all samples at scaled weights (M,), which are not written to
         afterwards.
 
-        The last answer is kept: a law asks for the same weights several times a tick.
+        The last result is kept, because a law uses the same weights several times a tick.
         """
         last_weights, last_problem, last_residuals = self._last
         if last_weights is weights and last_problem == problem:

@@ -219,7 +219,7 @@ def raise_disturbance(
     iteration converged to P >= 0 with A - S_s P Hurwitz, of which there is one, and is halved
     otherwise.
 
-    Raises NoSolutionError with the δ at which the solution is lost.
+    Raises NoSolutionError with the δ at which the solution ends.
     """
     if not equations.disturbance.any():
         return here._replace(problem=here.problem._replace(share=target))

@@ -219,7 +219,7 @@ def _singular_values(matrix: np.ndarray) -> np.ndarray:
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:
-    """Raise BadInputError unless the rank is full: with less, a small residual says nothing about
+    """Raise BadInputError unless the rank is full: with less, a small residual does not determine
     the weights."""
     if found < needed:
         raise BadInputError(

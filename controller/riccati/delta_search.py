@@ -47,7 +47,7 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """The answers of a search, each δ tried once."""
+    """The results of a search, with each δ tried once."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
@@ -121,7 +121,7 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Ask until there is a solution."""
+    """Try values until a solution exists."""
     delta = begin
     while not answers.at(delta).exists:
         last = answers.at(delta)

@@ -37,8 +37,7 @@ class GameBatch(Reported):
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
 
-    What is refused gets the test that failed as its reason. BadInputError names the model that is
-    none."""
+    A refused game gets the failed test as its reason. BadInputError names the wrong model."""
     A = np.asarray(A, dtype=float)
     B = np.asarray(B, dtype=float)
     _refuse_bad_plants(A, B, like)

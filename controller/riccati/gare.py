@@ -1,5 +1,5 @@
-"""The exact solution of the zero-sum game on a linear model, certified, or the reason why there is
-none."""
+"""The exact solution of the zero-sum game on a linear model, certified, or the reason for its
+absence."""
 
 from __future__ import annotations
 

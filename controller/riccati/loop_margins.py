@@ -1,5 +1,5 @@
-"""Margins of one loop at a time while all others stay closed, or of several that change alike; from
-the M of `margins`."""
+"""Margins of one loop at a time while all others stay closed, or of several that change alike,
+computed from the M of `margins`."""
 
 from __future__ import annotations
 

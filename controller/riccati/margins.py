@@ -184,7 +184,7 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
     """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m,
     m) complex.
 
-    Exact for m <= 3.  BFGS with a line search that asks for no smoothness: the smallest is often at
+    Exact for m <= 3.  BFGS with a line search that needs no smoothness: the smallest is often at
     a kink, where two singular values are the largest.  Sources: Packard and Doyle, Automatica 29
     (1993), 71-109; Lewis and Overton, Mathematical Programming 141 (2013), 135-163."""
     start = _osborne_scaling(M)

@@ -207,7 +207,7 @@ class NormalForm:
     def residual(self, X: np.ndarray) -> np.ndarray:
         """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
 
-        What cancels in it leaves no rounding: corrections of X by such residuals end at the
+        Cancellation in it causes no rounding: corrections of X by such residuals end at the
         rounding of X itself, however badly conditioned the equation (Wilkinson's iterative
         refinement). In double precision they end at a relative error of 1e-16 times the condition,
         which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states."""

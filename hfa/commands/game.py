@@ -111,7 +111,7 @@ class Judged(Result):
 def show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
-    """Report what was learned and how it was judged; the exit code.
+    """Report the learned critic and its verdict; the exit code.
 
     H: the Q-function that was learned
     """

@@ -223,7 +223,7 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
-    """Raises BadInputError for options that would change nothing."""
+    """Raise BadInputError for options that would change nothing."""
     if not any(map(is_network, paths)):
         request.refuse(("network",), "belongs to a network; give its file by --weights")
         for name in ("activation", "scale") if paths else ():

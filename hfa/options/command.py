@@ -1,4 +1,4 @@
-"""A command: its class of requests, and what answers one."""
+"""A command: its class of requests, and the function that runs it."""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         )
 
     def refuse_of_the_aircraft(self) -> None:
-        """Raises BadInputError where an option of the aircraft comes with --model."""
+        """Raise BadInputError where an option of the aircraft comes with --model."""
         if self.at is not None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")

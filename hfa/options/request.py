@@ -147,7 +147,7 @@ class Request:
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
-        """Raises BadInputError for the first of these options that was typed: it would change
+        """Raise BadInputError for the first of these options that was typed: it would change
         nothing."""
         options = self.options(self.model)
         for name in names:

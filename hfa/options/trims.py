@@ -337,7 +337,7 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raises BadInputError when two of --free, --hold and the option of the scheduling variable
+        """Raise BadInputError when two of --free, --hold and the option of the scheduling variable
         name the same variable."""
         for name in self.free:
             if name in self.hold:

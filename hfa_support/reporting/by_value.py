@@ -12,7 +12,7 @@ class ByValue:
     """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and
     nan like nan.
 
-    The comparison that `dataclass` writes asks an array for its truth and raises.
+    The comparison that `dataclass` writes takes the truth of an array, which raises.
     """
 
     def __eq__(self, other: object) -> bool:

@@ -102,7 +102,7 @@ def html_table(table: Table) -> str:
 
 
 def _are_words(cells: Sequence[Any]) -> bool:
-    """Return whether fewer than half of the cells that say anything begin as a number does."""
+    """Return whether fewer than half of the nonempty cells begin like a number."""
     texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
     return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 

@@ -7,8 +7,7 @@ from typing import Any
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Rows 0 ... count - 1, each made when somebody asks for it: a million of them need no
-    memory."""
+    """Rows 0 ... count - 1, each made when it is read: a million of them need no memory."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count = count

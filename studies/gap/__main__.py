@@ -1,8 +1,8 @@
 """How far policies of PPO, A2C, SAC and TD3 are from the best flight found, on seven aircraft.
 
 Trains with the default settings of Stable-Baselines3, flies each policy and the linear optimum from
-the same initial conditions as the best flights, and writes FOLDER/gap.json and FOLDER/gap.png. What
-an earlier run finished is kept. Takes hours; needs the extra training and the package jsbsim."""
+the same initial conditions as the best flights, and writes FOLDER/gap.json and FOLDER/gap.png.
+Results of an earlier run are kept. Takes hours; needs the extra training and the package jsbsim."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Outcome:
 
     stays: whether it stays within the flight envelope.
     converges: whether it does so and ends at the trim.
-    cost: of its whole horizon, without what comes after it.
+    cost: of its whole horizon, without the time after it.
     """
 
     stays: bool
@@ -103,7 +103,8 @@ def _outcome(flown: Flown) -> Outcome:
 def summary(
     column: Sequence[Outcome], best: Sequence[float | None], lqr: Sequence[Outcome]
 ) -> dict[str, Any]:
-    """How many flights of a policy stay and end at the trim, and what those that stay cost.
+    """Return the number of flights of a policy that stay, the number that end at the trim, and the
+    costs of those that stay.
 
     best: cost of the best flight found from each initial condition, or None where none was
     lqr: flights of the linear optimum

@@ -346,7 +346,7 @@ class _Problem:
         """(entry - print) / half unit of every printed entry that the structure can move, and its
         Jacobian with the trim's share in it.
 
-        The last answer is kept: the solver asks for values and Jacobian one after the other.
+        The last answer is kept: the solver requests values and Jacobian one after the other.
         """
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []

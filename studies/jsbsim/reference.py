@@ -143,7 +143,7 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
 
 
 def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
-    """The answers that a process gives before it ends."""
+    """Yield the results that a process returns before it ends."""
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
@@ -235,7 +235,7 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft. Raises RuntimeError where JSBSim says on its output alone that it does
+    """Load an aircraft. Raises RuntimeError where JSBSim reports only on its output that it does
     not."""
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")

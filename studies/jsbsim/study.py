@@ -46,8 +46,8 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Our trim at a condition: level, else in a glide with idle throttle; else why there is
-    none."""
+    """Our trim at a condition: level, else in a glide with idle throttle; else the reason for its
+    absence."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)
@@ -107,8 +107,8 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims; what its own control system
-    moves in place of our inputs is held."""
+    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims; surfaces that its own
+    control system moves in place of our inputs are held."""
     measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []
     for point, answer in zip(measurable, answers, strict=True):

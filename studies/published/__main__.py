@@ -57,7 +57,7 @@ class Row(NamedTuple):
 
 
 def row_of(path: Path) -> Row:
-    """The row of a file. Raises BadInputError where the file does not say its source."""
+    """The row of a file. Raises BadInputError where the file does not state its source."""
     file = load_printed(path)
     if not file.source:
         raise BadInputError(f"{path}: source is missing; say which text was opened")

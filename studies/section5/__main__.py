@@ -244,7 +244,7 @@ def _failed(flight: Mapping[str, Any]) -> bool:
 
 
 def counts_text(table: Mapping[str, Any]) -> str:
-    """How many claims have each verdict, and which flights were lost."""
+    """Return the number of claims with each verdict, and the flights that left the envelope."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
     laws = "; ".join(sorted({flight["law"] for flight in table["lost_flights"]}))
     return f"{counts}; {len(table['lost_flights'])} flights were lost ({laws})" if laws else counts

@@ -86,7 +86,7 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
 
 
 class FlightLostError(Exception):
-    """A number was asked of a flight that did not come to its end."""
+    """A number was requested of a flight that did not reach its end."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The flights of Section 5: the two aircraft with their games, the laws, and what came out of each
+"""The flights of Section 5: the two aircraft with their games, the laws, and the results of each
 flight."""
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.n
     """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from
     when on, s.
 
-    A value counts when A - S P and A - B K are Hurwitz and P is positive semidefinite;
-    until there is one, the baseline is used. What has been learned at t is known at t: nothing of
-    the later run is used."""
+    A value counts when A - S P and A - B K are Hurwitz and P is positive semidefinite; until there
+    is one, the baseline is used. At t only data learned up to t are used, nothing of the later run.
+    """
     functions = basis(learned.basis, len(game.A))
     current = baseline_gain(game)
     first = np.inf

@@ -403,7 +403,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """See the class."""
+        """Return the commanded inputs; the equations are in the docstring of the class."""
         a0, a1 = ALPHAS[1]
         A, B, K, L, S, R_inverse, squared_up = tables
         integrals = memory.take(_M)
@@ -464,7 +464,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """See the class."""
+        """Return the commanded inputs; the equations are in the docstring of the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         r, r_rate = command
         one = np.eye(_M)

@@ -39,7 +39,7 @@ class IrlSettings:
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller).
     initial_weights: W(0) of the first policies, model's units; 0 is u = 0 and needs a stable plant.
     probe: amplitude of the probing inputs. disturbance: amplitude of the simulated disturbance.
-    disturbance_measured: whether the learner knows it."""
+    disturbance_measured: whether the learner uses it."""
 
     interval: float = 0.2
     intervals: int | None = None

@@ -19,7 +19,7 @@ class ValidationRequest(HfaOptions, OutputOptions):
 
 @command(ValidationRequest)
 def validation(request: ValidationRequest) -> int:
-    """Compare the model with what others have printed and released: a third printed model, and a
+    """Compare the model with printed and released data of others: a third printed model, and a
     simulation's trims.
 
     Exit code 1 when a difference is beyond its limit.

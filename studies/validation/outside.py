@@ -109,8 +109,8 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Half of the last printed digit; of an entry without decimals, which is exact, what rounding
-    leaves of it."""
+    """Half of the last printed digit; of an entry without decimals, which is exact, its rounding
+    error."""
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 

@@ -314,8 +314,8 @@ def bands_known(parameters: ParameterSet) -> bool:
     """Return whether these parameters have bands: the identified values (to 1e-7), with their
     covariance.
 
-    The covariance is that of the parameters that the print gives. Beside an edited value it is the
-    uncertainty of another aircraft."""
+    The covariance is that of the parameters that the print gives. With an edited value it would be
+    the uncertainty of another aircraft."""
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0
 

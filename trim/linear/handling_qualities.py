@@ -137,7 +137,7 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
-    """d(load factor)/d(alpha) at rest in the short period, 1/rad."""
+    """d(load factor)/d(alpha) in the steady state of the short period, 1/rad."""
     model = linear.point.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:

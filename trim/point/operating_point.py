@@ -169,7 +169,7 @@ class OperatingPoint(Result, Reported):
         return [] if self.problem is None else self.problem.far_out(self.values)
 
     def refuse_other(self, model: Model) -> None:
-        """Raises BadInputError when the point was trimmed with another model, or other dynamics."""
+        """Raise BadInputError when the point was trimmed with another model, or other dynamics."""
         if (self.model.extras.native is None) != (model.extras.native is None):
             raise BadInputError(
                 "the operating point is not in the units of the model; trim the model itself"

@@ -15,8 +15,8 @@ from trim.point.problem import TrimProblem
 
 
 class TrimError(NoSolutionError):
-    """No trim: the message names what does not balance, the limits that bind and what balance would
-    take beyond them; `attempt` is the best point within the limits."""
+    """No trim: the message names the equations that do not balance, the limits that bind and the
+    values beyond them that balance would need; `attempt` is the best point within the limits."""
 
     def __init__(self, message: str, attempt: OperatingPoint) -> None:
         super().__init__(message)

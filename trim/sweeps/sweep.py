@@ -128,7 +128,7 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
 class Sweep(StatesAndInputs, ByValue, Result, Reported):
     """N points in the order of the grid, the last variable running fastest; units of the model.
 
-    plan: what was swept.
+    plan: the swept variables and values.
     values: (N, variables), all combinations of its values.
     reasons: (N,), "" where trimmed, else why not.
     states: (N, n), X0, all states of the model; nan where the trim failed, as in all arrays below.
@@ -169,7 +169,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of what varies, in order."""
+        """Names of the varied variables, in order."""
         return self.plan.variables
 
     @property

@@ -91,7 +91,7 @@ class SweepPlan:
         return tuple(array.tolist())
 
     def _check_parameters(self) -> None:
-        """Raises BadInputError for a parameter beyond its limits."""
+        """Raise BadInputError for a parameter beyond its limits."""
         model = self.model
         for name, ends in self._ends.items():
             if name not in model.parameters:
@@ -129,7 +129,7 @@ class SweepPlan:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of what varies, in order."""
+        """Names of the varied variables, in order."""
         return tuple(self.axes)
 
     @property

@@ -69,7 +69,7 @@ class BoxSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """(n, n), of V = z'P z, to the rounding of doubles; None of a higher degree."""
+        """(n, n), of V = z'P z, to the rounding of doubles, or None for a higher degree."""
         return quadratic_form(self.statement.piece)
 
     @property
@@ -89,7 +89,7 @@ class BoxSet(ProvedResult):
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """(n, n), P with W(M z) = z'P z, to the rounding of doubles; None of a higher degree."""
+    """(n, n), P with W(M z) = z'P z, to the rounding of doubles, or None for a higher degree."""
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:

@@ -133,7 +133,7 @@ class _Files:
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
-        """Raises BadInputError for a mass, moment of inertia or reference length that is not
+        """Raise BadInputError for a mass, moment of inertia or reference length that is not
         positive."""
         for name in names.POSITIVE:
             size = _number(constants(name))

@@ -262,7 +262,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
 def _refuse_missing(
     values: Mapping[str, float], derivatives: Mapping[str, float], where: str
 ) -> None:
-    """Raises BadInputError where a required entry is missing."""
+    """Raise BadInputError where a required entry is missing."""
     missing = [name for name in REQUIRED if name not in values and name not in derivatives]
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
@@ -271,7 +271,7 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raises BadInputError where a size is not positive or no body has the moments of inertia."""
+    """Raise BadInputError where a size is not positive or no body has the moments of inertia."""
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:
         if name in values and values[name] <= 0.0:

@@ -244,7 +244,7 @@ def _gain_check(radius: float) -> Check:
 
 
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
-    """Raises NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
+    """Raise NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
 
     Asked of the user's A and B: in A - B R⁻¹ N' rounding reaches every mode. Where N is not 0 a
     reach of `FAINT_REACH` is no reach: less leaves P no digits."""

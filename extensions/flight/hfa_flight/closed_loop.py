@@ -194,7 +194,7 @@ class StateParts(NamedTuple):
 class HeldParts(NamedTuple):
     """The parts of the held inputs of a loop, in their order: values, or sizes.
 
-    delay: (1 + 2 m,), begin of the tick, delayed command at its begin and at its end
+    delay: (1 + 2 m,), start of the tick, delayed command at its start and at its end
     """
 
     parameters: Any
@@ -388,5 +388,5 @@ class ClosedLoop:
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Begin of each part, and the end of the last one."""
+    """Start of each part, and the end of the last one."""
     return [0, *np.cumsum(sizes).tolist()]

@@ -71,7 +71,7 @@ class GainSchedule(Reported):
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """Raises BadInputError when these values of η lie beyond the breakpoints; one gain is for
+        """Raise BadInputError when these values of η lie beyond the breakpoints; one gain is for
         all."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])

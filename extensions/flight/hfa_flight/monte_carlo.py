@@ -177,7 +177,8 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """The rows of `KEPT` of members start .. stop - 1. What a worker runs."""
+    """The rows of `KEPT` of members start .. stop - 1. Compute the rows of one task in a worker
+    process."""
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 

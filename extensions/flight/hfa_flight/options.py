@@ -133,7 +133,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         return ()
 
     def check_policy(self) -> None:
-        """Raises BadInputError for an unknown law, and for options that have no effect on the
+        """Raise BadInputError for an unknown law, and for options that have no effect on the
         policy."""
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
@@ -159,7 +159,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """The policy about a trim: of a file, exact, or learned on the linear model.
 
-        What is not linear, a network say, keeps the control limits of the model."""
+        A nonlinear policy, such as a network, keeps the control limits of the model."""
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import solve_game
         from hfa_flight.policies import GainPolicy, function_policy

@@ -138,7 +138,7 @@ class GainPolicy(Policy):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FunctionPolicy(Policy):
-    """u = sat(π(z), lowest, highest): the policy of a critic that is not linear, a network say.
+    """u = sat(π(z), lowest, highest): the policy of a nonlinear critic, such as a network.
 
     function: π, CasADi Function z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim

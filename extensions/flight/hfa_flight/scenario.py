@@ -56,7 +56,7 @@ class Uncertainty:
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
-        """Raises BadInputError unless every standard deviation is a finite number from 0 on."""
+        """Raise BadInputError unless every standard deviation is a finite number from 0 on."""
         if not isinstance(self.turbulence, Turbulence | None):
             given = shown(self.turbulence)
             raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
@@ -133,7 +133,7 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raises BadInputError for times that do not fit each other, and for factors and a delay
+        """Raise BadInputError for times that do not fit each other, and for factors and a delay
         out of range."""
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
@@ -225,7 +225,7 @@ class Scenario(Reported):
 
     @property
     def ticks(self) -> int:
-        """Ticks in the flight."""
+        """Number of ticks of the flight."""
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:

@@ -32,7 +32,7 @@ _MOST_PARTS = 10_000
 class Tick(Protocol):
     """Advances a loop by a tick.
 
-    inputs: [t; y] at its begin, and the held inputs.
+    inputs: [t; y] at its start, and the held inputs.
     results: [t; y] after each step, and the observed values before each, one step after the other.
     """
 

@@ -258,11 +258,11 @@ class TurbulentAir(Gust):
 
     @property
     def held_size(self) -> int:  # type: ignore[override]
-        """Begin of the tick, the values there and their slopes."""
+        """Start of the tick, the values there and their slopes."""
         return 1 + 2 * len(self.names)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Begin of a tick, the values there, and their slopes."""
+        """Start of a tick, the values there, and their slopes."""
         now, later = self.values[tick : tick + 2]
         return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
 

@@ -42,7 +42,7 @@ def _still(search: Search, name: str) -> str:
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
     """Return whether a state or input moved in a record; a state without a sensor moved where the
-    model at the begin of the search moves it, or diverges."""
+    model at the start of the search moves it, or diverges."""
     calm = search.responses.calm
     model = calm.model
     begin = search.begin[search.responses.turbulent :]

@@ -359,8 +359,8 @@ class OutputError:
     def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
         """The step of the parameters and those of the starts.
 
-        A parameter at its bound stays there where the step leads outward, one that the records do
-        not determine within its bounds where it is."""
+        A parameter at its bound stays there where the step leads outward. A parameter that the
+        records do not determine within its bounds keeps its value."""
         p = len(found.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)

@@ -230,8 +230,8 @@ class Predictions(Responses):
 
     def _advance_samples(self, count: int, intervals: int) -> ca.Function:
         """Return a function of intervals between samples, of `count` steps of integration each: (x,
-        inputs at the begin of the steps, at their end, steps, θ, z, present, K) -> x at the next
-        sample, x at the begin of the steps, z - y."""
+        inputs at the start of the steps, at their end, steps, θ, z, present, K) -> x at the next
+        sample, x at the start of the steps, z - y."""
         n, _, k = self.sizes
         m = self._step.numel_in(1)
         x = ca.MX.sym("x", n)

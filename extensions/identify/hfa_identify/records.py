@@ -219,7 +219,7 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
 
 
 def _check_time(name: str, time: np.ndarray) -> None:
-    """Raises BadInputError unless time increases and has enough samples."""
+    """Raise BadInputError unless time increases and has enough samples."""
     if len(time) < FEWEST:
         raise BadInputError(f"{name} has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
@@ -234,7 +234,7 @@ def _check_time(name: str, time: np.ndarray) -> None:
 
 
 def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
-    """Raises BadInputError where an input lacks a value: the commands must be complete."""
+    """Raise BadInputError where an input lacks a value: the commands must be complete."""
     for each, values in zip(names, inputs, strict=True):
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):
@@ -247,7 +247,7 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
 def _check_measured(
     name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
 ) -> None:
-    """Raises BadInputError where a sensor is infinite, did not move over the whole record, or
+    """Raise BadInputError where a sensor is infinite, did not move over the whole record, or
     repeats a value while another column moves."""
     if np.isinf(values).any():
         raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
@@ -277,7 +277,7 @@ def _check_measured(
 
 
 def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> None:
-    """Raises BadInputError where a column lies far beyond the limits of the model."""
+    """Raise BadInputError where a column lies far beyond the limits of the model."""
     signal = model.signals[column]
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)

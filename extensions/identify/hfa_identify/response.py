@@ -46,7 +46,7 @@ class Simulation:
     theta: (p,) the unknowns θ.
     y: (N, k) the measured quantities.
     at_samples: (N, n) states.
-    begins: (steps, n) states at the begin of the steps of integration.
+    begins: (steps, n) states at the start of the steps of integration.
     inputs: (steps, m) at the begin and at the end of its steps.
     durations: (steps,) of the steps, s.
     count: of steps between two samples.
@@ -246,7 +246,7 @@ class Responses:
     # The simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raises BadInputError where samples are so far apart that the time cannot be in
+        """Raise BadInputError where samples are so far apart that the time cannot be in
         seconds."""
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)

@@ -126,7 +126,7 @@ _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "eng
 
 
 def _account_attributes(element: Element) -> None:
-    """Raises BadInputError for an attribute that JSBSim reads and the reader does not."""
+    """Raise BadInputError for an attribute that JSBSim reads and the reader does not."""
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
@@ -157,7 +157,7 @@ _MOST = 12
 
 
 def _refuse_readers(equations: Equations) -> None:
-    """Raises BadInputError where a force depends on a property of JSBSim's own that the reader
+    """Raise BadInputError where a force depends on a property of JSBSim's own that the reader
     lacks."""
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):

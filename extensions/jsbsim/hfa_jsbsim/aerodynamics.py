@@ -39,7 +39,7 @@ class Aerodynamics:
     ) -> None:
         """Read the functions, and set the properties that follow from them.
 
-        element: <aerodynamics>; None of an aircraft without it
+        element: <aerodynamics>, or None for an aircraft without it
         properties: of the aircraft
         wings: area, span and chord
         motion: through the air

@@ -91,7 +91,8 @@ class EngineFile:
 
     @property
     def lag(self) -> str:
-        """The name of the state of its lag; "" of an engine that follows its throttle at once."""
+        """The name of the state of its lag, or "" for an engine that follows its throttle at
+        once."""
         delay = 1.0
         if self.kind == "piston_engine":
             delay = self.engine.value_of("man-press-lag", 1.0)
@@ -124,7 +125,7 @@ class Effect:
     """The effect of an engine at a state.
 
     force: lb, in body axes. moment: about the center of gravity, ft lb. thrust: lb along its axis.
-    power: hp at the propeller; None of a jet. rates: of its states, by name.
+    power: hp at the propeller, or None for a jet. rates: of its states, by name.
     properties: further properties that it sets, by the last part of the name.
     """
 

@@ -166,7 +166,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
 
 
 def _refuse_delay(component: Element) -> None:
-    """Raises BadInputError for a delay of whole frames."""
+    """Raise BadInputError for a delay of whole frames."""
     delay = component.find("delay")
     if delay is not None:
         raise delay.error(f"the <delay> of a <{component.name}> is not stepped; take it out")

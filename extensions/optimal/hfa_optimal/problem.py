@@ -248,7 +248,7 @@ class FlightProblem:
         return off[self.places]
 
     def refuse_outside(self, z: np.ndarray) -> None:
-        """Raises BadInputError where a start, (k,), is not within the limits."""
+        """Raise BadInputError where a start, (k,), is not within the limits."""
         X = np.array(self.point.states)
         X[self.places] += z
         broken = self.envelope.broken(X)

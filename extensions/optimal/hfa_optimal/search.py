@@ -307,7 +307,7 @@ class BestFlights:
     ) -> dict[str, Proposal]:
         """Guess -> proposal on the coarsest mesh after that was adapted to a first one.
 
-        adapted: first proposals and what became of them so far, which is not computed again; those
+        adapted: first proposals and their results so far, which are not computed again; those
             of these guesses are added. price: with which a first one counts R"""
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)

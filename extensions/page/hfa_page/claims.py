@@ -82,7 +82,7 @@ def load_claims(path: Path) -> Claims:
         data = read_json(file)
     except OSError as error:
         raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give what {study} wrote"
+            f"{file} cannot be read ({error.strerror}); give a file of {study}"
         ) from error
     try:
         if data["schema"] != SCHEMA:
@@ -101,7 +101,7 @@ def load_claims(path: Path) -> Claims:
         ]
         return Claims(data, verdicts, about, claims_table(data["claims"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(f"{file} is damaged ({error!r}); give what {study} wrote") from error
+        raise BadInputError(f"{file} is damaged ({error!r}); give a file of {study}") from error
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:

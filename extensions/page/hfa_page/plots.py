@@ -1,7 +1,7 @@
 """Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's own script.
 
 `front_view`: the aircraft from the front, panels, lift and weight to one scale. `locus_plot`: the
-root locus over the dihedral angle, where hovering says angle, frequency and damping."""
+root locus over the dihedral angle, where hovering shows angle, frequency and damping."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _figure(
     legend: bool = True,
 ) -> PlotlyFigure:
     """A frame for each position of the slider, named by it: the changes of the last traces.
-    Background and size are the page's, which moves to a frame at once; the legend stands above."""
+    Background and size are the page's, which moves to a frame at once; the legend is above."""
     layout = {
         "xaxis": x,
         "yaxis": y,

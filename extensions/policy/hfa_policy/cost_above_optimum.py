@@ -29,7 +29,7 @@ _COSTS_NOTHING = 1e-12
 class CostLost(Result):
     """Percent of the optimal cost, from deviations from the equilibrium, or inf without bound.
 
-    worst: of u = -K x in continuous time, without delay; nan of a policy that takes several
+    worst: of u = -K x in continuous time, without delay, or nan for a policy that takes several
         samples.
     mean: of all initial conditions.
     sampled_worst: of the sampled loop with its delay, against the sampled optimum without; a step
@@ -78,7 +78,7 @@ def weights_at(
     deployed: Deployed, place: Equilibrium | OperatingPoint
 ) -> tuple[np.ndarray, np.ndarray]:
     """Q of the linear states, its outputs as they are to first order there, and R of the commanded
-    inputs, of the card."""
+    inputs, of the deployment file."""
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
     linear = deployed.model.linear
@@ -98,8 +98,8 @@ def weights_at(
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Worst and mean, percent; at the start the memory of the delay is at rest and the earlier
-    observations are the first."""
+    """Worst and mean, percent; at the start the memory of the delay has the trim's values, and the
+    earlier observations equal the first."""
     from scipy.linalg import solve_discrete_lyapunov
 
     if chain.radius >= 1.0:

@@ -57,7 +57,7 @@ def first_departure(
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
-    """Raises BadInputError for a trim that lies at the limit of a state that other states move:
+    """Raise BadInputError for a trim that lies at the limit of a state that other states move:
     small flights about it leave the envelope at once."""
     for point in points:
         model = point.model

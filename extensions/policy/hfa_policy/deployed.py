@@ -40,7 +40,7 @@ TRIM = "trim"
 class Deployed:
     """A deployment whose names are those of a model.
 
-    BadInputError names the entry of the card, and the names to choose from.
+    BadInputError names the entry of the deployment file, and the names to choose from.
     """
 
     deployment: Deployment
@@ -130,7 +130,7 @@ class Deployed:
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """Raises BadInputError where an observation, the policy or a map has no value at a trim, or
+        """Raise BadInputError where an observation, the policy or a map has no value at a trim, or
         an observation or a map no slope.
 
         action: (m,), in place of the policy's own, where one is still to be trained.
@@ -301,8 +301,8 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """The values of the entries of a table of the card, (k,). Raises BadInputError where one is no
-    number, or its slope by one of the arguments that are varied."""
+    """The values of the entries of a table of the deployment file, (k,). Raises BadInputError where
+    one is no number, or its slope by one of the arguments that are varied."""
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])

@@ -54,10 +54,10 @@ class Stepped(NamedTuple):
 class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
-    The reward of a sample is -dt (x'Q x + u'R u) of the card's Q and R: x deviations from the trim
-    at the sample, u the commanded inputs minus the trim. Without a cost Q and R are 1/nominal²
-    of the linear states and the moved inputs. An episode that leaves the limits pays
-    the rest of its time at the rate of that sample, so that leaving is never an advantage.
+    The reward of a sample is -dt (x'Q x + u'R u) of the deployment file's Q and R: x deviations
+    from the trim at the sample, u the commanded inputs minus the trim. Without a cost Q and R are
+    1/nominal² of the linear states and the moved inputs. An episode that leaves the limits pays the
+    rest of its time at the rate of that sample, so that leaving is never an advantage.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input that acts just before the sample.
@@ -247,7 +247,7 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Numbers of a row that say when its episode ends: lowest X, highest X, samples left."""
+    """Numbers of a row that determine the end of its episode: lowest X, highest X, samples left."""
     return 2 * len(flight.deployed.model.states) + 1
 
 
@@ -360,8 +360,8 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Q of states and outputs, R of inputs: those of the card, else 1/nominal² of the linear states
-    and the moved inputs."""
+    """Q of states and outputs, R of inputs: those of the deployment file, else 1/nominal² of the
+    linear states and the moved inputs."""
     model = deployed.model
     cost = deployed.deployment.cost
     if cost is not None:

@@ -105,5 +105,5 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """The name of an observation, a formula perhaps, with letters, digits and _ alone."""
+    """Return the name of an observation, or of its formula, in letters, digits and _ alone."""
     return re.sub(r"\W+", "_", name).strip("_")

@@ -1,5 +1,5 @@
-"""Formulas of a card as CasADi expressions: numbers, names, + - * / ** and a few functions, and
-nothing else of Python."""
+"""Formulas of a deployment file as CasADi expressions: numbers, names, + - * / ** and a few
+functions, and nothing else of Python."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Raises BadInputError for the first node that a formula may not have; collects its names."""
+    """Raise BadInputError for the first node that a formula may not have; collects its names."""
     if isinstance(node, ast.Name):
         refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)

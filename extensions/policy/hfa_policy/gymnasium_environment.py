@@ -18,7 +18,7 @@ _OBSERVED = np.dtype(np.float32)
 
 
 class AircraftEnvironment(gymnasium.Env):
-    """An aircraft about its trims: observation, action, timing and cost as a deployment says.
+    """An aircraft about its trims: observation, action, timing and cost as in a deployment.
 
     Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim; at
     the end of an episode that leaves the envelope `left` names the state, its limit and the time.

@@ -27,7 +27,7 @@ class Normalizer:
     variance: (k,), none below 0.
     epsilon: added to the variance.
     clip: largest absolute value.
-    count: observations that it has seen, or nan where its file does not say.
+    count: observations that it has seen, or nan where its file does not state it.
     last: (E, k), the last observations of its environments as they came, or None where not known.
     origin: where it is from, for messages.
     """
@@ -41,7 +41,7 @@ class Normalizer:
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
-        """Raises BadInputError for numbers that normalize nothing."""
+        """Raise BadInputError for numbers that normalize nothing."""
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):
@@ -127,7 +127,7 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
 
 
 def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
-    """The normalizer of a table mean, variance, epsilon, clip of a card."""
+    """The normalizer of a table mean, variance, epsilon, clip of a deployment file."""
     for name in ("mean", "variance"):
         if name not in entries:
             raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")

@@ -41,9 +41,9 @@ class _Record(NamedTuple):
 class _Observed(NamedTuple):
     """One observation of the deployment at the trims.
 
-    name: in the card.
-    state: the state that it takes; "" of a formula.
-    about, scale: of the card.
+    name: in the deployment file.
+    state: the state that it takes, or "" for a formula.
+    about, scale: of the deployment file.
     values: (N,), of its formula at the trims.
     model: the aircraft.
     """
@@ -64,7 +64,7 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the card takes absolute values."""
+        """True if the deployment file takes absolute values."""
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
@@ -80,8 +80,8 @@ class _Observed(NamedTuple):
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the training may have seen it with the about of the card and another
-        scale.
+        """Return whether the training may have seen it with the about of the deployment file and
+        another scale.
 
         Deviations of any scale are seen about 0. So are absolute values of a state that may be 0,
         and not those of another: no speed spreads by half of its mean."""
@@ -225,7 +225,7 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
 
 
 def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
-    """An observation of the card at the trims."""
+    """An observation of the deployment file at the trims."""
     name = list(deployed.deployment.observation)[index]
     entry = deployed.deployment.observation[name]
     state = entry.get("formula", name)

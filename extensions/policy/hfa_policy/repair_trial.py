@@ -102,7 +102,7 @@ def _brings_most_back(flown: Flown) -> bool:
 
 
 def _harms(flown: Flown) -> bool:
-    """Return whether a card loses many of the starts."""
+    """Return whether many flights of a deployment file leave the envelope."""
     return flown.kept <= _KEEPS * len(flown.costs)
 
 
@@ -135,7 +135,7 @@ def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
 
 
 class _Trial:
-    """Changes flown side by side at the trims where the card flies worst."""
+    """Changes simulated together at the trims where the deployment file performs worst."""
 
     def __init__(self, assessor: Assessor, assessed: Sequence[AssessedPoint]) -> None:
         self.deployed = assessor.deployed

@@ -1,4 +1,5 @@
-"""The changes of a card that are tried, each of which undoes one mistake of a deployment."""
+"""The changes of a deployment file that are tried, each of which undoes one mistake of a
+deployment."""
 
 from __future__ import annotations
 
@@ -21,8 +22,8 @@ class Repair(NamedTuple):
 
     kind: of the mistake that it undoes.
     text: the assumption of the change.
-    deployment: the changed card.
-    P: (k, k); c follows from the changed card at a trim.
+    deployment: the changed deployment file.
+    P: (k, k); c follows from the changed deployment file at a trim.
     gain: (m,).
     S: (m, m).
     """
@@ -58,7 +59,7 @@ def _with_observation(
 def _with_gains(
     card: Deployment, kind: str, text: str, changed: Deployment, gain: np.ndarray
 ) -> Repair:
-    """The change of a card that multiplies its actions."""
+    """The change of a deployment file that multiplies its actions."""
     return Repair(kind, text, changed, np.eye(len(card.observation)), gain, np.eye(gain.size))
 
 
@@ -162,7 +163,7 @@ def _scales(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
-    """The observations of a card with these scales."""
+    """The observations of a deployment file with these scales."""
     entries = zip(card.observation.items(), scales.tolist(), strict=True)
     return {name: {**entry, "scale": scale} for (name, entry), scale in entries}
 
@@ -177,8 +178,8 @@ def _angles(deployed: Deployed) -> list[bool]:
 
 
 def _sizes(deployed: Deployed) -> np.ndarray:
-    """(k,), the size of each observation: the deviation that the card's Q prices with 1, else the
-    nominal one of the model, else 1."""
+    """(k,), the size of each observation: the deviation that the deployment file's Q prices with 1,
+    else the nominal one of the model, else 1."""
     Q, _ = cost_weights(deployed)
     signals = deployed.model.signals
     sizes = []

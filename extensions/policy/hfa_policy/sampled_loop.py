@@ -150,8 +150,8 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Search upward from the deployed delay, sample by sample: a loop that is lost at one delay may
-    be stable again at a longer one."""
+    """Search upward from the deployed delay, sample by sample: a loop that is unstable at one delay
+    may be stable again at a longer one."""
     first = math.ceil(deployed_delay / dt - _WHOLE)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []

@@ -160,7 +160,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
 
 
 def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """Raises BadInputError where an entry is a class that is not among those known."""
+    """Raise BadInputError where an entry is a class that is not among those known."""
     if data.get(entry) is None:
         return
     try:

@@ -81,7 +81,7 @@ def changes_of(
 
 
 def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
-    """Raises BadInputError unless the name is a parameter of the model or one of these inputs."""
+    """Raise BadInputError unless the name is a parameter of the model or one of these inputs."""
     if name in inputs:
         return
     if name in model.inputs:
@@ -127,7 +127,7 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
 
 
 def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
-    """Raises BadInputError for a value beyond the limits of an input."""
+    """Raise BadInputError for a value beyond the limits of an input."""
     signal = model.inputs[name]
     for value in values:
         if not signal.min <= value <= signal.max:

@@ -50,7 +50,7 @@ def folder(tmp_path):
 
 
 def compiled(path):
-    """All of a card, read and compiled."""
+    """All of a deployment file, read and compiled."""
     return Deployment.load(path).on(model_of(GTM)).command
 
 
@@ -357,7 +357,7 @@ def test_a_zip_says_what_it_is():
 
 
 def test_a_card_in_python_is_that_of_file():
-    """A card in python is that of the file."""
+    """A deployment made in Python equals that of the file."""
     loaded = card("ppo_gtm")
     again = Deployment(
         loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder

@@ -93,7 +93,7 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
 
 
 def card_without_normalizer(folder):
-    """The file of a card whose policy was trained behind a VecNormalize that it does not name."""
+    """A deployment file that omits the VecNormalize with which its policy was trained."""
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
     assert named in right
@@ -104,7 +104,7 @@ def card_without_normalizer(folder):
 
 
 def test_card_is_flown_warns_of_what_files_prove(tmp_path):
-    """A card that is flown warns of what its files prove."""
+    """A deployment file that is simulated warns of the mistakes that its files prove."""
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
         flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)

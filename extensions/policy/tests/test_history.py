@@ -26,7 +26,7 @@ GAIN[1, [4, 8]] = [-1.0, -1.0]
 
 
 def stacked(delay=0.0, history=3, gain=GAIN):
-    """A card whose gain takes three samples of the four states."""
+    """A deployment file whose gain takes three samples of the four states."""
     o = ca.SX.sym("o", gain.shape[1])
     policy = {"file": ca.Function("gain", [o], [ca.DM(gain) @ o])}
     action = {"elevator": {"box": [-9, 9]}, "throttle": {"box": [-9, 9]}}

@@ -75,7 +75,8 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
 def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
-    """A third state that the input drives and the card does not observe; a fast one is judged."""
+    """A third state that the input drives and the deployment file does not observe; a fast one is
+    judged."""
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
     exit_code, output, _ = assessed([[4.24, 2.8]], "--json", A=A, B=[[0.0], [1.0], [0.1]])

@@ -60,7 +60,8 @@ def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
 
 
 def of_eight_environments(last, last_original):
-    """The card of a SAC without a normalizer, with these last observations of its training."""
+    """The deployment file of a SAC without a normalizer, with these last observations of its
+    training."""
     deployment = Deployment.load(FOLDER / "sac_gtm.toml")
     actor = deployment.actor
     stored = replace(actor.stored, last=last, last_original=last_original, environments=8)
@@ -153,7 +154,7 @@ def test_degrees_for_radians_are_named_beyond_limits():
 
 
 def trained_on_absolute_values():
-    """The card of a policy whose normalizer has seen absolute values."""
+    """The deployment file of a policy whose normalizer has seen absolute values."""
     right = observed("ppo_gtm", about=0.0)
     deployed = right.on(aircraft("ppo_gtm"))
     trim = deployed.trim_vector(trims("ppo_gtm")[1])
@@ -229,7 +230,7 @@ def test_the_order_of_observations_is_suggested():
 
 
 def rescaled(name, of):
-    """The card with other scales of its angles."""
+    """The deployment file with other scales of its angles."""
     observation = {
         key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
         for key, entry in card(name).observation.items()
@@ -251,7 +252,7 @@ def test_degrees_and_the_sample_time_are_suggested(changed, said):
 
 
 def without_records(deployment, times=1.0):
-    """A card whose policy says nothing of its training, `times` as strong."""
+    """A deployment file whose policy contains no evidence of its training, `times` as strong."""
     actor = card("ppo_raw").actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     function = ca.Function("alone", [o], [times * actor.function(o)])
@@ -314,7 +315,8 @@ SCALES = {"speed": 50.0, "alpha": 0.1, "pitch": 0.2, "pitch_rate": 0.5}
 
 
 def optimum_on_f16(times=1.0):
-    """The card of an exact optimum on the F-16, `times` as strong, which observes with scales."""
+    """The deployment file of an exact optimum on the F-16, `times` as strong, which observes with
+    scales."""
     Q = {name: scale**-2 for name, scale in SCALES.items()}
     R = {"thrust": 1e-6, "elevator": 0.04}
     model = model_of(F16)
@@ -420,7 +422,7 @@ def test_a_sign_is_suggested_of_late_optimum_too():
 
 
 def test_card_whose_normalizer_lies_elsewhere_refused_by_name(tmp_path):
-    """A card whose normalizer lies elsewhere is refused by its name."""
+    """A deployment file whose normalizer lies elsewhere is refused by its name."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):

@@ -46,7 +46,7 @@ def test_the_references_cover_what_is_asked():
 
 
 def test_K_is_the_slope_of_card_at_rest():
-    """K is the slope of the card at rest."""
+    """K is the slope of the policy at its equilibrium."""
     name = "td3_gtm"
     deployed = card(name).on(aircraft(name))
     point = trims(name)[0]
@@ -80,7 +80,7 @@ def test_the_stored_slopes_are_those_of_stable_baselines(name):
 
 
 def test_card_of_ONNX_file_is_that_of_zip(tmp_path):
-    """A card of an ONNX file is that of the zip."""
+    """A deployment file of an ONNX file equals that of the zip."""
     onnx = pytest.importorskip("onnx")
     zipped = card("ppo_gtm")
     with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:

@@ -70,7 +70,7 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
     Raises NoSolutionError where the plant as typed has no certified answer; it names the other
     time, or entries of the plant one of which, changed, makes the printed answer right. Raises
-    BadInputError where the file does not say the time; it names the one that every digit fits."""
+    BadInputError where the file does not state the time; it names the one that every digit fits."""
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
         raise BadInputError(fitting_time(file) or missing)

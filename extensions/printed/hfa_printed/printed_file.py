@@ -42,7 +42,7 @@ class Block:
 
     texts: rows of numbers as typed; a common factor is the exponent of each
     values: (rows, columns)
-    half_units: (rows, columns), half a unit of the last digit; 0 of a formula
+    half_units: (rows, columns), half a unit of the last digit, or 0 for a formula
     """
 
     texts: tuple[tuple[str, ...], ...]
@@ -70,7 +70,7 @@ class PrintedFile:
     learned: whether the answer comes out of learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
     assumption: how an incomplete plant was read, or "" where it is complete
-    has_time: whether the file says continuous or discrete; else the plant is taken for continuous
+    has_time: whether the file states continuous or discrete; else the plant is taken for continuous
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""The fields of statements about flights, games and models, and what becomes of each."""
+"""The fields of statements about flights, games and models, and the treatment of each."""
 
 from __future__ import annotations
 

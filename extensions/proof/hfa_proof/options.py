@@ -88,7 +88,7 @@ def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
 
 
 def refuse_no_certificate(output: Path | None) -> None:
-    """Raises BadInputError where the file of -o cannot hold a certificate."""
+    """Raise BadInputError where the file of -o cannot hold a certificate."""
     if output is not None and output.suffix.lower() != ".json":
         raise BadInputError(f"{output}: a certificate is a .json file; name one")
 

@@ -163,7 +163,7 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
     """Return a claim, the subjects that the user did not give, and the effects that are not
-    covered. What would make a line longer than 100 columns begins a new line."""
+    covered. A word that would make a line longer than 100 columns begins a new line."""
     line = qualified(claim, not_given)
     whole = f"{line}, without {not_covered}"
     return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"

@@ -72,7 +72,7 @@ class Demands(NamedTuple):
 
     left: what was fitted (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
         tens of entries cannot be explained by a few numbers.
-    least: a smaller error asks as much as `_EXACT`.
+    least: a smaller error requires as much as `_EXACT`.
     entry: largest distance of an entry from its value under the hypothesis (`View.entry_errors`). A
     norm is
         that of the few largest entries.

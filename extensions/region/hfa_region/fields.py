@@ -1,4 +1,4 @@
-"""The fields of a statement about a region, and what becomes of each."""
+"""The fields of a statement about a region, and the treatment of each."""
 
 from __future__ import annotations
 

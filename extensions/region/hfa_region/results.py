@@ -86,7 +86,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """(n, n), of V = z'P z; None of a higher degree."""
+        """(n, n), of V = z'P z, or None for a higher degree."""
         if self.degree > 2:
             return None
         n = len(self.states)
@@ -102,7 +102,7 @@ class ProvedSet(ProvedResult):
 class FoundSet(ProvedSet):
     """A set that a search has found and proved.
 
-    origin: what V is.
+    origin: the kind of V.
     decrease_fails_at: the lowest V at which V' >= 0 was found, or None where none was.
     leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit;
         None where none does.

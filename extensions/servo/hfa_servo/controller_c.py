@@ -66,7 +66,7 @@ class CommandedPolicy(NamedTuple):
 
     filtered: [r; r']
     filtered_rate: their rates
-    goal: what r is on its way to
+    goal: the value that r approaches
     """
 
     policy: ServoPolicy
@@ -82,7 +82,7 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 
 def longest_step(controller: ScheduledController) -> float:
-    """1 ms, or less where the fastest mode of the controller asks for it, s."""
+    """1 ms, or less where the fastest mode of the controller requires it, s."""
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
 
@@ -230,7 +230,7 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
 
     scheduled: value of the scheduling variable, absolute; the rest as deviations from trim
     memory: [controller; r; r']
-    command: what r is on its way to
+    command: the value that r approaches
     """
     model = point.model
     controller = commanded.policy.controller

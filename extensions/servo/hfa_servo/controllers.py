@@ -248,7 +248,7 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """The design model behind the actuators of `following`, and A and B of how it answers
+    """The design model behind the actuators of `following`, and A and B of its response to
     commands."""
     design = built.design
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))

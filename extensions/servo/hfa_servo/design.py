@@ -215,7 +215,7 @@ class Design:
             raise BadInputError(f"{where} the {variable}s of the shaping must increase")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
-        """Raises BadInputError for an input that a table lacks."""
+        """Raise BadInputError for an input that a table lacks."""
         for name in self.inputs:
             if name not in table:
                 raise BadInputError(f"{where} input {name} has no {what}; every input needs one")

@@ -189,7 +189,7 @@ def _add_actuator(A: np.ndarray, b: np.ndarray, design: Design, name: str) -> No
 def _refuse_seen_disturbances(
     design: Design, winds: tuple[str, ...], by_commands: np.ndarray, by_winds: np.ndarray
 ) -> None:
-    """Raises BadInputError when a sensor sees a disturbance itself.
+    """Raise BadInputError when a sensor sees a disturbance itself.
 
     by_commands: (p, m), of the sensors by the commands
     by_winds: (p, len(winds)), of the sensors by the disturbances of the model

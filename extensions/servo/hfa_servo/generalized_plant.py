@@ -271,7 +271,7 @@ def stored_plant(
     """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22,
     delta; its delta or None, and notes.
 
-    found: what `read_arrays` has read of it already. BadInputError names the file.
+    found: its entries that `read_arrays` has read already. BadInputError names the file.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):

@@ -124,7 +124,7 @@ def following_model(
     commands w of the outputs `regulated` x, w = [r; r'; r_end].
 
     u' = Γ w - K (x_m - Π w): Π, Γ hold the outputs on the commands for ever (Francis), K is the LQR
-    of what x_m still has to go.
+    of the remaining distance of x_m.
 
     regulated: (q, n)
     chosen: weights of the squared errors, command filter

@@ -45,7 +45,7 @@ class MeasuredOutputs:
 
 
 def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
-    """Contribution of actuator positions and rates to the outputs; 0 of a matrix without
+    """Contribution of actuator positions and rates to the outputs, or 0 for a matrix without
     entries."""
     if not matrix.any():
         return ca.SX(0)

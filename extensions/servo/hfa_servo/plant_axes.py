@@ -2,8 +2,8 @@
 
 In axes that mix them rounding is of the size of the fast states, and hides the slow ones: a plant
 with poles from 1e-4 to 1e4 rad/s, turned, has digits left of neither Riccati equation. The way to
-these axes and back has twice the digits and one rounding at its end, so that nothing is lost that
-the given numbers say."""
+these axes and back has twice the digits and one rounding at its end, so that no digit of the given
+numbers is lost."""
 
 from __future__ import annotations
 

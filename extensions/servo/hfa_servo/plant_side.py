@@ -72,12 +72,12 @@ class Side(NamedTuple):
 
     @property
     def feedthrough(self) -> float:
-        """σ_max of what w reaches in z at once, whatever u does."""
+        """σ_max of the part of z that w reaches at once, whatever u does."""
         left = self.reduced().D
         return float(np.linalg.norm(left, 2)) if min(left.shape) else 0.0
 
     def _split(self) -> tuple[np.ndarray, np.ndarray]:
-        """N⁺, and rows that span what u does not reach in z, orthonormal."""
+        """N⁺, and orthonormal rows that span the part of z that u does not reach."""
         Q, R = np.linalg.qr(self.N, mode="complete")
         m = self.N.shape[1]
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T

@@ -119,7 +119,7 @@ class ScheduledController(ByValue, Reported):
             raise BadInputError(f"{where} two states have one name; give each its own")
 
     def _check_names(self, where: str) -> None:
-        """Raises BadInputError for a measurement, a command or an input that the model does not
+        """Raise BadInputError for a measurement, a command or an input that the model does not
         have."""
         model = self.model
         moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
@@ -135,7 +135,7 @@ class ScheduledController(ByValue, Reported):
                     raise BadInputError(f"{where} unknown {what} {shown(name)}")
 
     def _check_arrays(self, where: str) -> None:
-        """Raises BadInputError for a wrong shape or order, or a number that is not finite."""
+        """Raise BadInputError for a wrong shape or order, or a number that is not finite."""
         count = len(self.breakpoints)
         n = len(self.states)
         m = len(self.inputs)
@@ -185,7 +185,7 @@ class ScheduledController(ByValue, Reported):
         return GainSchedule(self.breakpoints, gains, self.model)
 
     def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
-        """Raises BadInputError when it was made for another model, or lowest to highest leaves its
+        """Raise BadInputError when it was made for another model, or lowest to highest leaves its
         breakpoints."""
         if model.name != self.dynamics:
             choose = ""

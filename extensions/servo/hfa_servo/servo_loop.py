@@ -44,7 +44,7 @@ TOGETHER = "all inputs"
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
     """x' = A x + B u, y = C x of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y; the
-    commands are at rest."""
+    commands are constant."""
 
     A: np.ndarray
     B: np.ndarray
@@ -267,7 +267,7 @@ def check_margins(
     progress: Progress | None = None,
 ) -> MarginTable:
     """Margins about the trims at `scheduling_values` (N,), behind actuators of both orders and
-    these bandwidths (rad/s), alike in all inputs; without any where `bandwidths` is empty.
+    these bandwidths (rad/s), alike in all inputs, or without actuators where `bandwidths` is empty.
 
     Raises BadInputError when the controller is for another model or for other scheduling values.
     """

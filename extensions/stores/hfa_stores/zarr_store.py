@@ -203,8 +203,8 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk and write them to their place; without a path return them. What
-    a worker runs."""
+    """Compute the rows of a chunk and write them to their place; without a path return them.
+    Compute the rows of one task in a worker process."""
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
     if place.path is None:
@@ -299,7 +299,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:
-    """Raises BadInputError unless the store at `path` is of this job and of this version.
+    """Raise BadInputError unless the store at `path` is of this job and of this version.
 
     Its metadata are read as JSON; nothing is opened before they are those of a new store.
     """

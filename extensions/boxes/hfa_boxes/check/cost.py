@@ -158,7 +158,7 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raises Rejected unless the equilibrium is within the envelope."""
+        """Raise Rejected unless the equilibrium is within the envelope."""
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):

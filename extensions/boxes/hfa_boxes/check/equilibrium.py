@@ -78,7 +78,7 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
-    """Raises Rejected unless an equilibrium is the stated one, within `SAME_TRIM` nominal
+    """Raise Rejected unless an equilibrium is the stated one, within `SAME_TRIM` nominal
     values."""
     distance = np.abs(at.x - stated) + at.radius
     if not np.all(distance <= SAME_TRIM * nominal):

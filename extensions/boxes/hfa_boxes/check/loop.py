@@ -93,7 +93,7 @@ class Decrease(OnPiece):
         return self._functions.at_once
 
     def check_limits(self) -> None:
-        """Raises Rejected unless every state within its extents is within its limits."""
+        """Raise Rejected unless every state within its extents is within its limits."""
         at = self.equilibrium
         limits = self.plant.ends(self.plant.states)
         for i, name in enumerate(self.plant.states):

@@ -152,7 +152,7 @@ class OnPiece(Question):
 
     @abstractmethod
     def check_limits(self) -> None:
-        """Raises Rejected where limits that no box decides do not hold."""
+        """Raise Rejected where limits that no box decides do not hold."""
 
     def proved(
         self, most: int, progress: Progress | None = None, longer: Sequence[int] | None = None

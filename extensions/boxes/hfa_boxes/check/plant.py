@@ -69,7 +69,7 @@ class Plant:
         return np.array(pairs, dtype=float).reshape(-1, 2)
 
     def check_held(self) -> None:
-        """Raises Rejected where a state that does not move is beyond its limits."""
+        """Raise Rejected where a state that does not move is beyond its limits."""
         for name, value in self.held.items():
             ((low, high),) = self.ends((name,))
             if not low <= value <= high:

@@ -4,8 +4,8 @@ A row is a sum of coefficients, rational and therefore without rounding, times v
 is the constant 1, then come the inputs and the nodes. Layers of a network become rows, which are
 evaluated by products of matrices.
 
-The function is that which CasADi has built. It folds constants of an expression in doubles: of
-5 (0.2 x) it keeps x. What is proved holds for the folded function, which is also evaluated."""
+The function is that which CasADi has built. It folds constants of an expression in doubles: of 5
+(0.2 x) it keeps x. The proof covers the folded function, which is also evaluated."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Loops for other tools, as data: the aircraft alone or with its policy, and linear
 models between the points of a sweep.
 
-What a simulation works out, commands, references, disturbances and held inputs, an exported loop
-gets as arguments."""
+An exported loop takes as arguments what a simulation computes: commands, references, disturbances
+and held inputs."""
 
 from __future__ import annotations
 

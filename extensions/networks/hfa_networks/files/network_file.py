@@ -1,8 +1,8 @@
 """Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
 
-Nothing is guessed. A state dict does not state the order of its layers: that is the order of
-the file where the format keeps it (torch), else the only order that the numbers in the names and
-the widths allow. What was read is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with the
+Nothing is guessed. A state dict does not state the order of its layers: that is the order of the
+file where the format keeps it (torch), else the only order that the numbers in the names and the
+widths allow. The network is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with the
 trained one. Weights keep the digits of the file; all arithmetic is in doubles.
 """
 
@@ -167,7 +167,7 @@ def network_in(
 def _refuse_unread(
     found: Mapping[str, Parts], networks: Mapping[str, list[Layer]], name: str
 ) -> None:
-    """Raises BadInputError for tensors of the file that may act on one of its networks."""
+    """Raise BadInputError for tensors of the file that may act on one of its networks."""
     read = {tensor for parts in found.values() for tensor in parts.layers}
     others = {key: array for key, array in found[name].others.items() if key not in read}
     unused = {key: array for key, array in found[name].unused.items() if key not in read}

@@ -449,7 +449,7 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raises BadInputError where a network takes neither the states of the plant nor, as a Q does,
+    """Raise BadInputError where a network takes neither the states of the plant nor, as a Q does,
     its states and inputs."""
     if width == states:
         return
@@ -532,7 +532,7 @@ def _evaluated(
 def _refuse_unread(
     name: str, operator: Callable[..., Any], inputs: list[Any], attributes: Mapping[str, Any]
 ) -> None:
-    """Raises BadInputError where an operator has inputs or attributes that are not read."""
+    """Raise BadInputError where an operator has inputs or attributes that are not read."""
     try:
         rule = signature(getattr(operator, "pyfunc", operator))
     except ValueError:  # of NumPy's own, which take arrays alone

@@ -124,7 +124,7 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 
 
 def refuse_pickle_bomb(content: bytes) -> None:
-    """Raises BadInputError where reading a pickle would take more memory than its bytes, since it
+    """Raise BadInputError where reading a pickle would take more memory than its bytes, since it
     numbers more objects than it has bytes, or more steps than a policy needs: tuples nested as deep
     as these end the process when they are hashed."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
@@ -223,7 +223,7 @@ class _Restricted(pickle.Unpickler):
 
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
-    """Raises BadInputError where the members are larger together than a file may be."""
+    """Raise BadInputError where the members are larger together than a file may be."""
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
         raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
 

@@ -1,7 +1,7 @@
 """Flights of a policy that is a nonlinear function of the state, in continuous time and in steps.
 
-What a flight finds is a lower bound of the largest cost, and of the smallest box from which a loop
-does not return.
+A flight gives a lower bound of the largest cost, and of the smallest box from which a loop does not
+converge.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
 
 def _part(text: str) -> float:
-    """Raises BadInputError unless it is between 0.0001 and 0.5."""
+    """Raise BadInputError unless it is between 0.0001 and 0.5."""
     part = number(text)
     if not 1e-4 <= part <= 0.5:
         raise BadInputError("must be between 0.0001 and 0.5")

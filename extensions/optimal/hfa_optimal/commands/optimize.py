@@ -109,7 +109,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Return the begin of the flight: a trim, or deviations from the one that it ends in."""
+        """Return the start of the flight: a trim, or deviations from the one that it ends in."""
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations

@@ -59,7 +59,7 @@ def check_motion(
 
 
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
-    """Raises Rejected unless every symmetric matrix of the form is positive definite.
+    """Raise Rejected unless every symmetric matrix of the form is positive definite.
 
     turn: coordinates in which that is decided; the errors of the parameters are small in them
     """

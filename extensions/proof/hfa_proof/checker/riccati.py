@@ -125,7 +125,7 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 
 
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
-    """Raises Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of
+    """Raise Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of
     W."""
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []

@@ -120,7 +120,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Raises Rejected unless every value that the trim finds lies within its limits.
+    """Raise Rejected unless every value that the trim finds lies within its limits.
 
     flight: its limits; a value that it imposes was compared when the statement was read
     values: name -> value on the box
@@ -156,7 +156,7 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
-        raise Rejected("there are trims below the first stated one; no branch is stated of them")
+        raise Rejected("trims exist below the first stated one, whose branch is not stated")
     for stated, following in zip(flight.trims, [*starts[1:], math.inf], strict=True):
         own = [box for box in ascending if stated.breakpoint <= box.trim.low < following]
         _check_branch(_stated_trim(flight, stated), own, following)

@@ -48,7 +48,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
         request = self
         if typed is not None and len(typed) != 1:
             raise BadInputError(
-                f"a game is at one value; give --{called_at(self.model)} with one value"
+                f"a game belongs to one value; give --{called_at(self.model)} with one value"
             )
         if typed is not None:  # from here on as in the commands of one trim
             in_degrees = self.model.schedule_unit == "deg"
@@ -118,7 +118,7 @@ def critic(request: CriticRequest) -> int:
 
 
 def _prepared(request: SolutionRequest) -> None:
-    """Raises BadInputError where flint is missing, or -o names no file of a certificate."""
+    """Raise BadInputError where flint is missing, or -o names no file of a certificate."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

@@ -98,7 +98,7 @@ class CertificateFile:
         self._next = time.monotonic() + _PAUSE
 
     def save(self, proof: Proof, *, finished: bool = False) -> None:
-        """Write what there is, unless it was written a short time ago and is not all."""
+        """Write the present content, unless it is incomplete and was written a short time ago."""
         start = time.monotonic()
         if finished or start > self._next:
             proof.write(self.path, self._origin)

@@ -1,6 +1,6 @@
 """Steady flights of a model that differ in its scheduling variable alone, and their trims on boxes.
 
-What is found here in doubles is proved by the checker's own test, which is called on every box.
+The checker's own test, called on every box, proves the results that are found here in doubles.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class Family:
         return Flight(model, parameters, spread, imposed, limits, low, high, ())
 
     def check(self, low: float, high: float) -> None:
-        """Raises BadInputError unless the trims of the interval are of the kind that is proved."""
+        """Raise BadInputError unless the trims of the interval are of the kind that is proved."""
         model = self.model
         if not model.schedule:
             raise BadInputError(
@@ -199,7 +199,7 @@ class TrimSearch:
         return self._linear_models[box]
 
     def _refuse_what_nothing_balances(self, low: float) -> None:
-        """Raises BadInputError when an equation that no unknown moves does not hold."""
+        """Raise BadInputError when an equation that no unknown moves does not hold."""
         start = self.family.point(low).values
         trim = TrimBox(low, low, {}, {})
         values: dict[str, Any] = known_values(self.flight, trim, decimals=False)

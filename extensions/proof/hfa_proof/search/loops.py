@@ -127,7 +127,7 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """The loop of a scheduled controller with its commands at rest, through actuators.
+    """The loop of a scheduled controller with constant commands, through actuators.
 
     controller: whose commands are left out
     actuators: input -> actuator, of its design

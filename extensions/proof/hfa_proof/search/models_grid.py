@@ -143,7 +143,7 @@ class GridSearch:
         return cell
 
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
-        """Raises Rejected where the solution of the game is not found."""
+        """Raise Rejected where the solution of the game is not found."""
         solution_box = _solution_near(self._game, self._weights, linear)
         for reach in _REACHES:
             tried = replace(solution_box, reach=arb(reach * float(solution_box.reach)))

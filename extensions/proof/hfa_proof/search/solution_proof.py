@@ -85,7 +85,7 @@ class ExactGame:
     game: in doubles
     weights: of the statement
     plant: of the statement
-    trim: about which A and B are; None of a plant
+    trim: about which A and B are, or None for a plant
     doubles: A and B of the doubles
     wide: A and B for every number that reads as the doubles
     """
@@ -420,7 +420,7 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
     """The entry of the trim in a witness: unknown -> center, and its radius for doubles and for
-    numbers that read as them; empty of a plant without a trim."""
+    numbers that read as them, or empty for a plant without a trim."""
     if trim is None:
         return {}
     rows = {}

@@ -72,7 +72,7 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Raises Rejected unless the parts hold every combination of inputs that are free or at a limit
+    """Raise Rejected unless the parts hold every combination of inputs that are free or at a limit
     and of disturbances at their ends."""
     stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
@@ -110,7 +110,7 @@ def _check_extents(
     extents: Mapping[str, tuple[Evidence, Evidence]],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raises Rejected unless every state stays within its extent, and with it within its limits."""
+    """Raise Rejected unless every state stays within its extent, and with it within its limits."""
     statement = loop.statement
     for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
         reach = loop.reach(index)
@@ -133,7 +133,7 @@ def _check_deviation(
     evidence: tuple[Evidence, Evidence],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raises Rejected unless a state's deviation in the set is proved to lie between the ends."""
+    """Raise Rejected unless a state's deviation in the set is proved to lie between the ends."""
     name = loop.statement.loop.states[index]
     deviation = loop.deviation(index)
     from_low = deviation - Polynomial.constant(ends[0])

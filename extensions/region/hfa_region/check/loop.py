@@ -113,7 +113,7 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Raises Rejected unless it is the stated trim, with all inputs strictly within their
+        """Raise Rejected unless it is the stated trim, with all inputs strictly within their
         limits."""
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
@@ -264,7 +264,7 @@ class RegionLoop:
         return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
-        """Raises Rejected unless each is proved to lie within its limits on the whole unit ball."""
+        """Raise Rejected unless each is proved to lie within its limits on the whole unit ball."""
         for name, value in zip(self.statement.loop.limited_outputs, values, strict=True):
             low, high = self.statement.loop.limits[name]
             ball = value.range()
@@ -341,7 +341,7 @@ def _is_invertible(T: arb_mat) -> bool:
 
 
 def refuse_curved(loop: SaturatedLoop) -> None:
-    """Raises BadInputError where a rate is not affine in the disturbances: their ends would not be
+    """Raise BadInputError where a rate is not affine in the disturbances: their ends would not be
     the worst."""
     if not loop.disturbances:
         return

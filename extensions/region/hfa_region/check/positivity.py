@@ -44,7 +44,7 @@ class Square:
         return cls(int(low), int(high), entries.symmetric("gram", size))
 
     def check_definite(self, what: str) -> None:
-        """Raises Rejected unless Q is proved positive definite."""
+        """Raise Rejected unless Q is proved positive definite."""
         if not is_positive_definite(matrix(self.Q)):
             raise Rejected(f"{what}: a Gram matrix is not proved positive definite")
 
@@ -98,7 +98,7 @@ def check_positive(
     evidence: Evidence,
     variables: int,
 ) -> None:
-    """Raises Rejected unless target > 0 is proved at every y other than 0 where all constraints are
+    """Raise Rejected unless target > 0 is proved at every y other than 0 where all constraints are
     >= 0.
 
     what: name of the claim in messages
@@ -116,7 +116,7 @@ def check_positive(
 
 
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
-    """Raises Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite: a term
+    """Raise Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite: a term
     that the squares do not have must be exactly 0, not a ball about 0."""
     keys = monomials(variables, main.low, main.high)
     size = len(keys)

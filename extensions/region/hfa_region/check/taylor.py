@@ -114,7 +114,7 @@ class Taylor:
     def lowest(self, variables: int, degree: int) -> Polynomial:
         """A polynomial of an even degree, at most order + 1, below g at every |y| <= 1.
 
-        What is of a higher degree k is at least -norm |y|^k >= -norm |y|^degree."""
+        A term of a higher degree k is at least -norm |y|^k >= -norm |y|^degree."""
         if degree % 2 or degree > self.order + 1:
             raise ValueError(f"{degree} is odd or above {self.order + 1}")
         norms = self.polynomial.norms()

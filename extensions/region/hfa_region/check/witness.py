@@ -30,7 +30,7 @@ class Part:
 
     inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; where
         there is nothing of the set also `ANY`
-    evidence: V' < 0 there, or there is nothing of the set
+    evidence: that V' < 0 there, or that the set has no such part
     """
 
     inputs: Mapping[str, str]

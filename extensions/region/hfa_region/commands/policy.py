@@ -74,7 +74,7 @@ def _terms(u: ca.SX, z: ca.SX) -> Terms:
 
 
 def _check_same(u: ca.Function, terms: Terms) -> None:
-    """Raises BadInputError unless the terms are the whole policy, and 0 at z = 0."""
+    """Raise BadInputError unless the terms are the whole policy, and 0 at z = 0."""
     n = u.numel_in(0)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
     total = np.zeros(_POINTS)

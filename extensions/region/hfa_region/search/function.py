@@ -170,7 +170,7 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """(M y)^powers; `known` keeps what was made."""
+    """(M y)^powers; `known` keeps the results."""
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:
