@@ -113,7 +113,7 @@ def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
     ):
         weights = np.where(present, 1.0 / fit.noise, 0.0)
         total = np.zeros(len(fit.noise))
-        for S, covariance in ((projected, D), (response.slopes[:, :, p:], inverse(normal.A))):
+        for S, covariance in ((projected, D), (response.slopes[:, :, p:], normal.of_start)):
             leverage = ((S @ covariance) * S).sum(axis=2)
             total += (leverage * weights).sum(axis=0)
         shares.append(total)

@@ -58,10 +58,15 @@ class Normal:
     g: np.ndarray
     h: np.ndarray
 
+    @cached_property
+    def of_start(self) -> np.ndarray:
+        """Covariance (n, n) of the start with known parameters."""
+        return inverse(self.A)
+
     @property
     def information(self) -> np.ndarray:
         """Return the Fisher information (p, p) of the parameters, with an unknown start."""
-        part = self.M - self.B @ inverse(self.A) @ self.B.T
+        part = self.M - self.B @ self.of_start @ self.B.T
         return np.asarray(0.5 * (part + part.T))
 
 
@@ -103,7 +108,7 @@ class Fit:
         explains."""
         p = len(self.theta)
         return tuple(
-            response.slopes[:, :, :p] - response.slopes[:, :, p:] @ (inverse(normal.A) @ normal.B.T)
+            response.slopes[:, :, :p] - response.slopes[:, :, p:] @ (normal.of_start @ normal.B.T)
             for response, normal in zip(self.responses, self.normals, strict=True)
         )
 
@@ -189,7 +194,7 @@ class OutputError:
                 likelihood = self._likelihood_of(simulated, theta, starts)
                 if likelihood <= found.likelihood:
                     return level, self._fitted(simulated, theta, starts, likelihood, step)
-            except FloatingPointError:
+            except (FloatingPointError, np.linalg.LinAlgError):
                 continue
         return len(_TRIALS), None
 
@@ -366,13 +371,15 @@ class OutputError:
         right = np.zeros(p)
         inverses = []
         for normal in found.normals:
-            with np.errstate(over="ignore", invalid="ignore"):  # such a step is refused
-                A = normal.A + damping * np.diag(np.diag(normal.A))
-            A_inverse = inverse(A)
-            inverses.append(A_inverse)
-            M = normal.M + damping * np.diag(np.diag(normal.M))
-            total += M - normal.B @ A_inverse @ normal.B.T
-            right += normal.g - normal.B @ A_inverse @ normal.h
+            M = normal.M
+            of_start = normal.of_start
+            if damping:
+                M = M + damping * np.diag(np.diag(M))
+                with np.errstate(over="ignore", invalid="ignore"):  # such a step is refused
+                    of_start = inverse(normal.A + damping * np.diag(np.diag(normal.A)))
+            inverses.append(of_start)
+            total += M - normal.B @ of_start @ normal.B.T
+            right += normal.g - normal.B @ of_start @ normal.h
         low = (found.theta <= self.bounds[:, 0]) & (right < 0.0)
         high = (found.theta >= self.bounds[:, 1]) & (right > 0.0)
         with np.errstate(invalid="ignore"):  # no information, no bounds
@@ -381,8 +388,8 @@ class OutputError:
         change = np.zeros(p)
         change[inside] = _solution(total[np.ix_(inside, inside)], right[inside])
         moves = [
-            A_inverse @ (normal.h - normal.B.T @ change)
-            for A_inverse, normal in zip(inverses, found.normals, strict=True)
+            of_start @ (normal.h - normal.B.T @ change)
+            for of_start, normal in zip(inverses, found.normals, strict=True)
         ]
         return change, moves
 

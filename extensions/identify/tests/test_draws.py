@@ -79,6 +79,17 @@ def test_modes_spread_and_held_parameters_stay(folder, capsys):
     assert kept["high"] - kept["low"] < 0.5 * (band["high"] - band["low"])
 
 
+def test_unstable_aircraft_show_in_the_modes():
+    """Planted: a third of the aircraft is statically unstable, and has no short period."""
+    model = hfa.load_model(UAV)
+    point = hfa.find_operating_point(model)
+    unstable = model.with_parameters(Cm_alpha=0.3)
+    drawn = DrawnAircraft([model, model, unstable], ("Cm_alpha",), 0, usual_condition(model), point)
+    bands = drawn.linear_models(hfa.linearize(model, point)).bands
+    assert bands["abscissa"].value < 0.0 < bands["abscissa"].high
+    assert "short period damping of 2 aircraft" in bands
+
+
 def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
     """`solve` judges the exact gain, `verify` that of a file; the wider band costs more."""
     narrow, wide = written(), written(0.2, "wide.toml")

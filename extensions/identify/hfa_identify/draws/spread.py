@@ -141,21 +141,23 @@ class DrawnAircraft:
         return self._draws(len(points), bands)
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
-        """The spread of the modes of a linear model."""
+        """Return the spread of the modes of a linear model, and of the largest real part of its
+        eigenvalues. A mode that some aircraft lack states how many have it."""
         points = self.points(progress)
         drawn = [linearize(point.model, point) for point in points]
-        bands = {}
+        own = _abscissa(linear.A)
+        bands = {"abscissa": band_of(own, [_abscissa(each.A) for each in drawn], "1/s")}
         names = [mode.name for mode in linear.modes]
         for mode in linear.modes:
             if names.count(mode.name) > 1:
                 continue
             same = [each for model in drawn for each in model.modes if each.name == mode.name]
             if same:
-                name = mode.name
+                of = "" if len(same) == len(drawn) else f" of {len(same)} aircraft"
                 damping = [each.damping for each in same]
                 frequency = [each.frequency for each in same]
-                bands[f"{name} damping"] = band_of(mode.damping, damping, "1")
-                bands[f"{name} frequency"] = band_of(mode.frequency, frequency, "1/s")
+                bands[f"{mode.name} damping{of}"] = band_of(mode.damping, damping, "1")
+                bands[f"{mode.name} frequency{of}"] = band_of(mode.frequency, frequency, "1/s")
         return self._draws(len(points), bands)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
@@ -171,7 +173,7 @@ class DrawnAircraft:
         slowest = []
         for point in points:
             linear = linearize(point.model, point)
-            abscissa = float(np.linalg.eigvals(linear.A - linear.B @ K).real.max())
+            abscissa = _abscissa(linear.A - linear.B @ K)
             slowest.append(abscissa)
             stable += abscissa < 0.0
             drawn = replace(game, A=linear.A, B=linear.B)
@@ -181,7 +183,7 @@ class DrawnAircraft:
                 unsolved += 1
                 continue
             costs.append(flight_cost(drawn, solution, K).worst)
-        own = float(np.linalg.eigvals(game.A - game.B @ K).real.max())
+        own = _abscissa(game.A - game.B @ K)
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
         found = self._draws(len(points), bands)
         worst = max(costs, default=np.nan)
@@ -190,6 +192,11 @@ class DrawnAircraft:
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
         """The result without a gain."""
         return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
+
+
+def _abscissa(A: np.ndarray) -> float:
+    """Largest real part of the eigenvalues."""
+    return float(np.linalg.eigvals(A).real.max())
 
 
 def band_of(value: float, values: Sequence[float], unit: str) -> Band:
