@@ -31,7 +31,7 @@ SUBJECTS = {
     "flight": ("loop", "members"),
     "jsbsim": ("737", "environments"),
     "optimal": ("best_flight",),
-    "identify": ("record",),
+    "identify": ("record", "records"),
     "region": ("gtm_region",),
     "scale": ("points", "flights", "states", "networks"),
 }
