@@ -38,6 +38,7 @@ from trim.point.system import TrimSystem
 from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
+from trim.sweeps.shared import SharedSystem
 
 # python-control counts the states that it is told to hold as constraints, and warns of too many.
 warnings.filterwarnings("ignore", "number of constraints", UserWarning)
@@ -240,22 +241,33 @@ def evaluations(
     """The least that trims and linear models of these points take: at each point one evaluation of
     the equations with their Jacobian, for a step of Newton's method, and one of A and B."""
     condition = usual_condition(model) if condition is None else condition
-    system = TrimSystem(model, condition.freed_for(variables), variables)
+    make = TrimSystem if compile_code else SharedSystem
+    system = make(model, condition.freed_for(variables), variables)
     columns = dict(zip(variables, values.T, strict=True))
-    c = system.constants(len(values), columns)
+    c = TrimSystem.constants(system, len(values), columns)
     z = np.tile(system.start, (len(values), 1))
     seconds = 0.0
-    for rows in (system.equations.residual_rows, system.equations.linear_rows):
-        function = rows.function
-        evaluate: Callable[..., Any] = rows
-        if compile_code:
-            flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
-            one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
-            machine = compiled_trim(system.equations.residual_rows.function, one)
-            assert machine is not None
-            evaluate = machine.linear
+    if isinstance(system, SharedSystem) and not system.is_quick:
+        shared = system._shared[0]
+        seconds += shortest(partial(shared, c), len(values), repeats=3)
+        (c,) = shared(c)
+    parts: Sequence[Callable[..., Any]] = system.rows
+    if compile_code:
+        equations = system.equations
+        functions = (equations.residual_rows.function, equations.linear_rows.function)
+        parts = [_compiled(functions[0], function) for function in functions]
+    for evaluate in parts:
         seconds += shortest(partial(evaluate, z, c), len(values), repeats=3)
     return Limit(seconds, "two evaluations of the derivatives")
+
+
+def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
+    """A function of (z, c) as machine code, for many rows; residual: the equations."""
+    flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
+    one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
+    machine = compiled_trim(residual, one)
+    assert machine is not None
+    return machine.linear
 
 
 def _trim(quick: bool) -> list[Row]:
