@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import Equilibrium
 from hfa_region.check.statement import SaturatedLoop
 from hfa_region.search.function import PolynomialFunction, edge_points
@@ -24,6 +25,7 @@ from hfa_region.search.plant import Outcome, Plant, first_rise, outcomes
 from hfa_region.search.shape import better
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
+from hfa_support.reporting.report import Report, Reported
 
 #: How far beyond its ball the set of the next V may reach, one after the other.
 _REACHES = (1.35, 1.1)
@@ -67,8 +69,8 @@ class Bounds:
     limits: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Region:
+@dataclass(frozen=True, eq=False, repr=False)
+class Region(Reported):
     """A proved region with further data.
 
     proved: statement and witness
@@ -90,6 +92,17 @@ class Region:
     def rho(self) -> float:
         """The proved level."""
         return self.proved.statement.rho
+
+    @property
+    def extents(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest deviation of each state in the region."""
+        return extents_of(self.proved.statement, self.T)
+
+    def report(self) -> Report:
+        """Return the report of `hfa prove region`."""
+        from hfa_region.report import region_report
+
+        return region_report(self)
 
 
 class RegionSearch:

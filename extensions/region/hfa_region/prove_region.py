@@ -1,0 +1,52 @@
+"""`hfa.prove_region`: `hfa prove region` for a gain, as a function."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_region.search.plant import saturated_loop
+from hfa_region.search.region import Region, RegionSearch
+from hfa_support.arguments import checks_arguments
+from hfa_support.errors import BadInputError
+from hfa_support.progress import Progress
+from trim.point.operating_point import OperatingPoint
+
+
+@checks_arguments
+def prove_region(
+    model: Model,
+    point: OperatingPoint,
+    K: Any,
+    *,
+    seconds: float = 60.0,
+    degree: int = 2,
+    progress: Progress | None = None,
+) -> Region:
+    """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
+
+    model: the aircraft
+    point: its trim x0, u0
+    K: (m, n), of the inputs and linear states, or a solution with such a gain
+    seconds: processor time of the search
+    degree: highest degree of V
+    progress: called with the current step
+
+    NoSolutionError where no region is proved; BadInputError where the equations cannot be enclosed,
+    or K is of another shape.
+
+    >>> import hfa
+    >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP
+    """
+    linear = point.linearize()
+    point.refuse_other(model)
+    gain = np.asarray(getattr(K, "K", K), dtype=float)
+    wanted = (len(linear.inputs), len(linear.states))
+    if gain.shape != wanted:
+        raise BadInputError(f"K is of shape {gain.shape}; give {wanted}")
+    search = RegionSearch(
+        saturated_loop(linear, gain), None, seconds=seconds, degree=degree, progress=progress
+    )
+    return search.found()

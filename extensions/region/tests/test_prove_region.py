@@ -1,0 +1,23 @@
+"""`hfa.prove_region`, the command as a function."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_aircraft.model import Model
+
+
+def test_a_region_is_proved_in_python(model: Model) -> None:
+    """The set has extents and the command's report; a gain of another shape is refused."""
+    point = hfa.find_operating_point(model)
+    solution = hfa.solve_game(hfa.game(point.linearize()))
+    region = hfa.prove_region(model, point, solution, seconds=0.1)
+    assert region.rho > 0.0
+    assert [low < 0.0 < high for low, high in region.extents.values()] == [True, True]
+    assert repr(region).startswith("Proved: region of attraction of pendulum")
+    with pytest.raises(hfa.BadInputError, match=r"give \(1, 2\)"):
+        hfa.prove_region(model, point, np.ones((2, 2)))
+    with pytest.raises(hfa.NoSolutionError, match="not Hurwitz"):
+        hfa.prove_region(model, point, -solution.K)
