@@ -11,4 +11,7 @@ from .riccati.frequency_response import bounded_real_gain as bounded_real_gain
 from .riccati.game_batch import solve_games as solve_games
 from .riccati.margins import disk_margin as disk_margin
 from .riccati.smallest_delta import minimum_delta as minimum_delta
-from .riccati.solution_report import analyse_game as analyse_game
+from .riccati.solution_report import solve
+
+# The name of 0.3, for one version.
+analyse_game = solve

@@ -12,6 +12,7 @@ from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import Solution as Solution, solve_game as solve_game
+from controller.riccati.solution_report import lqr as lqr, solve as solve
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.signals import Signal as Signal
@@ -30,6 +31,11 @@ from hfa_policy.environment import (
     environment as environment,
     vector_environment as vector_environment,
 )
+from hfa_proof.search.solution_proof import (
+    prove_critic as prove_critic,
+    prove_solution as prove_solution,
+)
+from hfa_region.prove_region import prove_region as prove_region
 from hfa_support.errors import BadInputError as BadInputError, NoSolutionError as NoSolutionError
 from trim.linear.linear_model import LinearModel as LinearModel
 from trim.point.condition import TrimCondition as TrimCondition
@@ -44,7 +50,6 @@ from . import paper as paper
 
 # The words of the commands.
 trim = find_operating_point
-solve = solve_game
 verify = check_critic
 optimize = best_flight
 

@@ -18,6 +18,7 @@ from hfa_aircraft.extras import Extras
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.signals import VECTORS, Signal, remember_record
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import shown_unit, shown_value
 from hfa_support.units import si_factor
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Model:
+class Model(Reported):
     """x' = f(x, u, p, w), y = h(x, u, p, w), declared once.
 
     name: of the model.
@@ -150,9 +151,6 @@ class Model:
 
         return signals_report(self)
 
-    def _repr_html_(self) -> str:
-        return self.report()._repr_html_()
-
     def __reduce__(self) -> Any:
         """Return the arguments for a pickle: a model loaded from a file is loaded again."""
         extras = self.extras
@@ -164,6 +162,16 @@ class Model:
         return extras.made_by, (extras.source, values)
 
     # Names and units.
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return tuple(self.states)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return tuple(self.inputs)
 
     @property
     def title(self) -> str:

@@ -6,6 +6,8 @@ import math
 from collections import namedtuple
 from typing import Any, NamedTuple
 
+from hfa_support.errors import refuse_unknown
+
 #: The four vectors that a model's equations take, in CasADi's order, and the declarations of their
 #: components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -44,18 +46,24 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 def record(names: tuple[str, ...]) -> Any:
     """The class of named tuples with these fields: that of the declaration, or a new one."""
     if names not in _RECORDS:
-        fields = namedtuple("Values", names)  # type: ignore[misc]
-
-        def reduced(values: Any) -> Any:
-            return _unpickled, (names, tuple(values))
-
-        _RECORDS[names] = type("Values", (fields,), {"__reduce__": reduced})
+        remember_record(namedtuple("Values", names))
     return _RECORDS[names]
 
 
 def remember_record(kind: Any) -> None:
-    """Make a class of named tuples the one that `record` answers for its names."""
-    _RECORDS[kind._fields] = kind
+    """Let `record` return a class of named tuples for its names, with values["alpha"] too."""
+
+    def item(values: Any, name: Any) -> Any:
+        if not isinstance(name, str):
+            return kind.__getitem__(values, name)
+        refuse_unknown("unknown name", name, kind._fields)
+        return getattr(values, name)
+
+    def reduced(values: Any) -> Any:
+        return _unpickled, (kind._fields, tuple(values))
+
+    members = {"__getitem__": item, "__reduce__": reduced, "__slots__": ()}
+    _RECORDS[kind._fields] = type(kind.__name__, (kind,), members)
 
 
 def _unpickled(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -18,6 +18,7 @@ def signals_report(model: Model) -> Report:
     """Return one table for each kind: names, units, limits, and the value that a trim imposes, or
     of a parameter its own; angles in degrees."""
     parts = []
+    records: list[tuple[Any, ...]] = []
     for kind in _KINDS:
         rows = []
         for name, signal in getattr(model, kind).items():
@@ -28,7 +29,10 @@ def signals_report(model: Model) -> Report:
                 for number in numbers
             ]
             rows.append((name, shown_unit(signal.unit), *shown))
+            records.append((kind, name, signal.unit, *numbers))
         value = "value" if kind == "parameters" else "trim"
         if rows:
             parts.append(Table((kind, "unit", "lowest", "highest", value), rows))
-    return Report(model.title, parts, model.extras.notes)
+    columns = ("kind", "name", "unit", "min", "max", "value")
+    data = {row[1]: dict(zip(columns, row, strict=True)) for row in records}
+    return Report(model.title, parts, model.extras.notes, data, Table(columns, records))

@@ -20,7 +20,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     """The highly flexible aircraft as a `Model`.
 
     dynamics: "published" or "newton", one of other packages ("unsteady"), or a variant of the
-        equations
+        equations; the file of another aircraft is loaded as by `hfa.load_model`
     parameters: by default the identified ones
 
     Raises BadInputError for unknown dynamics and for parameters that no aircraft has.
@@ -30,6 +30,10 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     200.0
     """
     values = default_parameters().values if parameters is None else _checked_parameters(parameters)
+    if isinstance(dynamics, str) and ("." in dynamics or ":" in dynamics):
+        from hfa_aircraft.loading import load_model
+
+        return load_model(dynamics)
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values)
     if dynamics not in VARIANTS and dynamics in further_dynamics():

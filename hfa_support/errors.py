@@ -84,15 +84,28 @@ def choice_of(name: str, known: Iterable[str]) -> str:
     return f"{advice}choose from {', '.join(known) or 'none'}"
 
 
+def no_attribute(value: object, name: str, *more: str) -> AttributeError:
+    """Return the error of an unknown attribute, with the nearest ones; more: further attributes."""
+    known = [each for each in (*dir(value), *more) if each[0] != "_"]
+    return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
+
+
+def advice(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean speed?", or "" where no known name is near."""
+    near = " or ".join(nearest(name, known))
+    return f"; did you mean {near}?" if near else ""
+
+
 def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names nearest to a name, in any case: those that begin with it, else the
-    most similar ones."""
+    """Return the known names nearest to a name, in any case: those that begin with it, else those
+    that contain it, else the most similar ones."""
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
     if wanted in by_key:
         return [by_key[wanted]]
     if len(wanted) >= _SHORTEST_BEGINNING:
         longer = [each for key, each in by_key.items() if key.startswith(wanted)]
+        longer = longer or [each for key, each in by_key.items() if wanted in key]
         if longer:
             return longer[:_MOST_MEANT]
     near = difflib.get_close_matches(wanted, by_key, n=_MOST_MEANT, cutoff=0.75)

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from hfa_support.errors import nearest
+from hfa_support.errors import advice
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
@@ -45,9 +45,8 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            near = " or ".join(nearest(name, modules()))
-            advice = f"; did you mean {near}?" if near else ""
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{advice}")
+            near = advice(name, modules())
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
         module_name, name_there = modules()[name]
         try:
             module = import_module(module_name, package)

@@ -16,7 +16,7 @@ from controller.critic.critic import Critic, from_parts
 from controller.game.array_file import read_arrays
 from controller.game.basis import Basis, basis
 from controller.game.file_entries import UNKNOWN, file_scales, found_in
-from controller.game.names import UNNAMED, PlantNames
+from controller.game.names import PlantNames
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, checked_matrix
 from hfa_support.arguments import checks_arguments
 from hfa_support.entry_points import CRITICS, offered, part
@@ -99,7 +99,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
             if rows is not None:
                 return rows
         functions = reading.functions(len(game.A), game.names.states)
-        parts = _single_parts(entries, game.names, functions)
+        parts = single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
             raise BadInputError("a list of --basis belongs to weights W; none are given")
         return (from_parts(game, parts, functions),)
@@ -136,18 +136,6 @@ def load_critic(
     >>> critic = hfa.load_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
     """
     return critic_in(path, game, Reading(basis, network, activation, scale))
-
-
-def stored_parts(
-    path: str | Path, plant: PlantNames = UNNAMED, functions: Basis | None = None
-) -> dict[str, np.ndarray]:
-    """Return those of W, P and K that the file contains, by name, in the units of the plant.
-
-    functions: the basis of W. BadInputError, one line that names the file.
-    """
-    entries = entries_in(path)
-    with said_of(path):
-        return _single_parts(entries, plant, functions)
 
 
 def critic_suffixes() -> tuple[str, ...]:
@@ -202,10 +190,13 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
     return fitting[0]
 
 
-def _single_parts(
+def single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return the given ones of W (M,), P and K by name, in the units of the plant."""
+    """Return those of W (M,), P and K that the entries contain, by name, in the units of the plant.
+
+    functions: the basis of W
+    """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
         raise BadInputError(

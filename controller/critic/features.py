@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hfa_support.errors import BadInputError, said_of, shortened
 
@@ -36,7 +35,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     symbols |= {name: z[index] for index, name in enumerate(names)}
     with said_of("features"):
         try:
-            features = _expressions(text, symbols, f"x1 to x{states}")
+            features = expressions(text, symbols, f"x1 to x{states}")
             return ca.Function("features", [z], [ca.densify(ca.vertcat(*features))])
         except BadInputError:
             raise
@@ -46,25 +45,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
             ) from error
 
 
-def number_of(text: str, parameters: Mapping[str, float]) -> float:
-    """The value of a formula such as "m*g/l" of named numbers, with the functions of `features_of`.
-
-    BadInputError, one line, for anything else, and for a value that is not finite.
-    """
-    symbols = {name: ca.SX(value) for name, value in parameters.items()}
-    try:
-        (formula,) = _expressions(text, symbols, ", ".join(["numbers", *parameters]))
-        value = float(ca.evalf(formula))
-    except BadInputError:
-        raise
-    except Exception as error:
-        raise BadInputError(f"{shortened(text)!r} is not a number") from error
-    if not np.isfinite(value):
-        raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
-    return value
-
-
-def _expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
+def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
     """The CasADi expressions of a list of formulas.
 
     known: the symbols, for a message

@@ -51,7 +51,7 @@ class TrainingRun(Result, Reported):
 
     law: the name of the learner
     basis: the name of the basis ψ
-    times: (N,), s
+    time: (N,), s
     weights: (N, M), W with V = W'ψ(z), in the units of the model
     residual_norm: (N,), Bellman residual of the game over the stack, |e| / |z'Qz|
     law_residual_norm: (N,), the residual that the learner itself drives to zero at that time, in
@@ -63,19 +63,19 @@ class TrainingRun(Result, Reported):
     seed: of the data
     diagnostics: further numbers by name
     names: of the states and inputs of the game
-    clock: the unit of `times`: s, or iterations
+    clock: the unit of `time`: s, or iterations
     """
 
     schema = "hfa.learning-result/1"
     made_by = "hfa learn"
     json_keys = (
-        "law basis times? weights? residual_norm? law_residual_norm? K excitation settings seed "
-        "diagnostics clock P settling_time status=outcome W weight_units?"
+        "law basis times?=time weights? residual_norm? law_residual_norm? K excitation settings "
+        "seed diagnostics clock P settling_time status=outcome W weight_units?"
     )
 
     law: str
     basis: str
-    times: Vector
+    time: Vector
     weights: Matrix
     residual_norm: Vector
     law_residual_norm: Vector
@@ -87,6 +87,11 @@ class TrainingRun(Result, Reported):
     diagnostics: dict[str, float] = field(default_factory=dict)
     names: PlantNames = UNNAMED
     clock: str = "s"
+
+    @property
+    def times(self) -> Vector:
+        """`time`, by its name of 0.3, for one version."""
+        return self.time
 
     @property
     def P(self) -> Matrix:
@@ -116,7 +121,7 @@ class TrainingRun(Result, Reported):
     @property
     def settling_time(self) -> float:
         """First time from which the residual stays settled, s, or inf when it does not."""
-        return settled_at(self.times, self.settling_residual, SETTLED)
+        return settled_at(self.time, self.settling_residual, SETTLED)
 
     @property
     def settled(self) -> bool:
@@ -178,7 +183,7 @@ class TrainingRun(Result, Reported):
             columns = [f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)]
         residuals = self.residual_norm, self.law_residual_norm
         rows = RowsMade(
-            len(self.times),
-            lambda i: (self.times[i], *(column[i] for column in residuals), *self.weights[i]),
+            len(self.time),
+            lambda i: (self.time[i], *(column[i] for column in residuals), *self.weights[i]),
         )
         return Table((f"time [{self.clock}]", "residual_norm", "law_residual_norm", *columns), rows)

@@ -74,7 +74,7 @@ def training_run(
     return TrainingRun(
         law=law,
         basis=equations.basis.name,
-        times=history["time"],
+        time=history["time"],
         weights=history["weights"],
         residual_norm=history["residual_norm"],
         law_residual_norm=history["law_residual_norm"],

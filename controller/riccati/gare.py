@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots
 from hfa_support.reporting.text import Table, eigenvalue_text, entry_rows, matrix_table
 
+if TYPE_CHECKING:
+    import control
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
@@ -32,13 +36,12 @@ class Solution(Result, Reported):
     P: (n, n), value z'P z
     K: (m, n), gain, u = -K z
     disturbance_gain: L, (k, n), of the worst disturbance w = L z
-    delta: disturbance weight of the game
+    game: the game
     certificate: the tests that hold
     closed_loop_eigenvalues: of A - B K, the flight without disturbance, 1/s
     worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
     abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
         order
-    names: of the states and inputs
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -55,12 +58,36 @@ class Solution(Result, Reported):
     P: Matrix
     K: Matrix
     disturbance_gain: Matrix
-    delta: float
+    game: Game
     certificate: Certificate
     closed_loop_eigenvalues: Roots
     worst_case_eigenvalues: Roots
     abscissa_error: float
-    names: PlantNames
+
+    @property
+    def delta(self) -> float:
+        """Disturbance weight of the game."""
+        return self.game.delta
+
+    @property
+    def names(self) -> PlantNames:
+        """Names and units of the states and inputs."""
+        return self.game.names
+
+    @property
+    def closed_loop(self) -> control.StateSpace:
+        """z' = (A - B K) z + E d with the outputs z, as python-control's `StateSpace`."""
+        import control
+
+        game = self.game
+        return control.ss(
+            game.A - game.B @ self.K,
+            game.E,
+            np.eye(len(game.A)),
+            0,
+            states=list(self.names.states),
+            outputs=list(self.names.states),
+        )
 
     def poles(self) -> np.ndarray:
         """The eigenvalues of A - B K, (n,) complex, 1/s."""
@@ -113,7 +140,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     [[3.0972]]
     """
     form = NormalForm.of(game)
-    return solution_of(form, certified(form, progress), game.names)
+    return solution_of(form, certified(form, progress), game)
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
@@ -126,8 +153,8 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
         raise NoSolutionError(why_refused(form, str(failure), progress)) from failure
 
 
-def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> Solution:
-    """The solution in the user's coordinates; form and names: those of the game."""
+def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
+    """The solution in the user's coordinates; form: of the game."""
     X = certified.X
     accurate = certified.form
     P = accurate.value(X)
@@ -136,12 +163,11 @@ def solution_of(form: NormalForm, certified: Certified, names: PlantNames) -> So
         P=P,
         K=accurate.gain(X),
         disturbance_gain=accurate.disturbance_gain(X),
-        delta=form.delta,
+        game=game,
         certificate=certified.certificate,
         closed_loop_eigenvalues=np.sort_complex(certified.loops.control),
         worst_case_eigenvalues=np.sort_complex(certified.loops.game),
         abscissa_error=_abscissa_error(form, certified),
-        names=names,
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from controller.game.linear_game import game as game_on
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution, certified, solution_of
 from controller.riccati.loop_margins import LoopMargin, loop_margins
@@ -17,66 +19,65 @@ from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
-from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+from trim.linear.linear_model import LinearModel
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AnalysedGame(Result, Reported):
-    """A certified solution with its cost and margins.
+class AnalysedGame(Solution):
+    """A certified solution with the smallest delta, the cost of its policies and their margins.
 
-    solution: P, K and their certificate
-    delta_min: the smallest delta
+    smallest: the smallest delta
     meaning: the cost of the policies and the L2 gain, checked
     loops: margins of each input
-    disk: margin of all inputs at once
+    disk_margin: of all inputs at once
     """
 
     schema = "hfa.game-solution/1"
     made_by = "hfa solve"
     json_keys = (
-        "states=solution.names.states inputs=solution.names.inputs P=solution.P K=solution.K "
-        "disturbance_gain=solution.disturbance_gain delta=solution.delta "
-        "certificate=solution.certificate closed_loop_eigenvalues=solution.closed_loop_eigenvalues "
-        "closed_loop_abscissa_error=solution.abscissa_error "
-        "worst_case_eigenvalues=solution.worst_case_eigenvalues delta_min=delta_min.value "
-        "delta_margin meaning loop_margins disk_margin=disk state_units=solution.names.state_units "
-        "input_units=solution.names.input_units"
+        f"states=names.states inputs=names.inputs {Solution.json_keys} delta_min delta_margin "
+        "meaning loop_margins disk_margin state_units=names.state_units "
+        "input_units=names.input_units"
     )
 
-    solution: Solution
-    delta_min: DeltaMin
+    smallest: DeltaMin
     meaning: tuple[Check, ...]
     loops: tuple[LoopMargin, ...]
-    disk: DiskMargin
+    disk_margin: DiskMargin
+
+    @property
+    def delta_min(self) -> float:
+        """The smallest delta with a solution, from above."""
+        return self.smallest.value
 
     @property
     def delta_margin(self) -> float:
         """delta / delta_min."""
-        return self.delta_min.margin(self.solution.delta)
+        return self.smallest.margin(self.delta)
 
     @property
     def loop_margins(self) -> dict[str, dict[str, float]]:
         """Input -> gain, phase (deg) and disk margins."""
         found = {}
-        for name, loop in zip(self.solution.names.inputs, self.loops, strict=True):
+        for name, loop in zip(self.names.inputs, self.loops, strict=True):
             gain, phase = disk_sizes(loop.disk)
             found[name] = {**loop._asdict(), "disk_gain": gain, "disk_phase": phase}
         return found
 
     def report(self) -> Report:
         """The report of the solution with delta_min, the cost of the policies and margins."""
-        solved = self.solution.report()
-        disk = self.disk
+        solved = super().report()
+        disk = self.disk_margin
         doubt = ""
-        if self.delta_min.uncertain:
-            doubt = f" (not decided, because of rounding, down to {self.delta_min.refused:.7g})"
+        if self.smallest.uncertain:
+            doubt = f" (not decided, because of rounding, down to {self.smallest.refused:.7g})"
         return replace(
             solved,
             title=(
-                f"Exact game solution for {self.solution.names.origin}\n"
-                f"delta {self.solution.delta:.6g}, smallest possible {self.delta_min.value:.7g}"
+                f"Exact game solution for {self.names.origin}\n"
+                f"delta {self.delta:.6g}, smallest possible {self.delta_min:.7g}"
                 f"{doubt}, margin {self.delta_margin:.4g}"
             ),
             parts=(
@@ -91,7 +92,7 @@ class AnalysedGame(Result, Reported):
 
 
 @checks_arguments
-def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
+def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     """Return the certified solution of a game, its smallest delta, the cost of its policies, and
     margins.
 
@@ -100,7 +101,13 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
     delta_min.
 
     Raises NoSolutionError when the game is not certified, or when its policies contradict the
-    certificate."""
+    certificate.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=2.0)
+    >>> round(hfa.solve(game).delta_min, 4)
+    1.0
+    """
     form = NormalForm.of(game)
     solved = certified(form, progress)
     smallest = smallest_delta_of(form, progress)
@@ -112,17 +119,33 @@ def analyse_game(game: Game, progress: Progress | None = None) -> AnalysedGame:
             unconfirmed = f"certified, but not confirmed in flight: {check.name}: {check.reason}"
             raise NoSolutionError(f"{unconfirmed}; {smallest.advice(game.delta)}")
     return AnalysedGame(
-        solution=solution_of(form, solved, game.names),
-        delta_min=smallest,
+        **vars(solution_of(form, solved, game)),
+        smallest=smallest,
         meaning=meaning,
         loops=loop_margins(balanced, K),
-        disk=disk_margin(balanced, K),
+        disk_margin=disk_margin(balanced, K),
     )
+
+
+@checks_arguments
+def lqr(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
+    """Return the linear-quadratic regulator u = -K z, the game of `hfa.game(linear, Q, R)` without
+    a disturbance.
+
+    linear: A and B, and its names
+    Q, R: as for `hfa.game`
+
+    >>> import hfa
+    >>> model = hfa.aircraft()
+    >>> hfa.lqr(hfa.linearize(model, hfa.find_operating_point(model))).K.shape
+    (5, 6)
+    """
+    return solve(game_on(linear, Q, R))
 
 
 def _margins_table(analysed: AnalysedGame) -> Table:
     """Gain, phase and disk of each input."""
-    inputs = analysed.solution.names.inputs
+    inputs = analysed.names.inputs
     rows = []
     for name, loop in zip(inputs, analysed.loops, strict=True):
         gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"

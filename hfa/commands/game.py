@@ -40,7 +40,7 @@ def solve(request: SolveRequest) -> int:
     Exit code 1 without a certified solution. A --model with B1, B2, C1, D12 and optionally C2, D21,
     D11, D22 is a generalized plant, as for `hinfsyn`. Its controller has a gain below delta, by
     default 1.01 delta_min."""
-    from controller.riccati.solution_report import analyse_game
+    from controller.riccati import solution_report
 
     arrays = None
     if request.plant is not None:
@@ -61,8 +61,8 @@ def solve(request: SolveRequest) -> int:
         code: int = part(PARTS, "solve.steps", IN_STEPS)(request, named)
         return code
     with named.asking_for_time():
-        analysed_game = analyse_game(named.game, ProgressLine("solve"))
-    subject = (named, analysed_game.solution.K)
+        analysed_game = solution_report.solve(named.game, ProgressLine("solve"))
+    subject = (named, analysed_game.K)
     report = with_draws(analysed_game.report(), request, subject)
     show(report.with_data(**named.as_data()), request, notes=named.warnings)
     return 0

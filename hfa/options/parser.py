@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn
 
 from hfa.options.request import Option
-from hfa_support.errors import BadInputError, nearest, shortened
+from hfa_support.errors import BadInputError, advice, shortened
 
 #: Option that a user may guess -> the one that there is.
 _MEANT = {"--angle": "--dihedral"}
@@ -177,6 +177,5 @@ class _Named(argparse.Action):
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error for an unknown option or command, with the nearest known one."""
-    near = " or ".join(nearest(_MEANT.get(name, name), known))
-    advice = f"; did you mean {near}?" if near else f" (see `{program} --help`)"
-    return f"unknown {what}{advice}"
+    near = advice(_MEANT.get(name, name), known)
+    return f"unknown {what}{near or f' (see `{program} --help`)'}"

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from hfa_support.errors import no_attribute
 from hfa_support.reporting.text import Table, columns, printable, wrapped
 
 if TYPE_CHECKING:
@@ -151,6 +152,12 @@ class Reported:
 
     def _repr_html_(self) -> str:
         return self.report()._repr_html_()
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """AttributeError that suggests the nearest attributes."""
+            raise no_attribute(self, name)
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:

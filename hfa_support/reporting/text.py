@@ -128,11 +128,6 @@ def degrees(value: float, unit: str) -> tuple[str, str]:
     return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
-def angle_text(angle: float) -> str:
-    """An angle in degrees: 15 deg."""
-    return f"{shown_value(angle, 'rad')} deg"
-
-
 def short_number(value: float, unit: str) -> str:
     """A value in its `shown_unit` with four digits or more; rounding errors become 0."""
     shown = float(shown_values(value, unit))

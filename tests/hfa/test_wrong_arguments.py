@@ -73,7 +73,7 @@ def right_calls() -> Calls:
         hfa.paper.published_game: {"A": linear},
         controller.basis: {"name": "quadratic", "states": 6},
         controller.random_pool: {"game": game, "count": 3, "seed": 0},
-        controller.analyse_game: {"game": game},
+        hfa.solve: {"game": game},
         controller.minimum_delta: {"game": game},
         controller.bounded_real_gain: {"game": game, "K": exact.K},
         controller.disk_margin: {"game": game, "K": exact.K},

@@ -95,7 +95,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
         trim={"place": 0.0, "pace": 2.0},
     )
     point = find_operating_point(model)
-    assert type(point.states) is Car
+    assert isinstance(point.states, Car)
     assert point.states.energy == 2.0
     assert point.inputs.force == pytest.approx(2.0)
     assert model.outputs_at(point.states, point.inputs)["position"] == 2.0

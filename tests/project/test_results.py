@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import controller
 import hfa
 import hfa_flight
 import hfa_model
@@ -81,7 +80,7 @@ def results() -> dict[str, Any]:
         hfa.check_critic(game, hfa.from_gain(game, hfa.solve_game(game).K)),
         game,
         hfa.from_gain(game, gain),
-        controller.analyse_game(game),
+        hfa.solve(game),
         hfa_model.published_models()[0],
         hfa_proof.prove_schedule(family, gains, 15.0, 15.25),
         hfa_flight.GainPolicy("mine", gain),

@@ -46,13 +46,14 @@ print(linear.select(["speed"], ["thrust"]).step(), linear.bode(inputs=["thrust"]
 sweep = hfa.sweep(model, {"speed": np.linspace(10.0, 12.0, 3)})
 length: int = len(sweep)
 point.report().save(Path("point.json"))
-print(hfa.trim(model), hfa.solve, hfa.verify, hfa.optimize)
+print(hfa.trim(model), hfa.solve, hfa.verify, hfa.optimize, hfa.prove_solution, hfa.prove_region)
 
 # Games and critics: matrices are arrays or lists.
 game: hfa.Game = hfa.game(linear, [1.0, 2.0], [[3.0]], delta=30.0)
 game = hfa.game(linear, {"speed": 1.0}, {"thrust": 2.0})
 game = hfa.Game([[1.0]], np.eye(1), [[1.0]], [1.0], [1.0], delta=2.0)
 solution: hfa.Solution = hfa.solve_game(game)
+print(hfa.lqr(linear, [1.0, 2.0], [3.0]).delta_min, hfa.prove_critic)
 run = hfa.learn(game, "normalized", 0)
 critic: hfa.Critic = hfa.from_weights(game, run.weights[-1], run.basis)
 for critic in (

@@ -66,8 +66,63 @@ def test_other_attributes_are_those_of_python_control() -> None:
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
-    with pytest.raises(AttributeError, match="a LinearModel has no attribute 'dcgane'"):
+    with pytest.raises(AttributeError, match="LinearModel has no attribute 'dcgane'; did you mean"):
         linear.dcgane  # noqa: B018
+
+
+def test_an_unknown_attribute_suggests_the_nearest() -> None:
+    for result, wrong, right in (
+        (MODEL, "state", "states"),
+        (_linear().point, "residual", "residuals"),
+        (hfa.paper.published_game(_linear()), "deltas", "delta"),
+    ):
+        with pytest.raises(AttributeError, match=f"{wrong}'; did you mean .*{right}"):
+            getattr(result, wrong)
+
+
+def test_names_index_values_and_modes() -> None:
+    linear = _linear()
+    point = linear.point
+    assert point.ok
+    assert point.states["alpha"] == point.states.alpha == point["alpha"]
+    with pytest.raises(BadInputError, match="did you mean alpha"):
+        point.states["alph"]
+    for named in (MODEL, point):
+        assert named.state_names == tuple(MODEL.states)
+    assert (linear.state_names, linear.state_units) == (linear.states, MODEL.units(linear.states))
+    assert linear.modes["phugoid"] == linear.modes[2]
+    assert "poles x and zeros o, 1/s" in linear.plot().get_title()
+    pyplot.close("all")
+    swept = sweep(MODEL, {"dihedral": [0.1, 0.2]})
+    assert swept["alpha"].tolist() == [each.point["alpha"] for each in swept]
+    assert swept["dihedral"].tolist() == [0.1, 0.2]
+    for index, each in enumerate(swept):
+        mode = each.modes["phugoid"]
+        tracked = swept.modes["phugoid"]
+        assert tracked.damping[index] == pytest.approx(mode.damping)
+        assert tracked.frequency[index] == pytest.approx(mode.frequency)
+
+
+def test_a_transfer_function_has_the_response_of_the_model() -> None:
+    linear = _linear()
+    found = linear.transfer_function("elevator_center", "pitch_rate")
+    expected = linear["pitch_rate", "elevator_center"].to_control()(2j)
+    assert found(2j) == pytest.approx(expected)
+    with pytest.raises(BadInputError, match="5 inputs and 1 outputs"):
+        linear.transfer_function(None, "pitch_rate")
+
+
+def test_lqr_is_the_game_without_disturbance() -> None:
+    linear = _linear()
+    weights = {"speed": 1.0, "pitch": 50.0, "dihedral": 50.0}
+    regulator = hfa.lqr(linear, weights, np.ones(5))
+    game = hfa.game(linear, weights, np.ones(5))
+    assert np.array_equal(regulator.K, hfa.solve_game(game).K)
+    closed = regulator.closed_loop
+    assert np.array_equal(closed.A, linear.A - linear.B @ regulator.K)
+    assert closed.state_labels == list(linear.states)
+    bounded = hfa.solve(hfa.paper.published_game(linear))
+    assert bounded.delta_min == pytest.approx(bounded.delta / bounded.delta_margin)
 
 
 def test_zeros_lower_the_rank_of_the_system() -> None:
@@ -102,8 +157,8 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
         assert linear.point["speed"] == swept.values[index, 1]
     assert max(map(abs, linear.point.scaled_residuals.values())) < 1e-10
     assert swept[-1].point["dihedral"] == 0.2
-    assert np.concatenate([*swept.modes.values()], axis=1).shape == (4, 6)
-    assert swept.modes["short period"].shape == (4, 2)
+    assert np.concatenate([mode.eigenvalue for mode in swept.modes], axis=1).shape == (4, 6)
+    assert swept.modes["short period"].eigenvalue.shape == (4, 2)
     frame = swept.to_pandas()
     assert frame["dihedral [rad]"].tolist() == [0.1, 0.1, 0.2, 0.2]
     with pytest.raises(IndexError, match="has 4 points"):

@@ -10,7 +10,6 @@ import hfa_model
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import unit_of
 from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.text import angle_text
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -122,7 +121,7 @@ def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
 def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
     x = point.states
     where = (
-        f"dihedral {angle_text(x.dihedral)}",
+        f"dihedral {aircraft.describe('dihedral', x.dihedral)}",
         aircraft.describe("speed", round(x.speed, 2)),
         aircraft.describe("altitude", round(x.altitude)),
     )

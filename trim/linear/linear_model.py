@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from hfa_support.errors import BadInputError
+from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_support.errors import BadInputError, no_attribute
+from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
@@ -19,11 +21,12 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+    from hfa_aircraft.model import Model
     from trim.point.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(ByValue, Result, Reported):
+class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
     A: (n, n), ∂f/∂X; unit of a row's rate per column's unit.
@@ -72,39 +75,44 @@ class LinearModel(ByValue, Result, Reported):
     kinks: tuple[str, ...] = ()
 
     @property
-    def state_units(self) -> tuple[str, ...]:
-        """Unit of each state, in order."""
-        return self.point.model.units(self.states)
+    def model(self) -> Model:
+        """The aircraft."""
+        return self.point.model
 
     @property
-    def input_units(self) -> tuple[str, ...]:
-        """Unit of each input, in order."""
-        return self.point.model.units(self.inputs)
+    def state_names(self) -> tuple[str, ...]:
+        """`states`, by the name that all results have for it."""
+        return self.states
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """`inputs`, by the name that all results have for it."""
+        return self.inputs
 
     @property
     def output_units(self) -> tuple[str, ...]:
         """Unit of each output, in order."""
-        return self.point.model.units(self.outputs)
+        return self.model.units(self.outputs)
 
     @property
     def disturbance_units(self) -> tuple[str, ...]:
         """Unit of each w."""
-        return self.point.model.units(self.disturbances)
+        return self.model.units(self.disturbances)
 
     @property
     def warnings(self) -> list[str]:
         """Return the notes on the model: on the operating point, omitted dynamics of inputs, and
         entries at a kink."""
-        signals = self.point.model.inputs
+        signals = self.model.inputs
         moving = [signals[name].moving for name in self.inputs if signals[name].moving]
         return [*self.point.warnings, *moving, *self.kinks]
 
     @property
-    def modes(self) -> tuple[Mode, ...]:
-        """Modes of A, fastest first, named as in the model."""
+    def modes(self) -> ByName[Mode]:
+        """Modes of A, fastest first, also by the name in the model: modes["phugoid"]."""
         from trim.linear.modes import modes_of
 
-        return modes_of(self.A, self.states, self.point.model.modes)
+        return ByName(modes_of(self.A, self.states, self.model.modes))
 
     @property
     def state_offsets(self) -> Vector:
@@ -143,8 +151,9 @@ class LinearModel(ByValue, Result, Reported):
                 return chosen(self, inputs, outputs)
         raise BadInputError("write linear[outputs, inputs], with names")
 
-    def poles(self) -> np.ndarray:
-        """The eigenvalues of A, (n,) complex, 1/s, fastest first."""
+    @property
+    def eigenvalues(self) -> np.ndarray:
+        """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
         from trim.linear.modes import fastest_first
 
         return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
@@ -176,6 +185,15 @@ class LinearModel(ByValue, Result, Reported):
 
         return simulated(self, u, time)
 
+    def transfer_function(self, inputs: Any, outputs: Any) -> control.TransferFunction:
+        """Return python-control's transfer function from one input to one output, without what
+        cancels.
+
+        BadInputError where more than one is left."""
+        from trim.linear.responses import transfer_function
+
+        return transfer_function(self, inputs, outputs)
+
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs in a figure of pyplot; returns its
         Axes.
@@ -185,6 +203,12 @@ class LinearModel(ByValue, Result, Reported):
         from trim.linear.responses import bode
 
         return bode(self, inputs, outputs)
+
+    def plot(self) -> Axes:
+        """Draw the poles and zeros in a figure of pyplot; returns its Axes."""
+        from trim.linear.responses import draw_poles
+
+        return draw_poles(self)
 
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
         """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its
@@ -211,11 +235,10 @@ class LinearModel(ByValue, Result, Reported):
             """Return another attribute of `to_control()`: `damp`, `dcgain`, `sample`, `ninputs`."""
             if name.startswith("_"):
                 raise AttributeError(name)
-            try:
-                return getattr(self.to_control(), name)
-            except AttributeError:
-                message = f"a LinearModel has no attribute {name!r}"
-                raise AttributeError(message, name=name, obj=self) from None
+            system = self.to_control()
+            if not hasattr(system, name):
+                raise no_attribute(self, name, *dir(system))
+            return getattr(system, name)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with

@@ -101,6 +101,40 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
     return np.array(draw_bode(chosen(model, inputs, outputs), figure).axes)
 
 
+def draw_poles(model: LinearModel) -> Axes:
+    """Draw the poles and zeros in a figure of pyplot; returns its Axes."""
+    import control
+    from matplotlib import pyplot
+
+    axes: Axes = pyplot.figure(layout="constrained").subplots()
+    control.pole_zero_plot(model.to_control(), ax=axes)
+    axes.set_title(f"{model.model.title}: poles x and zeros o, 1/{model.model.time_unit}")
+    return axes
+
+
+def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
+    """Return the model from one input to one output. BadInputError where more than one is left."""
+    loop = chosen(model, inputs, outputs)
+    if len(loop.inputs) != 1 or len(loop.outputs) != 1:
+        raise BadInputError(
+            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are not a single loop; "
+            "name one of each, inputs=..., outputs=..."
+        )
+    return loop
+
+
+def transfer_function(
+    model: LinearModel, inputs: Names, outputs: Names
+) -> control.TransferFunction:
+    """Return python-control's transfer function from one input to one output."""
+    import control
+
+    from trim.linear.frequency import transfers
+
+    (found,) = transfers(_single(model, inputs, outputs))
+    return control.zpk(found.zeros, found.poles, found.gain)
+
+
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
     """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
 
@@ -108,12 +142,7 @@ def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
     import control
     from matplotlib import pyplot
 
-    loop = chosen(model, inputs, outputs)
-    if len(loop.inputs) != 1 or len(loop.outputs) != 1:
-        raise BadInputError(
-            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are not a single loop; "
-            "name one of each, nyquist(inputs=..., outputs=...)"
-        )
+    loop = _single(model, inputs, outputs)
     axes: Axes = pyplot.figure(layout="constrained").subplots()
     control.nyquist_plot(loop.to_control(), ax=axes)
     axes.set_title(

@@ -73,6 +73,11 @@ class OperatingPoint(Result, Reported):
     problem: TrimProblem | None = field(default=None, compare=False)
 
     @property
+    def ok(self) -> bool:
+        """True if it is trimmed, within the limits."""
+        return self.status == Status.TRIMMED
+
+    @property
     def scaled_residuals(self) -> dict[str, float]:
         """Equation -> residual in its scaled unit."""
         return {name: value / self.scale(name) for name, value in self.residuals.items()}
@@ -118,6 +123,16 @@ class OperatingPoint(Result, Reported):
     def dynamics(self) -> str:
         """Name of the model."""
         return self.model.name
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return self.model.state_names
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return self.model.input_names
 
     @property
     def state_units(self) -> dict[str, str]:

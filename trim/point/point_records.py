@@ -11,10 +11,8 @@ def point_records(point: OperatingPoint) -> Table:
     radians."""
     unit = point.model.unit
     rows: list[tuple[str, str, float, str]] = []
-    for name, value in point.states._asdict().items():
-        rows.append(("state", name, value, unit(name)))
-    for name, value in point.inputs._asdict().items():
-        rows.append(("input", name, value, unit(name)))
+    for kind, record in (("state", point.states), ("input", point.inputs)):
+        rows += [(kind, name, value, unit(name)) for name, value in record._asdict().items()]
     for name, value in point.residuals.items():
         rows.append(("residual", name, value, point.equation_unit(name)))
     return Table(("kind", "name", "value", "unit"), rows)

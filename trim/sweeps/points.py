@@ -171,12 +171,6 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
     return constants
 
 
-def is_square(model: Model, variables: tuple[str, ...], condition: TrimCondition) -> bool:
-    """Return whether the points have as many equations as unknowns, so that Newton's method settles
-    many at once."""
-    return TrimSystem(model, condition.freed_for(variables), variables).equations.square
-
-
 #: What `_system` was asked for last, and what it made.
 _last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.progress import Progress
+from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Picture, Report, Reported
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from trim.linear.linear_model import LinearModel
 
 #: Of a sweep in memory.
 MOST_POINTS = 1_000_000
@@ -124,6 +124,28 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
     ]
 
 
+class SweptMode(NamedTuple):
+    """A mode at N points.
+
+    name: at the first trimmed point.
+    eigenvalue: (N, 1), of a pair (N, 2), 1/s; nan without a trim.
+    """
+
+    name: str
+    eigenvalue: np.ndarray
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """ω_n = |λ|, rad/s, in the shape of `eigenvalue`."""
+        return np.abs(self.eigenvalue)
+
+    @property
+    def damping(self) -> np.ndarray:
+        """ζ = -Re λ / |λ|, in the shape of `eigenvalue`; nan for λ = 0."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(-self.eigenvalue.real / self.frequency)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(StatesAndInputs, ByValue, Result, Reported):
     """N points in the order of the grid, the last variable running fastest; units of the model.
@@ -183,10 +205,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return np.array([reason == "" for reason in self.reasons])
 
     @property
-    def modes(self) -> dict[str, np.ndarray]:
-        """Name of a mode -> its eigenvalues over the points, (N, 1 or more), 1/s."""
+    def modes(self) -> ByName[SweptMode]:
+        """The modes over the points, also by name: modes["phugoid"].damping."""
         names = np.array(self.mode_names)
-        return {name: self.eigenvalues[:, names == name] for name in self.mode_names}
+        return ByName(
+            SweptMode(name, self.eigenvalues[:, names == name])
+            for name in dict.fromkeys(self.mode_names)
+        )
 
     @property
     def slow(self) -> np.ndarray:
@@ -351,13 +376,13 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
             *(f"{name} {shown_unit(unit)}" for name, unit in varied),
-            *(f"{name} 1/{self.model.time_unit}" for name in modes),
+            *(f"{mode.name} 1/{self.model.time_unit}" for mode in modes),
         )
 
         def row(i: int) -> tuple[str, ...]:
             if self.reasons[i]:
                 return *self._varied(i), *("-" for _ in modes)
-            return *self._varied(i), *(_mode_text(roots[i]) for roots in modes.values())
+            return *self._varied(i), *(_mode_text(mode.eigenvalue[i]) for mode in modes)
 
         count = len(self.reasons)
         if count <= _LONGEST:
@@ -408,11 +433,17 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def __len__(self) -> int:
         return len(self.reasons)
 
-    def __getitem__(self, index: int) -> LinearModel:
-        """The linear model of a point; NoSolutionError with its reason where it has no trim."""
+    def __getitem__(self, index: int | str) -> Any:
+        """The linear model of a point, NoSolutionError with its reason where it has no trim; or the
+        values of a state, an input or a varied name over the points, (N,)."""
         from trim.sweeps.sweep_points import linear_model_at
 
-        return linear_model_at(self, index)
+        if not isinstance(index, str):
+            return linear_model_at(self, index)
+        names = (*self.model.states, *self.model.inputs, *self.variables)
+        refuse_unknown("unknown variable", index, names)
+        columns = np.hstack([self.states, self.inputs, self.values])
+        return columns[:, names.index(index)]
 
     def to_xarray(self) -> xarray.Dataset:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of

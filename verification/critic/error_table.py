@@ -90,7 +90,7 @@ def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
         "P_rel_error": np.array([relative_error(P, exact.P) for P in values]),
     }
     promised = run.settings.get("predefined_time")
-    return ErrorTable(run.times, errors, "riccati_residual", SETTLED, promised)
+    return ErrorTable(run.time, errors, "riccati_residual", SETTLED, promised)
 
 
 def rank_check(run: TrainingRun) -> Check:

@@ -299,7 +299,7 @@ def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: 
     return TrainingRun(
         law="Q-learning",
         basis="quadratic",
-        times=np.array([float(iterations) for iterations, _ in rows]),
+        time=np.array([float(iterations) for iterations, _ in rows]),
         weights=np.array([_weights(part["P"]) for part in parts]),
         residual_norm=of_cost,
         law_residual_norm=of_cost,

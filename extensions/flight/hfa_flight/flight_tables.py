@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,16 +15,19 @@ if TYPE_CHECKING:
     from hfa_flight.nonlinear_flight import Flight
 
 
-def series(flight: Flight, name: str) -> np.ndarray:
-    """A state, an input or an output of the model over time, absolute, (N,)."""
+def series(flight: Any, name: str) -> np.ndarray:
+    """A state, an input or an output of the model over time, absolute, (N,).
+
+    flight: `Flight`, or another with `model`, `states` and `inputs`"""
     model = flight.model
     refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
     if name in model.states:
         return np.asarray(flight.states[:, list(model.states).index(name)])
     if name in model.inputs:
         return np.asarray(flight.inputs[:, list(model.inputs).index(name)])
-    count = len(flight.times)
-    parameters = np.tile(getattr(flight.loop.plant, "model", model).p[:, None], (1, count))
+    count = len(flight.states)
+    flown = getattr(flight.loop.plant, "model", model) if hasattr(flight, "loop") else model
+    parameters = np.tile(flown.p[:, None], (1, count))
     function = model.functions((name,)).map(count)
     return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
 
@@ -34,7 +37,7 @@ def frame(flight: Flight) -> pandas.DataFrame:
     import pandas
 
     columns = [*flight.model.states, *flight.model.inputs]
-    index = pandas.Index(flight.times, name="time")
+    index = pandas.Index(flight.time, name="time")
     return pandas.DataFrame(np.hstack([flight.states, flight.inputs]), index, columns)
 
 
@@ -53,5 +56,5 @@ def dataset(flight: Flight) -> xarray.Dataset:
         predicted = flight.predicted.states + np.array(flight.point.states)
         for name, column in zip(model.states, predicted.T, strict=True):
             variables[f"{name}_linear"] = ("time", column, {"units": model.unit(name)})
-    time = ("time", flight.times, {"units": model.time_unit})
+    time = ("time", flight.time, {"units": model.time_unit})
     return xarray.Dataset(variables, {"time": time}, {"model": model.title})

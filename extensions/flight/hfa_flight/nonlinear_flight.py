@@ -210,7 +210,7 @@ class Flight(StatesAndInputs, Result, Reported):
     >>> import hfa
     >>> model = hfa.aircraft()
     >>> flight = hfa.fly(model, hfa.find_operating_point(model, hold={"dihedral": 0.2}), None, 1.0)
-    >>> flight.within_limits, flight["alpha"].shape
+    >>> flight.ok, flight["alpha"].shape
     (True, (1001,))
     """
 
@@ -218,7 +218,7 @@ class Flight(StatesAndInputs, Result, Reported):
     made_by = "hfa fly"
     json_keys = (
         "dynamics=point.dynamics states=state_names state_units inputs=input_names input_units "
-        "operating_point=point scenario envelope=envelope_limits within_limits held departure "
+        "operating_point=point scenario envelope=envelope_limits within_limits=ok held departure "
         "limit_cycle=cycle decay? exceeded flown final largest_deviation rms_error "
         "share_beyond_control_limits checks policy method largest_difference_from_linear? "
         "commanded? cost? warnings"
@@ -246,13 +246,13 @@ class Flight(StatesAndInputs, Result, Reported):
         return self.point.model
 
     @property
-    def times(self) -> np.ndarray:
+    def time(self) -> np.ndarray:
         """(N,), s."""
         return self.flight.times
 
     @property
-    def time(self) -> np.ndarray:
-        """(N,), s, under the name of `hfa.BestFlight` and of python-control."""
+    def times(self) -> np.ndarray:
+        """`time`, by its name of 0.3, for one version."""
         return self.flight.times
 
     @property
@@ -288,10 +288,18 @@ class Flight(StatesAndInputs, Result, Reported):
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
     @property
-    def within_limits(self) -> bool:
+    def ok(self) -> bool:
         """True if every state stayed inside the envelope, every input within its limits, and no
         limit cycle is left."""
         return self.departure is None and not self.exceeded and self.cycle is None
+
+    @property
+    def within_limits(self) -> bool:
+        """`ok`, by its name of 0.3, for one version."""
+        return self.ok
+
+    def __bool__(self) -> bool:
+        return self.ok
 
     @property
     def held(self) -> bool:
@@ -374,7 +382,7 @@ class Flight(StatesAndInputs, Result, Reported):
             return None
         Q, R = self.weights
         errors, inputs = self.flight.errors, self.flight.inputs
-        return cost_of_flight(self.times, errors, inputs, Q, R, self.loop.policy.is_held)
+        return cost_of_flight(self.time, errors, inputs, Q, R, self.loop.policy.is_held)
 
     @property
     def warnings(self) -> Sequence[str]:
@@ -406,7 +414,7 @@ class Flight(StatesAndInputs, Result, Reported):
             outcome = f"inside the envelope for {duration}, but not within the control limits"
         else:
             outcome = f"{duration} inside the envelope and the control limits"
-        lines = [f"{verdict_text(self.within_limits)}: {outcome}", flight]
+        lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
         if self.decay is not None:
             lines.append(self.decay.text())
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]

@@ -310,3 +310,10 @@ class Identified(Result, Reported):
         from hfa_identify.identified_figure import identified_figure
 
         return identified_figure(self)
+
+    def plot(self) -> np.ndarray:
+        """Draw the picture of `figure` in a figure of pyplot; return its Axes."""
+        from hfa_identify.identified_figure import identified_figure
+        from hfa_support.reporting.figure import pyplot_figure
+
+        return np.array(identified_figure(self, pyplot_figure).axes)

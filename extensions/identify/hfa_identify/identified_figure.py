@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_support.reporting.figure import new_figure
 from hfa_support.reporting.text import shown_unit
 
 if TYPE_CHECKING:
@@ -14,13 +16,15 @@ if TYPE_CHECKING:
     from hfa_identify.identified import Identified
 
 
-def identified_figure(identified: Identified) -> Figure:
+def identified_figure(
+    identified: Identified, make: Callable[[float, float], Figure] = new_figure
+) -> Figure:
     """Draw one row for each quantity: measured samples and the fitted response at the left, their
-    difference at the right; records follow one another."""
-    from matplotlib.figure import Figure
+    difference at the right; records follow one another.
 
+    make: width and height, inches -> an empty figure"""
     names = list(identified.quantities)
-    figure = Figure(figsize=(10.0, 1.2 + 1.6 * len(names)), layout="constrained")
+    figure = make(10.0, 1.2 + 1.6 * len(names))
     axes = figure.subplots(len(names), 2, sharex=True, squeeze=False)
     begins = np.cumsum([0.0, *(r.time[-1] - r.time[0] for r, _ in identified.fitted)])
     for row, name in enumerate(names):

@@ -15,6 +15,7 @@ from controller.riccati.gare import solve_game
 from hfa_aircraft.layout import components
 from hfa_aircraft.model import Model
 from hfa_flight.envelope import control_limits, flight_envelope
+from hfa_flight.flight_tables import series
 from hfa_optimal.smooth import smoothed
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
@@ -271,6 +272,10 @@ class OfProblem:
     def model(self) -> Model:
         """The aircraft."""
         return self.problem.model
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A state, an input or an output of the model over time, absolute, (N,)."""
+        return series(self, name)
 
     @property
     def Q(self) -> Matrix:

@@ -90,6 +90,7 @@ def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
 
 def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
     for name, column in zip(gtm.state_names, gtm.states.T, strict=True):
+        assert np.array_equal(gtm[name], column)
         low, high = gtm.envelope[name]
         assert low <= column.min()
         assert column.max() <= high

@@ -23,7 +23,7 @@ from hfa_support.errors import BadInputError
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
 from hfa_support.reporting.report import Part, Picture, Report
-from hfa_support.reporting.text import Cell, Table, angle_text
+from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import (
     bands_known,
     comparison_table,
@@ -135,7 +135,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
     shows its trim."""
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
-    title = f"Dihedral {angle_text(angle.dihedral)}: model, game, critic"
+    title = f"Dihedral {angle.dihedral_deg:.6g} deg: model, game, critic"
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",), data=data)
     reports = {"model": _model_report(job, angle, model)}
@@ -161,7 +161,7 @@ def angle_report(job: MainJob, angle: Angle) -> Report:
 
 def point_report(job: MainJob, angle: Angle) -> Report:
     """Report shown by the slider at one angle: trim, modes, A and B with their units."""
-    title = f"At dihedral {angle_text(angle.dihedral)}"
+    title = f"At dihedral {angle.dihedral_deg:.6g} deg"
     model = angle.model
     if model is None:
         return Report(title, (f"No trim: {angle.reason}",))

@@ -11,7 +11,7 @@ import numpy as np
 from controller.critic.weights import from_weights
 from controller.hfa_files import published_game
 from controller.learning.certified import learn
-from controller.riccati.solution_report import AnalysedGame, analyse_game
+from controller.riccati.solution_report import AnalysedGame, solve
 from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.parameters import ParameterSet
@@ -21,7 +21,7 @@ from hfa_page.claims import Claims
 from hfa_page.flights import StoredFlights
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
-from hfa_support.reporting.text import angle_text, in_degrees
+from hfa_support.reporting.text import in_degrees
 from trim.hfa.level_flight import LEVEL_FLIGHT
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition
@@ -93,7 +93,7 @@ def with_game(angle: Angle) -> Angle:
         return angle
     game = published_game(model)
     try:
-        angle = replace(angle, solution=analyse_game(game))
+        angle = replace(angle, solution=solve(game))
         run = learn(game)
         learned = from_weights(game, run.weights[-1], run.basis)
         scope = Scope(box=ordinary_box())
@@ -157,7 +157,7 @@ def main_job(
     points = tuple(trimmed_angle(aircraft, float(angle), outputs, flight, start) for angle in swept)
     in_full = []
     for count, angle in enumerate(point for point in points if point.dihedral in asked):
-        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle_text(angle.dihedral)}")
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"dihedral {angle.dihedral_deg:.6g} deg")
         in_full.append(with_game(angle))
     progress(1.0, 1.0)
     return MainJob(aircraft, parameters, regeneration, over, points, tuple(in_full), claims)

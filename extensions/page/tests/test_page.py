@@ -19,8 +19,7 @@ from project import ROOT
 
 import hfa
 import hfa_model
-from controller import analyse_game
-from hfa import BadInputError, NoSolutionError, sweep
+from hfa import BadInputError, NoSolutionError, solve, sweep
 from hfa_aircraft.model import Model
 from hfa_model.parameters import ParameterSet
 from hfa_page.claims import Claims, claims_section, load_claims
@@ -67,7 +66,7 @@ def test_a_game_without_solution_is_said_and_fails(job: MainJob, monkeypatch) ->
         raise NoSolutionError("no solution: planted")
 
     # The game of the paper has a solution at every angle with a trim.
-    monkeypatch.setattr("hfa_page.main_job.analyse_game", unsolved)
+    monkeypatch.setattr("hfa_page.main_job.solve", unsolved)
     angle = with_game(job.points[1])
     text = angle_report(job, angle).text()
     assert "No game solution: no solution: planted" in text
@@ -139,7 +138,7 @@ def test_every_check_of_the_page_has_a_gloss(job: MainJob) -> None:
     game = hfa.paper.published_game(hfa.paper.level_model(hfa.aircraft(), np.radians(15.0)))
     run = hfa.learn(game)
     critic = hfa.from_weights(game, run.weights[-1], run.basis)
-    reports = (job.regeneration, analyse_game(game), check_critic(game, critic, run=run))
+    reports = (job.regeneration, solve(game), check_critic(game, critic, run=run))
     names = {name for result in reports for name in checks_in(result.report().data)}
     assert len(names) > 20
     assert names - {name for name, _ in glosses().rows} == set()

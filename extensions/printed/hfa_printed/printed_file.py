@@ -8,11 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from controller.critic.features import number_of
+from controller.critic.features import expressions
 from hfa_printed.exact_answer import Plant
-from hfa_support.errors import BadInputError, refuse_unknown, refuse_unless_positive, said_of, shown
+from hfa_support.errors import (
+    BadInputError,
+    refuse_unknown,
+    refuse_unless_positive,
+    said_of,
+    shortened,
+    shown,
+)
 from hfa_support.files import note_read, read_toml
 
 TIMES = ("continuous", "discrete")
@@ -162,6 +170,24 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
     return multiplied
 
 
+def _value_of(text: str, parameters: Mapping[str, float]) -> float:
+    """The value of a formula such as "m*g/l" of named numbers, with the functions of `features_of`.
+
+    BadInputError, one line, for anything else, and for a value that is not finite.
+    """
+    symbols = {name: ca.SX(value) for name, value in parameters.items()}
+    try:
+        (formula,) = expressions(text, symbols, ", ".join(["numbers", *parameters]))
+        value = float(ca.evalf(formula))
+    except BadInputError:
+        raise
+    except Exception as error:
+        raise BadInputError(f"{shortened(text)!r} is not a number") from error
+    if not np.isfinite(value):
+        raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
+    return value
+
+
 def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
     """Value and half unit of a typed number, or of a formula, which is exact."""
     match = _DECIMAL.fullmatch(word)
@@ -169,7 +195,7 @@ def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
         if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
             raise BadInputError(f"{shown(word)} is not a number")
-        return number_of(word, parameters), 0.0
+        return _value_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")
     half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")
     value = float(word)

@@ -310,7 +310,7 @@ def own(**changes: Any) -> Design:
         (lambda: own(input_weights={}), "input aileron_outer has no weight"),
         (
             lambda: own(disturbances={"wind": 1.0}),
-            "unknown disturbance 'wind'; choose from states, commands, updraft",
+            "unknown disturbance 'wind'; did you mean headwind, headwind_center or",
         ),
         (
             lambda: own(disturbances={"updraft": 0.0}),

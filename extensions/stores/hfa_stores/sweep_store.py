@@ -16,7 +16,8 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
-from trim.sweeps.points import STATUS, is_square
+from trim.point.system import TrimSystem
+from trim.sweeps.points import STATUS
 from trim.sweeps.sweep import run_points, slow_note
 from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
@@ -125,7 +126,9 @@ def _template(plan: SweepPlan) -> Any:
     model = plan.model
     states = tuple(model.states)
     inputs = tuple(model.inputs)
-    chunk = CHUNK if is_square(model, plan.variables, plan.condition) else SLOW_CHUNK
+    system = TrimSystem(model, plan.condition.freed_for(plan.variables), plan.variables)
+    # Newton's method settles many points at once where equations and unknowns are as many.
+    chunk = CHUNK if system.equations.square else SLOW_CHUNK
     chunk = min(chunk, plan.count)
     sizes = {"state": len(states), "rate": len(states), "mode": len(states), "input": len(inputs)}
 

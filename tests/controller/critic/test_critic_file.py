@@ -11,7 +11,14 @@ from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
 from controller import critic_in, critics_over_time
-from controller.critic.critic_file import Reading, critic_suffixes, critics_in, stored_parts
+from controller.critic.critic_file import (
+    Reading,
+    critic_suffixes,
+    critics_in,
+    entries_in,
+    single_parts,
+)
+from controller.game.names import UNNAMED
 from hfa import BadInputError, Game
 
 #: Two states, one input: 3 weights, 4 entries of P, 2 of K.
@@ -38,7 +45,7 @@ pytestmark = pytest.mark.usefixtures("folder")
     ],
 )
 def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
-    parts = stored_parts(stored(name, **content))
+    parts = single_parts(entries_in(stored(name, **content)), UNNAMED, None)
     expected = {"W": content.get("W", content.get("weights"))}
     expected |= {key: content.get(key) for key in "PK"}
     assert set(parts) == {key for key, value in expected.items() if value is not None}

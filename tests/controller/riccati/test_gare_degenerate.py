@@ -15,7 +15,7 @@ from reference_riccati import reference_solution
 from tolerances import SAME_SOLUTION, TWO_BRACKETS
 
 from controller import minimum_delta
-from controller.riccati.solution_report import analyse_game
+from controller.riccati.solution_report import solve
 from hfa import Game, NoSolutionError, solve_game
 
 #: Of P in units that give it a unit diagonal.
@@ -138,7 +138,7 @@ def test_a_barely_reached_mode_has_a_bounded_pole(
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
-    solution = analyse_game(game).solution  # confirmed in flight, too
+    solution = solve(game)  # confirmed in flight, too
     assert error(game, solution.P) <= EXACT
     np.testing.assert_allclose(solution.K, reference_solution(game).K, rtol=EXACT)
     data = solution.to_dict()

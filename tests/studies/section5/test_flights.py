@@ -276,7 +276,7 @@ def test_learning_in_flight_begins_with_the_baseline(
     for gain in gains:
         assert np.linalg.eigvals(newton.game.A - newton.game.B @ gain).real.max() < 0.0
     np.testing.assert_array_equal(gains[-1], learned.K)
-    cut = replace(learned, times=learned.times[:120], weights=learned.weights[:120])
+    cut = replace(learned, time=learned.time[:120], weights=learned.weights[:120])
     assert np.array_equal(certified_gains(newton.game, cut, 0.01)[0][:119], gains[:119])
     law = GainPolicy("learning", gains)
     result = fly(

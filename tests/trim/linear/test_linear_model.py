@@ -264,7 +264,7 @@ def test_linear_models_have_poles_plots_and_arrays() -> None:
     loop = linear["pitch_rate", "elevator_center"]
     assert np.array_equal(loop.B[:, 0], linear.B[:, linear.inputs.index("elevator_center")])
     assert np.array_equal(loop.C[0], np.eye(6)[linear.states.index("pitch_rate")])
-    upper = [pole for pole in linear.poles() if pole.imag >= 0.0]
+    upper = [pole for pole in linear.eigenvalues if pole.imag >= 0.0]
     assert upper == pytest.approx([mode.eigenvalue for mode in linear.modes], abs=1e-12)
     axes = linear.bode()
     assert axes[0].get_title() == "speed, ft/s"

@@ -23,7 +23,8 @@ from hfa_model.vectors import LINEAR_ROWS, STATE_UNITS
 from hfa_support.linear_table import LinearTable
 from trim import TrimError, load_condition, release
 from trim.hfa.level_flight import LEVEL_FLIGHT
-from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, is_square, trim_points
+from trim.point.system import TrimSystem
+from trim.sweeps.points import BEYOND_LIMITS, NO_TRIM, TRIMMED, condition_at, trim_points
 from trim.sweeps.sweep import Sweep, run_plan, run_points
 from trim.sweeps.sweep_plan import Steps, SweepPlan
 
@@ -65,7 +66,8 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
     """Without a trim the reason is the same: the rates that do not balance, the limits that bind,
     the values beyond them."""
     grid, condition, square = CASES[name]
-    assert is_square(aircraft, tuple(grid), condition) == square
+    system = TrimSystem(aircraft, condition.freed_for(grid), tuple(grid))
+    assert system.equations.square == square
     result = sweep(aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
         single = condition_at(condition, result.variables, row)

@@ -124,7 +124,7 @@ def fly(request: FlyRequest) -> int:
         only_in_files=result.history().as_data(),
         notes=result.warnings,
     )
-    return 0 if result.within_limits else 1
+    return 0 if result.ok else 1
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:

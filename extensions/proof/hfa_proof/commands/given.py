@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import stored_parts
+from controller.critic.critic_file import entries_in, single_parts
 from controller.game.basis import basis
 from controller.game.names import UNNAMED, PlantNames
 from controller.hfa_game import usual_game
@@ -29,7 +29,7 @@ from hfa_proof.checker.statement import (
 from hfa_proof.options import family_of, loop_of_file
 from hfa_proof.search.loops import Intervals
 from hfa_proof.subject import Given
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, said_of
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
@@ -149,7 +149,9 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
         model = statement.plant.model
         names = PlantNames(model.linear, tuple(model.inputs), model.units(model.linear))
     states = len(statement.weights.Q)
-    parts = dict(stored_parts(request.weights, names, basis(request.basis or "quadratic", states)))
+    entries = entries_in(request.weights)
+    with said_of(request.weights):
+        parts = single_parts(entries, names, basis(request.basis or "quadratic", states))
     if "W" in parts:
         if "P" in statement.critic and "P" not in parts:
             parts["P"] = matrix_of_weights(parts["W"], states)

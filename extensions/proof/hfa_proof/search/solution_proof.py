@@ -304,7 +304,13 @@ def prove_solution(
     solution lies (Frobenius), also for every parameter that reads as the same decimal where the
     game is the aircraft's. Proved are P > 0, A - S P and A - B K Hurwitz, delta above the proved
     bracket of delta_min. Raises NoSolutionError when the game has no value, or when it cannot be
-    enclosed."""
+    enclosed.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> hfa.prove_solution(game).proved
+    True
+    """
     _tell(progress, "solving in doubles")
     P = solve_game(game).P
     _tell(progress, "enclosing the linear model")
@@ -366,7 +372,13 @@ def prove_critic(
     """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz;
     `proved` if it does.
 
-    Raises BadInputError for a network, about which nothing is proved."""
+    Raises BadInputError for a network, about which nothing is proved.
+
+    >>> import hfa
+    >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    >>> hfa.prove_critic(game, hfa.from_gain(game, [[2.4]])).proved
+    True
+    """
     if critic.network:
         raise BadInputError("a network is not supported here; give W, P or K")
     exact = ExactGame.of(game, family, scheduling_value)

@@ -15,9 +15,9 @@ from forged_certificates import CLAIM, FLIGHT, Change, array, put, several
 from proof_cases import certificate, content, forge, model_of, of_the_other_trim, two_trims
 
 import hfa
-from hfa import Game
+from hfa import Game, prove_solution
 from hfa_aircraft.model import Model, Signal
-from hfa_proof import Family, prove_solution
+from hfa_proof import Family
 from hfa_proof.arithmetic.balls import doubles
 from hfa_proof.arithmetic.taylor_model import TaylorModel
 from hfa_proof.checker.checker import (

@@ -37,8 +37,8 @@ from proof_cases import (
     of_the_other_trim,
 )
 
-from hfa import BadInputError
-from hfa_proof import check_certificate, prove_schedule, prove_solution
+from hfa import BadInputError, prove_solution
+from hfa_proof import check_certificate, prove_schedule
 from hfa_proof.checker.reading import Malformed, Rejected
 
 

@@ -17,13 +17,13 @@ from known_models import exact_gain, game_at, model_at
 import hfa
 from controller import basis
 from controller.critic.critic import from_parts
-from hfa import Game, solve_game
+from hfa import Game, prove_critic, prove_solution, solve_game
 from hfa.paper import default_parameters, published_game
 from hfa_aircraft.extras import Extras
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model, Signal
 from hfa_model import INPUTS, LINEAR_STATES
-from hfa_proof import Family, prove_critic, prove_models, prove_schedule, prove_solution
+from hfa_proof import Family, prove_models, prove_schedule
 from hfa_proof.checker.sealed import sealed
 from hfa_proof.checker.statement import Controller, FixedActuators
 from hfa_proof.search.certificate import Proof
