@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from hfa_aircraft.parameter_spread import ParameterSpread
 from hfa_model.parameters import Parameters, ParameterSet
-from hfa_support.errors import BadInputError, refuse_unless_whole
+from hfa_support.entry_points import PARTS, part
 
 
 def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[Parameters, ...]:
@@ -24,20 +21,6 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
     Raises BadInputError when there is no covariance, an identified parameter is zero, or count or
     seed is out of range.
     """
-    if not parameters.covariance.size:
-        raise BadInputError(
-            "samples need parameters with their covariance, such as the parameters.toml of"
-            " `python -m studies.identification`"
-        )
-    refuse_unless_whole("count", count, 1)
-    refuse_unless_whole("seed", seed, 0)
-    columns = [Parameters._fields.index(name) for name in parameters.identified]
-    table = np.tile(np.array(parameters.values, dtype=float), (count, 1))
-    center = table[0, columns]
-    if not center.all():
-        name = parameters.identified[int(np.argmin(np.abs(center)))]
-        raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
-    values = dict(zip(parameters.identified, center.tolist(), strict=True))
-    spread = ParameterSpread(values, parameters.covariance, of_logarithms=True)
-    table[:, columns] = spread.draws(count, seed)
-    return tuple(Parameters(*row) for row in table.tolist())
+    draw = part(PARTS, "parameters.samples", "sample_parameters")
+    samples: tuple[Parameters, ...] = draw(parameters, count, seed)
+    return samples

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.parameter_spread import ParameterSpread
+from hfa_identify.parameter_spread import ParameterSpread
 from hfa_support.errors import BadInputError, is_finite
 from hfa_support.files import read_toml
 from hfa_support.units import si_factor
@@ -50,8 +50,7 @@ def spread_of(request: Any) -> ParameterSpread:
         known = request.parameter_set
         if not known.covariance.size:
             raise BadInputError("--draws needs --parameters with a covariance")
-        values = {name: getattr(known.values, name) for name in known.identified}
-        spread = ParameterSpread(values, known.covariance, of_logarithms=True)
+        spread = spread_of_set(known)
     if model.extras.native is not None:
         spread = _in_si(spread, native)
     held = request.held_parameters()
@@ -61,6 +60,12 @@ def spread_of(request: Any) -> ParameterSpread:
         values={name: value for name, value in spread.values.items() if name not in held},
         covariance=spread.covariance[np.ix_(kept, kept)],
     )
+
+
+def spread_of_set(known: Any) -> ParameterSpread:
+    """The identified parameters of a `ParameterSet` with their covariance."""
+    values = {name: getattr(known.values, name) for name in known.identified}
+    return ParameterSpread(values, known.covariance, of_logarithms=True)
 
 
 def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:

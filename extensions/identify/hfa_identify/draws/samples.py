@@ -1,0 +1,31 @@
+"""The part `parameters.samples`: random samples of a `ParameterSet`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hfa_identify.draws.parameters import spread_of_set
+from hfa_support.errors import BadInputError, refuse_unless_whole
+
+
+def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
+    """Return samples of the parameters, as `hfa_model.sample_parameters` describes.
+
+    Raises BadInputError when there is no covariance, an identified parameter is zero, or count or
+    seed is out of range.
+    """
+    if not known.covariance.size:
+        raise BadInputError(
+            "samples need parameters with their covariance, such as the parameters.toml of"
+            " `python -m studies.identification`"
+        )
+    refuse_unless_whole("count", count, 1)
+    refuse_unless_whole("seed", seed, 0)
+    spread = spread_of_set(known)
+    for name, value in spread.values.items():
+        if value == 0.0:
+            raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
+    samples = []
+    for row in spread.draws(count, seed).tolist():
+        samples.append(known.values._replace(**dict(zip(spread.values, row, strict=True))))
+    return tuple(samples)
