@@ -1,8 +1,10 @@
-"""Tuples of what has a name."""
+"""Tuples of what has a name, and arrays whose columns have one."""
 
 from __future__ import annotations
 
 from typing import Any, TypeVar
+
+import numpy as np
 
 from hfa_support.errors import refuse_unknown
 
@@ -19,3 +21,27 @@ class ByName(tuple[Named, ...]):
         by_name = {entry.name: entry for entry in self}  # type: ignore[attr-defined]
         refuse_unknown("unknown name", index, by_name)
         return by_name[index]
+
+
+class Columns(np.ndarray):
+    """An array (N, n) whose columns have names, which index them too: states["alpha"], (N,)."""
+
+    names: tuple[str, ...] = ()
+
+    def __getitem__(self, index: Any) -> Any:
+        """A column by its name, or what the plain array has. BadInputError for an unknown name."""
+        values = np.asarray(self)
+        if not isinstance(index, str):
+            return values[index]
+        refuse_unknown("unknown name", index, self.names)
+        return values[:, self.names.index(index)]
+
+    def __reduce__(self) -> Any:
+        return with_names, (np.asarray(self), self.names)
+
+
+def with_names(values: np.ndarray, names: tuple[str, ...]) -> Columns:
+    """The array with names of its columns."""
+    columns = values.view(Columns)
+    columns.names = names
+    return columns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 
 import control
@@ -30,7 +31,8 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
     x = stepped.outputs[:, 3]
     slope = (x[:, 1001] - x[:, 999]) / (time[1001] - time[999])
     assert slope == pytest.approx(linear.A @ x[:, 1000] + linear.B[:, 3], rel=1e-3, abs=1e-3)
-    for u in ({"elevator_center": 1.0}, np.eye(5)[3][:, None] * np.ones(2001)):
+    rows = np.eye(5)[3][:, None] * np.ones(2001)
+    for u in ({"elevator_center": 1.0}, rows, rows.T):
         assert linear.simulate(u, time).outputs == pytest.approx(x, rel=1e-9, abs=1e-9)
     with pytest.raises(BadInputError, match="unknown input"):
         linear.simulate({"elevator_centre": 1.0}, time)
@@ -43,6 +45,8 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
     assert linear.simulate({"throttle": 1.0}).outputs[:, -1] == pytest.approx(
         linear.step().outputs[:, 0, -1]
     )
+    pulse = linear.impulse(time, inputs="elevator_center").outputs[:, 0, 1000]
+    assert pulse == pytest.approx(slope, rel=1e-3, abs=1e-3)
     named = linear.step(time, inputs="elevator_center", outputs=["pitch", "alpha"])
     assert named.outputs[:, 0] == pytest.approx(x[[2, 1]], rel=1e-9, abs=1e-9)
     with pytest.raises(BadInputError, match="time is 'throttle'; give a number"):
@@ -94,8 +98,12 @@ def test_names_index_values_and_modes() -> None:
     assert "poles x and zeros o, 1/s" in linear.plot().get_title()
     pyplot.close("all")
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2]})
-    assert swept["alpha"].tolist() == [each.point["alpha"] for each in swept]
-    assert swept["dihedral"].tolist() == [0.1, 0.2]
+    again = pickle.loads(pickle.dumps(swept))
+    for each in (swept, again):
+        assert each.states["alpha"].tolist() == [linear.point["alpha"] for linear in each]
+        assert type(each.states[:, 1]) is np.ndarray
+    with pytest.raises(BadInputError, match="did you mean throttle"):
+        swept.inputs["throt"]
     for index, each in enumerate(swept):
         mode = each.modes["phugoid"]
         tracked = swept.modes["phugoid"]

@@ -172,14 +172,23 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         time: (N,) or the last, s; python-control chooses it unless given.
         """
-        from trim.linear.responses import step
+        from trim.linear.responses import response
 
-        return step(self, time, inputs, outputs)
+        return response(self, "step", time, inputs, outputs)
+
+    def impulse(
+        self, time: Any = None, inputs: Any = None, outputs: Any = None
+    ) -> control.TimeResponseData:
+        """The outputs after a unit impulse of each named input; the arguments are those of
+        `step`."""
+        from trim.linear.responses import response
+
+        return response(self, "impulse", time, inputs, outputs)
 
     def simulate(self, u: Any, time: Any = None) -> control.TimeResponseData:
         """Outputs over time (N,), (outputs, N), as deviations from the operating point.
 
-        u: (m, N), or input -> number or N values.
+        u: (m, N) or (N, m), or input -> number or N values.
         time: (N,), s; python-control chooses it where u names inputs."""
         from trim.linear.responses import simulated
 

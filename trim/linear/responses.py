@@ -46,20 +46,21 @@ def _as_names(names: Names) -> tuple[str, ...] | None:
 
 
 @checks_arguments
-def step(
-    model: LinearModel, time: float | ArrayLike | None, inputs: Names, outputs: Names
+def response(
+    model: LinearModel, kind: str, time: float | ArrayLike | None, inputs: Names, outputs: Names
 ) -> control.TimeResponseData:
-    """Return the named outputs after a unit step of each named input, (outputs, inputs, N); time:
-    (N,) or the last."""
+    """Return the named outputs after a unit "step" or "impulse" of each named input, (outputs,
+    inputs, N); time: (N,) or the last."""
     import control
 
-    return control.step_response(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
+    respond = {"step": control.step_response, "impulse": control.impulse_response}[kind]
+    return respond(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
 
 
 def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData:
     """Return y for inputs over time from x = 0, (outputs, N).
 
-    u: (m, N), or name of an input -> its number or its N values; others are 0.
+    u: (m, N) or (N, m), or name of an input -> its number or its N values; others are 0.
     time: (N,), evenly spaced, or None for that of a step, where u names inputs.
 
     Raises BadInputError when a name is unknown or the shapes do not agree."""
@@ -82,10 +83,13 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
             raise BadInputError(f"give each input {time.size} values, one for each instant")
         u = np.reshape([np.broadcast_to(row, time.shape) for row in u], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
-    if values.shape != (len(model.inputs), time.size):
+    wanted = (len(model.inputs), time.size)
+    if values.shape == wanted[::-1] != wanted:
+        values = values.T
+    if values.shape != wanted:
         raise BadInputError(
-            f"u is of shape {np.shape(u)}; give ({len(model.inputs)}, {time.size}), one row for "
-            "each input, or a dictionary of inputs"
+            f"u is of shape {np.shape(u)}; give {wanted}, one row for each input, or a dictionary "
+            "of inputs"
         )
     return control.forced_response(system, time, values, squeeze=False)
 

@@ -12,9 +12,9 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown
+from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.by_name import ByName
+from hfa_support.reporting.by_name import ByName, with_names
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.report import Picture, Report, Reported
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from trim.linear.linear_model import LinearModel
 
 
 #: Of a sweep in memory.
@@ -433,17 +435,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def __len__(self) -> int:
         return len(self.reasons)
 
-    def __getitem__(self, index: int | str) -> Any:
-        """The linear model of a point, NoSolutionError with its reason where it has no trim; or the
-        values of a state, an input or a varied name over the points, (N,)."""
+    def __getitem__(self, index: int) -> LinearModel:
+        """The linear model of a point; NoSolutionError with its reason where it has no trim."""
         from trim.sweeps.sweep_points import linear_model_at
 
-        if not isinstance(index, str):
-            return linear_model_at(self, index)
-        names = (*self.model.states, *self.model.inputs, *self.variables)
-        refuse_unknown("unknown variable", index, names)
-        columns = np.hstack([self.states, self.inputs, self.values])
-        return columns[:, names.index(index)]
+        return linear_model_at(self, index)
 
     def to_xarray(self) -> xarray.Dataset:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of
@@ -550,8 +546,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         plan=plan,
         values=rows["values"],
         reasons=_reasons(plan, rows),
-        states=np.where(trimmed[:, None], rows["states"], np.nan),
-        inputs=np.where(trimmed[:, None], rows["inputs"], np.nan),
+        states=with_names(np.where(trimmed[:, None], rows["states"], np.nan), model.state_names),
+        inputs=with_names(np.where(trimmed[:, None], rows["inputs"], np.nan), model.input_names),
         A=A,
         B=B,
         eigenvalues=eigenvalues,

@@ -44,6 +44,7 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
+from hfa_support.reporting.by_name import with_names
 from hfa_support.reporting.checks import Check, verdict_text
 from hfa_support.reporting.report import Part, Picture, Report, Reported
 from hfa_support.reporting.results import Result, Vector
@@ -257,8 +258,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def states(self) -> np.ndarray:
-        """X, absolute, (N, n)."""
-        return self.flight.states + np.array(self.point.states)
+        """X, absolute, (N, n), and by name: states["alpha"]."""
+        return with_names(self.flight.states + np.array(self.point.states), self.state_names)
 
     @property
     def angles_of_attack(self) -> np.ndarray:
@@ -270,7 +271,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def inputs(self) -> np.ndarray:
         """U, absolute, (N, m)."""
-        return self.flight.inputs + np.array(self.point.inputs)
+        return with_names(self.flight.inputs + np.array(self.point.inputs), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A state, an input or an output over time, absolute, (N,), in the units of the model.

@@ -17,6 +17,7 @@ from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
 from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
+from hfa_support.reporting.by_name import with_names
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
@@ -139,12 +140,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def states(self) -> Matrix:
         """(N, n), absolute, columns `state_names`."""
-        return self.found.flown.states
+        return with_names(self.found.flown.states, self.state_names)
 
     @property
     def inputs(self) -> Matrix:
         """(N, m), absolute, columns `input_names`."""
-        return self.found.flown.inputs
+        return with_names(self.found.flown.inputs, self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
