@@ -46,6 +46,7 @@ def test_the_laws_of_physics_hold_in_si() -> None:
 
 @pytest.mark.parametrize("unit", ENGLISH)
 def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
+    """Patched: the table of units is data of the product, and a wrong factor must be planted."""
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
     wrong = [

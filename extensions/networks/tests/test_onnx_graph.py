@@ -225,7 +225,7 @@ def test_wrong_graphs_are_refused() -> None:
 def test_without_package_onnx_its_files_alone_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without the package onnx its files alone are refused."""
+    """Without the package onnx its files alone are refused. The installed package is hidden."""
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refusal("a.onnx")

@@ -138,7 +138,7 @@ def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
 def test_without_plotly_page_is_refused_before_anything_computed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without plotly the page is refused before anything is computed."""
+    """Without Plotly, here hidden, the page is refused before anything is computed."""
     plotly_script.cache_clear()
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert_refused(

@@ -217,6 +217,7 @@ def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
 
 
 def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Patched: a call of SciPy's solvers cannot be seen otherwise."""
     for name in ("solve_continuous_are", "solve_discrete_are"):
         monkeypatch.delattr(f"scipy.linalg.{name}")
     assert learn(published(PUBLISHED[0])[0], tick=0.2).settled

@@ -95,7 +95,9 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
 
 
 def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the flight recorded, another A changes no bit of the weights."""
+    """With the flight recorded, another A changes no bit of the weights.
+
+    Patched: a law records its flight with its own A."""
     from dataclasses import replace
 
     law = stable_learning()
