@@ -55,7 +55,7 @@ def describe_attributes(owner: type) -> None:
 
 
 def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
-    """(names, lines) of each part: of an entry "name: text" its names and its text; of prose no
+    """(names, lines) of each part: an entry "name: text" has its names and its text, prose has no
     names. A continuation of an entry is indented deeper than the entry."""
     names: list[str] = []
     lines: list[str] = []

@@ -112,7 +112,7 @@ def _row(package: str, name: str) -> str:
 
 
 def _text(package: str, name: str) -> list[str]:
-    """The lines of a docstring; of a constant, of the comment above it."""
+    """Return the lines of a docstring, or for a constant those of the comment above it."""
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):
         return (inspect.getdoc(value) or "").splitlines()

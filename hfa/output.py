@@ -135,8 +135,8 @@ _LONG = 300.0
 
 
 class ProgressLine:
-    """A `Progress` in one line of standard error, only when that is a terminal; gone when all is
-    done."""
+    """A `Progress` in one line of standard error, only when that is a terminal. The line is removed
+    at the end."""
 
     def __init__(self, name: str) -> None:
         self._name = name

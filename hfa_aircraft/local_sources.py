@@ -52,7 +52,7 @@ def fingerprint(model: Model, sources: str) -> str:
 
 
 def hash_of_sources(file: Path, package: str = "") -> str:
-    """SHA-256 of a Python file that was executed; with local modules that it imports, of all files.
+    """SHA-256 of a Python file that was executedand of the local modules that it imports.
 
     Local are the modules in the folder of the file, or below the folder of the outermost package
     that it belongs to, and not those of an installed package. Those that they import count too.

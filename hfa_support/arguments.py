@@ -119,7 +119,7 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
 
 
 def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """Return an annotation as an object; Any where its name exists only for type checkers."""
+    """Return an annotation as an object, or Any where its name exists only for type checkers."""
     if annotation is inspect.Parameter.empty:
         return Any
     if not isinstance(annotation, str):
@@ -151,8 +151,8 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
-    """A sequence of one kind of classes or texts, X in `Sequence[X]` and `tuple[X, ...]`; of others
-    the whole alone. A text is not a sequence of texts."""
+    """A sequence of one kind of classes or texts, X in `Sequence[X]` and `tuple[X, ...]`. Other
+    sequences are checked as a whole. A text is not a sequence of texts."""
     holds, words = whole
     of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
     member = arguments[0] if of_one_kind else Any

@@ -40,8 +40,8 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Print the text on standard error, on a terminal in place of an unfinished line of progress;
-    nowhere when that is closed or cannot be written."""
+    """Print the text on standard error, on a terminal in place of an unfinished line of progress,
+    and nowhere when that is closed or cannot be written."""
     if sys.stderr is None:
         return
     try:

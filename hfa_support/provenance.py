@@ -61,7 +61,7 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """The parameters that differ, the relatively largest differences first; of many their
+        """The parameters that differ, the relatively largest differences first, or for many their
         number and the first."""
 
         def relative_size(name: str) -> float:
@@ -101,7 +101,7 @@ def parameter_hash(values: Any) -> str:
 
 
 def now() -> str:
-    """The date and time, UTC; SOURCE_DATE_EPOCH where that is set."""
+    """The date and time, UTC, or SOURCE_DATE_EPOCH where that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)

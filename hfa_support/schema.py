@@ -16,7 +16,7 @@ from hfa_support.files import read_toml
 
 
 class Number(NamedTuple):
-    """A number from lowest to highest, above lowest where `above`; finite unless highest is inf and
+    """A number from lowest to highest, above lowest where `above`, finite unless highest is inf and
     `infinite`."""
 
     lowest: float = -math.inf

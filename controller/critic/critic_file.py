@@ -121,7 +121,7 @@ def load_critic(
     activation: str | None = None,
     scale: Any = None,
 ) -> Critic:
-    """The critic of a file of matrices or weights, or of a network; of a history the last row.
+    """The critic of a file of matrices or weights, or of a network; for a history, the last row.
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
     game: the game, with the states and inputs of the critic.

@@ -19,8 +19,8 @@ from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Return name -> array; of JSON its Python value, of a structure a mapping. BadInputError, one
-    line that names the file.
+    """Return name -> array; for JSON the Python value, for a structure a mapping. BadInputError,
+    one line that names the file.
 
     .npy and .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on
     beside it; of an .npy file of any other name under `file_entries.UNKNOWN`. .csv: a first row and

@@ -174,7 +174,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
 
 
 def unit_rows(matrix: np.ndarray) -> np.ndarray:
-    """Each row divided by its length; a row of zeros stays."""
+    """Each row divided by its length. A row of zeros is unchanged."""
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     return matrix / np.where(lengths > 0.0, lengths, 1.0)
 

@@ -44,8 +44,8 @@ def level_crossings(
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency; above the level if any
-    is.
+    """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency, above the level if any
+    gain is.
 
     T is evaluated at each of `level_crossings`, between each two, below and above. Source: Bruinsma
     and Steinbuch, Systems and Control Letters 14 (1990), 287-293."""

@@ -118,7 +118,7 @@ class NormalForm:
         return form
 
     def __getitem__(self, index: int | np.ndarray | None) -> NormalForm:
-        """Return one game of a stack, or some of them; with the index None a stack of one."""
+        """Return one game of a stack, or some of them. The index None gives a stack of one."""
         part = replace(
             self,
             A=self.A[index],

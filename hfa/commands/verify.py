@@ -48,7 +48,7 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """Return a file; of a folder the files with a known suffix, in the order of the numbers in
+    """Return a file, or for a folder the files with a known suffix, in the order of the numbers in
     their names."""
     folder = Path(text)
     if not folder.is_dir():
@@ -250,7 +250,8 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
 def _check_file(
     path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
 ) -> Verdict:
-    """The verdict on the critic in a file, or on the last of a history; of `files` files."""
+    """The verdict on the critic in a file, or on the last of a history, the only one of `files`
+    files."""
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
     if request.discount is not None:

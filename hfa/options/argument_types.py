@@ -36,7 +36,7 @@ positive = partial(number, declared=POSITIVE)
 
 def quantity(model: Model, name: str, text: str) -> float:
     """Return the value typed for a name of the model, converted from the shown unit to the declared
-    one (degrees to rad); a number without unit where none is declared."""
+    one (degrees to rad), or a number without unit where none is declared."""
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
     return math.radians(number(text)) if unit.startswith("rad") else number(text)
@@ -133,8 +133,8 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(
     *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
 ) -> Callable[[str], Path]:
-    """The kind of files with one of the suffixes that can be written; where `folder`, of folders
-    without suffix too.
+    """The kind of files with one of the suffixes that can be written, and where `folder`, of
+    folders without suffix.
 
     stores: suffixes of folders that are continued
 

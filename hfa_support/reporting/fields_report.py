@@ -47,7 +47,7 @@ def _is_small_matrix(value: Any) -> bool:
 
 
 def _on_one_line(value: Any) -> str:
-    """A value, shortened; of long arrays their shape, of other results their kind."""
+    """A value, shortened, or for long arrays the shape and for other results the kind."""
     fields = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""

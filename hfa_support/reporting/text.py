@@ -49,8 +49,8 @@ _OBEYED = re.compile(
 
 
 def printable(text: str, lines: bool = True) -> str:
-    """The text with control characters spelled, as in \\x1b; line breaks stay unless there are to
-    be none."""
+    """The text with control characters spelled, as in \\x1b. Line breaks stay unless they are
+    excluded."""
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
 
@@ -159,8 +159,8 @@ def columns(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Rows of cells in aligned columns: the first to the left, the others to the right; cells with
-    a tone in color.
+    """Rows of cells in aligned columns: the first to the left, the others to the right. Cells with
+    a tone are colored.
 
     width: of the terminal, in characters. Columns that do not fit follow in blocks below, each with
     the first column again; a cell is never broken.

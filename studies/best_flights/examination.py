@@ -56,7 +56,8 @@ _SEED = 0
 
 
 def problem_of(source: str) -> FlightProblem:
-    """The flights of an aircraft to its default trim; of the flexible one with the paper's Q, R."""
+    """The flights of an aircraft to its default trim, for the flexible one with the paper's Q,
+    R."""
     if source not in ("published", "newton"):
         model = hfa.load_model(source)
         return flight_problem(model, hfa.find_operating_point(model))

@@ -46,7 +46,7 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Our trim at a condition: level, else in a glide with idle throttle; else the reason for its
+    """Our trim at a condition: level, else in a glide with idle throttle, or the reason for its
     absence."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)

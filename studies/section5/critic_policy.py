@@ -111,7 +111,7 @@ def gradient(basis: Basis, z: ca.SX) -> ca.SX:
 
 
 def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
-    """∂/∂z_channel of Π z_i^exponents[i]; a structural zero when the channel does not occur."""
+    """∂/∂z_channel of Π z_i^exponents[i], or a structural zero when the channel does not occur."""
     if exponents[channel] == 0:
         return ca.SX(1, 1)
     value = ca.SX(exponents[channel])
@@ -123,8 +123,8 @@ def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry; of SX or
-    MX."""
+    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry, for SX
+    or MX."""
     magnitude = ca.fabs(residuals)
     low = magnitude ** (1.0 - eta)
     # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0

@@ -1,5 +1,5 @@
-"""Numbers that tell how a flight went and how its critic learned; all are inf for a flight that was
-lost."""
+"""Numbers that tell how a flight went and how its critic learned. All are inf for a flight that
+left the envelope."""
 
 from __future__ import annotations
 

@@ -282,7 +282,8 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Each output with its command, and the error of every law; a lost law ends with a cross."""
+    """Each output with its command, and the error of every law. A law that leaves the envelope ends
+    with a cross."""
     longest = max(flights, key=lambda flight: len(flight.times))
     held = [flight for flight in flights if flight.lost_at is None] or [longest]
     figure = new_figure(10.4, 6.4)

@@ -109,7 +109,7 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Half of the last printed digit; of an entry without decimals, which is exact, its rounding
+    """Half of the last printed digit. For an exact entry without decimals it is the rounding
     error."""
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING

@@ -83,8 +83,8 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
 
 def with_qualities(report: Report, point: OperatingPoint) -> Report:
-    """The report of a linear model with its handling qualities, a row each; as it is where there
-    are none."""
+    """The report of a linear model with its handling qualities, a row each, or unchanged where
+    there are none."""
     quantities = handling_qualities(point)
     if not quantities:
         return report

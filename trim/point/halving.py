@@ -94,7 +94,7 @@ class _Search(NamedTuple):
 def newton_step(
     jacobian: np.ndarray, residual: np.ndarray, moving: np.ndarray | None = None
 ) -> np.ndarray:
-    """d (N, k) with J d = -r, J (N, m, k); of least norm where J is singular or not square, or nan
+    """d (N, k) with J d = -r, J (N, m, k), of least norm where J is singular or not square, or nan
     where J is not finite. Unknowns that are not among `moving` stay."""
     count, rows, unknowns = jacobian.shape
     if moving is not None:

@@ -41,8 +41,8 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(Result, Reported):
-    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation; of imposed outputs
-    likewise.
+    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation, likewise for
+    imposed outputs.
 
     states: X0, by name, in the units of the model.
     inputs: U0, by name.
@@ -224,7 +224,7 @@ class OperatingPoint(Result, Reported):
         return "; ".join(words)
 
     def report(self) -> Report:
-        """Return the report of `hfa trim`; for a point that no search found, its state and
+        """Return the report of `hfa trim`, or for a point that no search found its state and
         inputs."""
         if self.problem is not None:
             from trim.point.trim_report import trim_report

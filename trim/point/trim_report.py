@@ -186,7 +186,7 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return one row for each equation, those that do not balance first; without the imposed rates
+    """Return one row for each equation, those that do not balance first, without the imposed rates
     where all are zero."""
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)

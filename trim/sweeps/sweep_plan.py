@@ -150,7 +150,7 @@ class SweepPlan:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of values of each variable of a grid, in order; of a list the number of its
+        """Number of values of each variable of a grid, in order, or for a list the number of its
         rows."""
         lengths = [len(values) for values in self.axes.values()]
         return lengths[:1] if self.listed else lengths

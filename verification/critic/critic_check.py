@@ -122,7 +122,7 @@ def check_critic(
 
 
 def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Return the cost of K; unbounded where rounding hides whether its loop is stable."""
+    """Return the cost of K, unbounded where rounding hides whether its loop is stable."""
     try:
         return flight_cost(game, exact, K)
     except NoSolutionError:

@@ -28,7 +28,7 @@ _LEAST_DIFFERENCE = 1e-6
 
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
     """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K
-    where there is no P; where there is a table also its errors over time."""
+    where there is no P, and its errors over time where there is a table."""
     table = verdict.table
     names = verdict.exact.names
     title = f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict.grade_text()}"

@@ -151,7 +151,7 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check holds; with a limit, percent, whether the cost is within
+        """Return whether every check holds, or with a limit, percent, whether the cost is within
         it."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
@@ -208,7 +208,7 @@ class Verdict(Checked, Result, Reported):
         return f"cost lost {self.cost_lost:.2g} %"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
-        """Return PASS, NEAR or FAIL; with a limit of the cost, percent, PASS or FAIL."""
+        """Return PASS, NEAR or FAIL, or with a limit of the cost, percent, PASS or FAIL."""
         if limit_cost is None and self.grade == "near":
             return Cell("NEAR", "bad")
         return verdict_text(self.holds(limit_cost))
@@ -297,7 +297,7 @@ class Verdict(Checked, Result, Reported):
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:
         """The entries that are farthest off, relative to the largest of their matrix, in their
-        order; of P the upper triangle."""
+        order, for P of the upper triangle."""
         largest = {
             "P": float(np.abs(self.exact.P).max()) or 1.0,
             "K": float(np.abs(self.exact.K).max()) or 1.0,

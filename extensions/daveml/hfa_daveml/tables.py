@@ -83,7 +83,7 @@ class UngriddedTable:
 
 
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
-    """The table of points (N, 1) or (N, 2) and values (N,); of one argument a gridded one.
+    """The table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
 
     Raises ValueError where two points are equal, or all of them lie on a line.
     """

@@ -200,7 +200,7 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
 
 
 def _number(name: str, entry: Entry, unit: str) -> float:
-    """The value of an entry in a unit; a number without a unit is in it."""
+    """The value of an entry in a unit. A number without a unit is in that unit."""
     value: Any = entry.value
     stated = ""
     if isinstance(value, str):

@@ -20,8 +20,8 @@ _LEFT = 1e-9
 
 
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
-    """The critic with the policy that its value implies in discrete time; with its own where it has
-    one.
+    """The critic with the policy that its value implies in discrete time, or with its own policy
+    where it has one.
 
     A value that is not quadratic, of a network or of more weights, becomes a network of V and u.
     """
@@ -50,7 +50,7 @@ def policy_of_next(
     problem: DiscreteGame, gradient: ca.Function, K: np.ndarray, L: np.ndarray
 ) -> ca.Function:
     """x (n,) -> u (m,), the saddle of x'Qx + 2 x'Nu + u'Ru - δ² w'w + α V(A x + B u + E w) over u
-    and w; not numbers where Newton's method does not settle.
+    and w, or nan where Newton's method does not settle.
 
     With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The method
     begins at u = -K x, w = L x.

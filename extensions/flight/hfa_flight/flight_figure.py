@@ -86,7 +86,7 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     """Draw the state with this index, absolute: its reference, the linear prediction, the nonlinear
-    flight, and its envelope; where the air moves, also alpha through the air."""
+    flight, and its envelope. In moving air, alpha through the air is drawn too."""
     model = result.point.model
     name = tuple(model.states)[index]
     unit = model.unit(name)

@@ -68,8 +68,8 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Component of a gust -> disturbance of `in_gusts(model)` -> factor; without those that the
-    model cannot take."""
+    """Component of a gust -> disturbance of `in_gusts(model)` -> factor, without components that
+    the model cannot take."""
     taken = own_disturbances(model, heading)
     for name in ADDED:
         if name not in taken and not missing_states(model, name):

@@ -14,7 +14,7 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
 class Gust:
-    """The motion of the air, a stage of a loop; unless it has other `winds`, w(t) positive up.
+    """The motion of the air, a stage of a loop: w(t), positive up, unless it has other `winds`.
 
     names: disturbances of the model that it moves
     held_size: numbers that it is handed anew in each tick

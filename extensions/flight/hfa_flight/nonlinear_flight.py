@@ -359,12 +359,12 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def policy(self) -> Mapping[str, Any]:
-        """Law and K; of gains over the scheduling variable also its values."""
+        """Law and K, and for gains over the scheduling variable its values."""
         return self.loop.policy.data(self.model)
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
-        """State -> largest difference; omitted without a prediction."""
+        """State -> largest difference, omitted without a prediction."""
         if self.predicted is None:
             return None
         difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
@@ -378,7 +378,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def cost(self) -> float | None:
         """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from the
-        command; omitted without weights."""
+        command, omitted without weights."""
         if self.weights is None:
             return None
         Q, R = self.weights

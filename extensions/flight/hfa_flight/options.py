@@ -124,7 +124,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def members(self) -> int | None:
-        """Number of flights, each with its own draw; None of one flight."""
+        """Number of flights, each with its own draw, or None for one flight."""
         return self.samples if self.draws is None else self.draws
 
     @property
@@ -373,8 +373,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
 
     def scenario(self, point: OperatingPoint) -> Scenario:
-        """The scenario that the options name, about a trim; of members the random quantities of
-        each.
+        """The scenario that the options name, about a trim; for members, with the random quantities
+        of each.
 
         The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
         duration = self.duration
@@ -407,7 +407,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """The gust, or the turbulence of one flight; that of members is drawn later."""
+        """The gust, or the turbulence of one flight. The turbulence of members is drawn later."""
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
         if self.turbulence is not None and self.members is None:

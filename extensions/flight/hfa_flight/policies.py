@@ -71,7 +71,7 @@ class Policy(Reported):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Time derivative of the memory, (l,); of a policy without one an empty column.
+        """Time derivative of the memory, (l,), or an empty column for a policy without memory.
 
         t: s
         measurements: at t

@@ -249,8 +249,8 @@ class Scenario(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The scenario for JSON, without its random quantities; of a signal without a formula the
-        name of its class."""
+        """The scenario for JSON, without its random quantities. A signal without a formula is given
+        by the name of its class."""
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance", "noise"):

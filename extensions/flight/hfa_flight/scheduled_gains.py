@@ -58,7 +58,7 @@ class TrimPath(Result):
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
-        """x_d(t), (k,); of a state NAME_rate, the rate of the scheduling variable, r'(t)."""
+        """x_d(t), (k,); for a state NAME_rate, the rate r'(t) of the scheduling variable."""
         model = self.base.model
         deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
             np.array(self.base.states)

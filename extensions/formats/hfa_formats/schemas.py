@@ -44,7 +44,8 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:
-    """The annotation of the field or property that a path leads to; the class where it is empty."""
+    """The annotation of the field or property that a path leads to, or the class where the path is
+    empty."""
     none = types.NoneType
     is_optional = False
     for name in path:

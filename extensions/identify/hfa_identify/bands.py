@@ -27,7 +27,7 @@ _GONE = 1e-3
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
-    """(p, p) Cramér-Rao bound: the inverse of the information; it holds for white residuals.
+    """(p, p) Cramér-Rao bound: the inverse of the information. It holds for white residuals.
 
     The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
     them. A parameter that no sample depends on has the variance inf, as has one whose information

@@ -41,8 +41,8 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Return whether a state or input moved in a record; a state without a sensor moved where the
-    model at the start of the search moves it, or diverges."""
+    """Return whether a state or input moved in a record. A state without a sensor counts as moved
+    where the model at the start of the search moves it, or diverges."""
     calm = search.responses.calm
     model = calm.model
     begin = search.begin[search.responses.turbulent :]

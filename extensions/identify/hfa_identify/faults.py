@@ -200,7 +200,7 @@ def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
 @dataclass(frozen=True)
 class _Undone:
     """The correction of a faulty column: the column times `factor`, about its first value where
-    `is_about_first`; or exchanged with the column `other`."""
+    `is_about_first`, or exchanged with the column `other`."""
 
     column: str
     factor: float

@@ -24,7 +24,7 @@ class ParameterSpread:
     of_logarithms: bool = False
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) random samples; equal for equal seeds."""
+        """(count, n) random samples, equal for equal seeds."""
         center = np.array(list(self.values.values()))
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
         sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly

@@ -86,7 +86,8 @@ def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[
 
 
 def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
-    """Return the half-widths of the bands relative to the values, (p,); 0 of errors of sensors."""
+    """Return the half-widths of the bands relative to the values, (p,), or 0 for errors of
+    sensors."""
     variances = np.diag(inverse(information)).copy()
     variances[np.diag(information) <= 0.0] = np.inf
     parameters = search.responses.model.parameters

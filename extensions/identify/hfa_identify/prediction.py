@@ -183,7 +183,7 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """The gain and its slopes by the unknowns; those of the last unknowns are kept."""
+        """The gain and its slopes by the unknowns. Those of the last unknowns are kept."""
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])

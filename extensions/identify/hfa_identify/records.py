@@ -302,6 +302,6 @@ def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    """The values that are present; one 0 where none is."""
+    """The values that are present, or one 0 where there are no values."""
     seen = values[np.isfinite(values)]
     return seen if len(seen) else np.zeros(1)

@@ -66,7 +66,7 @@ def rotations_of(model: Model) -> dict[str, Rotation]:
 
 
 def in_rotating_air(model: Model) -> Model:
-    """Return the model with the states of `ROTATIONS` and the parameter `LAG`; the model itself
+    """Return the model with the states of `ROTATIONS` and the parameter `LAG`, or the model itself
     where it has no rates of rotation."""
     rotations = rotations_of(model)
     if not rotations:

@@ -92,8 +92,8 @@ class Search:
         return thinned
 
     def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
-        """The fit of the thinned records, from values of the unknowns and starts of the records; of
-        the whole records in turbulence, whose gain belongs to their samples."""
+        """The fit of the thinned records, from values of the unknowns and starts of the records. In
+        turbulence the whole records are fitted, because the gain belongs to their samples."""
         if self.responses.turbulent:
             return self.whole(theta, starts)
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses).fit(

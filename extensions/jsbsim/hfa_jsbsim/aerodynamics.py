@@ -134,7 +134,7 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Lift, lb; in frames of JSBSim that of the frame before."""
+        """Lift, lb, or in frames of JSBSim that of the frame before."""
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()

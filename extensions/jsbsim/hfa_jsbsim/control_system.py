@@ -389,7 +389,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """kp u + ki times the integral of u + kd pvdot (`FGPID`); of an integrator ki is c1.
+    """kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
 
     The integral is 0 unless filters are states. Raises LoopError where the pilot reaches it. A
     derivative of the input is 0, as for a steady one.

@@ -420,7 +420,7 @@ def _augmented(
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
-    """The value of one of the engine's functions; the default without it."""
+    """The value of one of the engine's functions, or the default without it."""
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
@@ -488,8 +488,8 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
-    """A table that the engine itself gives the arguments; one of lower dimension takes the first
-    ones. Raises BadInputError where it is of more."""
+    """A table that the engine itself gives the arguments. A table of lower dimension takes the
+    first ones. Raises BadInputError where it is of more."""
     read = read_table(table)
     if read.dimensions > len(arguments):
         fault = f"the table has {read.dimensions} axes, the engine gives it {len(arguments)}"

@@ -76,7 +76,7 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A logarithm; minus infinity where its argument is not positive, as in JSBSim."""
+    """A logarithm, or minus infinity where its argument is not positive, as in JSBSim."""
 
     def value(argument: Any) -> Any:
         positive = argument > 0.0
@@ -86,12 +86,12 @@ def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _sqrt(argument: Any) -> Any:
-    """The square root; minus infinity of a negative number, as in JSBSim."""
+    """The square root, or minus infinity for a negative number, as in JSBSim."""
     return ca.if_else(argument >= 0.0, ca.sqrt(ca.fabs(argument)), -math.inf)
 
 
 def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """A function of two; infinity where the second argument is 0, as in JSBSim."""
+    """A function of two, or infinity where the second argument is 0, as in JSBSim."""
 
     def value(one: Any, other: Any) -> Any:
         is_zero = other == 0.0

@@ -178,7 +178,8 @@ class Properties:
         return self.memories[name].symbol
 
     def before(self, name: str) -> Any:
-        """A property at the end of the frame before; its value where there are no frames."""
+        """A property at the end of the frame before, or its present value where there are no
+        frames."""
         key = plain(name)
         if not self.step:
             return self.read(key, "")
@@ -282,8 +283,8 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """Return the value that a system sets; the default where none does, or where the value
-        depends on its past."""
+        """Return the value that a system sets, or the default where none does or the value depends
+        on its past."""
         self.asked.add(plain(name))
         if self.writer(name) is None:
             return self._initial.get(plain(name), default)

@@ -97,7 +97,7 @@ class Element:
         return self
 
     def need(self, name: str) -> Element:
-        """Return its first child of this name; an error without one."""
+        """Return its first child of this name. It is an error if there is no such child."""
         child = self.find(name)
         if child is None:
             raise self.error(f"<{self.name}> has no <{name}>; add it")
@@ -131,7 +131,7 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """The number of its first child of this name; the default without one."""
+        """The number of its first child of this name, or the default without one."""
         child = self.find(name)
         return default if child is None else child.number(unit)
 

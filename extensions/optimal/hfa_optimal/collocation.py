@@ -160,7 +160,8 @@ def _leading(points: np.ndarray) -> np.ndarray:
 
 
 def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The unknowns of a program: v at the begin; of each interval z at its points, v at its end.
+    """The unknowns of a program: v at the start; for each interval z at its points and v at its
+    end.
 
     z: (N DEGREE, k). v: (N + 1, m)."""
     inner = np.hstack([z.reshape(len(v) - 1, -1), v[1:]])

@@ -227,8 +227,8 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """Return the best flights from initial conditions (N, k), and those of policies; of the
-    finished ones after Ctrl-C."""
+    """Return the best flights from initial conditions (N, k), and those of policies. After Ctrl-C
+    only the finished ones are returned."""
     done: list[StartFlights] = []
     with _interruption() as asked:
         for start in starts:

@@ -325,8 +325,8 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """The proposal of a finer mesh that begins from that of a coarser one; of a mesh that is
-        not adapted to it where IPOPT does not solve that one."""
+        """The proposal of a finer mesh that begins from that of a coarser one, or of an unadapted
+        mesh where IPOPT does not solve that one."""
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = _sampled(guess.at, lengths)

@@ -20,7 +20,7 @@ _VARIES = 1e-9
 
 
 def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Function:
-    """Return the function with each kink smoothed over a part of the spread of its argument; the
+    """Return the function with each kink smoothed over a part of the spread of its argument, or the
     function itself where the points meet no kink.
 
     function: SX, of one column (n,), with one result. points: (N, n), where it is used.

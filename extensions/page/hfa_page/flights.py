@@ -109,7 +109,7 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Each set of limits; of all but the first, those that differ from it."""
+    """Each set of limits. All but the first list only their differences from it."""
     sentences = []
     first: Mapping[str, Sequence[float]] = {}
     for name, pairs in limits.items():

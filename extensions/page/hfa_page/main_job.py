@@ -45,7 +45,7 @@ MOST_ASKED = 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The trim and the linear model at a dihedral angle (rad); of a requested angle the exact
+    """The trim and the linear model at a dihedral angle (rad). A requested angle also has the exact
     solution of the paper's game, and a critic learned with the default law and compared with it.
 
     model, solution, check: None if not computed; `reason` says why.

@@ -168,9 +168,8 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """The moving parts: the ends of the panels, lift, weight, hinges, and their sizes; nothing
-    without a
-    trim."""
+    """The moving parts: the ends of the panels, lift, weight, hinges, and their sizes, or nothing
+    without a trim."""
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels = panels_from_the_front(aircraft, point)

@@ -176,7 +176,7 @@ class AssessedPoint(Result):
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:
-    """The value of the scheduling variable by its key; nothing where the model has none."""
+    """The value of the scheduling variable by its key, or nothing where the model has none."""
     model = point.model
     if not model.schedule:
         return {}

@@ -103,7 +103,7 @@ class BestCosts(Result):
 
 
 def ratios(values: Sequence[float]) -> Ratios | None:
-    """The least, the median and the largest; None of no values."""
+    """The least, the median and the largest, or None without values."""
     if not values:
         return None
     return Ratios(min(values), statistics.median(values), max(values))

@@ -49,7 +49,7 @@ class CostLost(Result):
 
 
 def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
-    """Return the cost above the optimum; a sentence where no optimum exists."""
+    """Return the cost above the optimum, or a sentence where no optimum exists."""
     game = lqr_at(deployed, equilibrium)
     try:
         worst, mean = math.nan, math.nan

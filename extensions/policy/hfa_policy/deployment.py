@@ -233,7 +233,7 @@ class Deployment(Reported):
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each: those of the policy's file, else of the deployment
-        file; infinite without either.
+        file, or infinite without either.
 
         Raises BadInputError where both say one and differ, and where a squashed action has none.
         """

@@ -88,7 +88,7 @@ def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
-    """(X, U before) -> U at its trim, all scalars; with a past (X, U before, past) -> (U, o)."""
+    """(X, U before) -> U at its trim, all scalars, or with a past (X, U before, past) -> (U, o)."""
     model = policy.deployed.model
     sampled = policy.deployed.sampled
     if not sampled.is_a("SXFunction"):

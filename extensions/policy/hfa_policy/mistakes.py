@@ -13,8 +13,8 @@ from hfa_policy.repair_trial import better_repairs
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Return the mistakes that the files show; without any, those whose repair improves the flights
-    clearly. A policy that takes several samples is not searched."""
+    """Return the mistakes that the files show, or without any, those whose repair clearly improves
+    the flights. A policy that takes several samples is not searched."""
     if assessor.deployed.past:
         return
     shown_by_files = list(mistakes_in_files(assessor.deployed, assessor.points))

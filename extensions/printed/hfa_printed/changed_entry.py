@@ -112,7 +112,7 @@ def edits_tried(file: PrintedFile) -> int:
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
-    """Entries of the plant and their texts; of Q and R the upper triangle."""
+    """Entries of the plant and their texts, of Q and R in the upper triangle."""
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
             for column, text in enumerate(texts):

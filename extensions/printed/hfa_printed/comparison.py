@@ -116,8 +116,8 @@ def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The entries of the printed blocks in one row, in the signs of the print, (N,); of a stack of
-    answers a row each."""
+    """The entries of the printed blocks in one row, in the signs of the print, (N,), one row for
+    each answer of a stack."""
     rows = []
     for name in file.answer:
         matrix = answer[name]

@@ -81,7 +81,7 @@ class Plant:
         return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
-        """The plant with another entry; of Q and R its mirror too."""
+        """The plant with another entry, for Q and R with its mirror."""
         if name == "gamma":
             return replace(self, gamma=value)
         matrix = getattr(self, name).copy()
@@ -168,7 +168,8 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
-    """P, K, L, W and, in discrete time, H of the value x'P x; of a stack of plants a stack each."""
+    """P, K, L, W and, in discrete time, H of the value x'P x, each a stack for a stack of
+    plants."""
     gains = policies(plant, P)
     m = plant.R.shape[-1]
     answer = {"P": P, "K": gains[..., :m, :], "L": -gains[..., m:, :], "W": weights_of(P)}
@@ -191,7 +192,7 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 def answer_change(
     plant: Plant, P: np.ndarray, name: str, row: int, column: int
 ) -> Mapping[str, np.ndarray]:
-    """The derivatives of `answer_of` with an entry of the plant; of Q and R with its mirror.
+    """The derivatives of `answer_of` with an entry of the plant, for Q and R with its mirror.
 
     The policies are stationary, so that dP solves Lyapunov's equation of the closed loop."""
     zero = replace(

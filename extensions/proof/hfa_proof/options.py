@@ -59,7 +59,7 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
     start: None = None
 
     def ends(self, family: Family) -> tuple[float, float]:
-        """LOW:HIGH of --at, as typed; refused where no trim can be."""
+        """LOW:HIGH of --at, as typed, refused where no trim can be."""
         if len(self.at or ()) != 2:
             scheduled_name = family.model.schedule or "the scheduling variable"
             raise BadInputError(

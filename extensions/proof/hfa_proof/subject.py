@@ -55,7 +55,7 @@ def _same(stated: Any, own: Any) -> bool:
 
 
 def _numbers(stated: Any) -> np.ndarray:
-    """Return the entries as doubles; an empty array where they are not numbers."""
+    """Return the entries as doubles, or an empty array where they are not numbers."""
     try:
         return np.asarray(stated, dtype=float)
     except (TypeError, ValueError):

@@ -295,7 +295,7 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
 
 
 def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """1 / √P_ii of the exact P, (n,); the units of a state that costs nothing."""
+    """1 / √P_ii of the exact P, (n,), or the unit of a state that costs nothing."""
     diagonal = np.diag(P)
     costs = diagonal * units**2
     known = costs > SMALL * costs.max()

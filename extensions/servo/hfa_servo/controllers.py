@@ -74,7 +74,7 @@ def design_controller(
     progress: Progress | None = None,
 ) -> ScheduledController:
     """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling
-    variable, in one table. They measure the sensors of the design; without any the states.
+    variable, in one table. They measure the sensors of the design, or the states without sensors.
 
     Raises BadInputError for a model that is not scheduled over one of its linear states.
     NoSolutionError names the breakpoint at which there is no trim or no certified controller.

@@ -176,7 +176,7 @@ class ScheduledController(ByValue, Reported):
 
     def gain_schedule(self) -> GainSchedule | None:
         """The gains of a controller that is u = -K(η) x of the states of the linear model, without
-        memory and commands; None of another."""
+        memory and commands, or None for another controller."""
         if self.states or self.commands or self.measurements != self.model.linear:
             return None
         gains = np.zeros((len(self.breakpoints), len(self.model.inputs), len(self.model.linear)))

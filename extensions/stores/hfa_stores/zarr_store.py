@@ -203,7 +203,7 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk and write them to their place; without a path return them.
+    """Compute the rows of a chunk and write them to their place, or return them without a path.
     Compute the rows of one task in a worker process."""
     computed = function(*arguments)
     results = {name: computed[name] for name in names}

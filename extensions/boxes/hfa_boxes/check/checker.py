@@ -116,6 +116,6 @@ def read_content(
 def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; of which run it is is not in its digest."""
+    """Write a certificate. The digest does not cover the run."""
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
     write_sealed(path, KIND, statement.content(), evidence, origin)

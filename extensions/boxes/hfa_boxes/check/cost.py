@@ -43,7 +43,7 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CostInequality(OnPiece):
-    """The inequality of a lower bound; a question for `cover`.
+    """The inequality of a lower bound, as a question for `cover`.
 
     plant: whose limits of states are the envelope
     equilibrium: of states and inputs, enclosed

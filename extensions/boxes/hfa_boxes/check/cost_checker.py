@@ -128,7 +128,7 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
 def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; of which run it is is not in its digest."""
+    """Write a certificate. The digest does not cover the run."""
     evidence = {
         "solved": list(witness.solved),
         "boxes": list(witness.boxes),

@@ -253,7 +253,7 @@ class _Reader:
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """Return the variable of a new or known node; a constant where that is exact."""
+        """Return the variable of a new or known node, or a constant where that is exact."""
         if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
             return {}
         key = _key(kind, rows)

@@ -87,8 +87,8 @@ def flown_costs(
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
 ) -> np.ndarray:
-    """(N,), the cost of flights from z (N, n), by Runge and Kutta's method; inf of those that leave
-    the envelope or have not converged.
+    """(N,), the cost of flights from z (N, n), by Runge and Kutta's method, or inf for those that
+    leave the envelope or have not converged.
 
     weights: Q, R and P of the linear quadratic problem
     gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are the best

@@ -234,8 +234,8 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set, and keep it where it is the largest so far; an error where it is not
-        proved."""
+        """Prove a set, and keep it where it is the largest so far. The result is an error where it
+        is not proved."""
         extents = shape.extents()
         decrease = Decrease(
             self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers

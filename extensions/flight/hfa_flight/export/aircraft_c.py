@@ -106,8 +106,8 @@ def c_model_texts(
 
 
 def _parameters(model: Model) -> str:
-    """Return the parameters as a constant array, one line each; an unused entry for a model without
-    parameters."""
+    """Return the parameters as a constant array, one line each, with one unused entry for a model
+    without parameters."""
     lines = [
         f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
         for name, parameter in model.parameters.items()
@@ -123,7 +123,7 @@ def _policy_function(policy: FunctionPolicy) -> str:
 
 
 def _rates(model: Model) -> ca.Function:
-    """(x, u, w, p) -> dx; of a model without disturbances w is one number without effect."""
+    """(x, u, w, p) -> dx. For a model without disturbances, w is one number without effect."""
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))
     winds = components(w)[: len(model.disturbances)]

@@ -63,7 +63,7 @@ def c_function(
     operations: Mapping[int, str] = OPERATIONS,
 ) -> str:
     """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a
-    dense SX Function; of another type than double where its operations are given too.
+    dense SX Function. Given operations replace those of the type double.
 
     Columns of a matrix come one after the other. One function that it calls, of one argument and
     one result, comes before it. Avoids compiler warnings about empty and unused variables.

@@ -17,7 +17,7 @@ from trim.sweeps.sweep import Sweep
 
 
 class Interpolated(NamedTuple):
-    """Trim and linear model of the sweep's k states at N points; without N at one point.
+    """Trim and linear model of the sweep's k states at N points, or without N at one point.
 
     states: X0, (N, n).
     inputs: U0, (N, m).

@@ -43,7 +43,7 @@ _EPSILON = 1e-5
 
 
 class Layer(NamedTuple):
-    """y = weight x + bias; of a LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
+    """y = weight x + bias; for a LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
 
     name: in the file, without ".weight".
     weight: (k, n), of a LayerNorm (k,).
@@ -220,7 +220,7 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
 def _no_chain(
     name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
 ) -> BadInputError:
-    """The error of a tensor that is not in the chain; of several networks it proposes one."""
+    """The error of a tensor that is not in the chain. For several networks it proposes one."""
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
     networks = roots(tensors)
     if len(networks) < 2:

@@ -26,7 +26,7 @@ _MOST_SCALARS = 200_000
 
 
 def _divided(a: Any, b: Any) -> Any:
-    """a / b; of integers, as ONNX defines it, without the remainder."""
+    """a / b, for integers without the remainder, as ONNX defines it."""
     quotient = a / b
     if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
         return np.trunc(quotient).astype(int)
@@ -109,7 +109,7 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """The parts of x along an axis; without sizes of equal length, the last may be shorter."""
+    """The parts of x along an axis, of equal length without sizes; the last may be shorter."""
     sizes = split if sizes is None else sizes
     if sizes is None:
         length = -(-x.shape[axis] // num_outputs)

@@ -44,7 +44,8 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
 
 def _degree(Q: ca.Function, states: int) -> float:
-    """The largest degree in u of a graph of scalars; infinite where it may be no polynomial in u.
+    """The largest degree in u of a graph of scalars, or infinite where it may be no polynomial in
+    u.
 
     Degrees are added in a product and the larger one counts in a sum, so nothing that cancels is
     seen.

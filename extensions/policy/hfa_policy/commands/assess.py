@@ -71,8 +71,8 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Lowest and highest value of a parameter or an input; of an unknown name anything, which is
-    refused once the actions are known."""
+    """Lowest and highest value of a parameter or an input. For an unknown name it is arbitrary, and
+    is refused once the actions are known."""
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
     return span(model, name, text)

@@ -114,14 +114,14 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _arctangent(y: Any, x: Any) -> Any:
-    """atan2(y, x) = atan(y / x) for x > 0; Undecided for an x that may not be positive."""
+    """atan2(y, x) = atan(y / x) for x > 0. Raises Undecided for an x that may not be positive."""
     if not constant_part(x) > 0:
         raise Undecided("atan2 with a second argument that may not be positive")
     return (y / x).atan()
 
 
 def _power(x: Any, y: Any) -> Any:
-    """x^y = exp(y log x) for x > 0; Undecided for an x that may not be positive."""
+    """x^y = exp(y log x) for x > 0. Raises Undecided for an x that may not be positive."""
     if not constant_part(x) > 0:
         raise Undecided("a power of a base that may not be positive")
     return (y * x.log()).exp()

@@ -30,7 +30,7 @@ def symmetric(radius: Any) -> arb:
 
 
 def matrix(values: Any) -> arb_mat:
-    """A matrix of doubles as exact balls; of decimals in strings as balls that hold them."""
+    """A matrix of doubles as exact balls, or decimals in strings as balls that hold them."""
     entries = np.asarray(values)
     rows, columns = entries.shape
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
@@ -49,7 +49,7 @@ def doubles(values: arb_mat) -> np.ndarray:
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """sqrt(Σ entry²), a ball; of the entries of a matrix the Frobenius norm."""
+    """sqrt(Σ entry²), a ball, for the entries of a matrix the Frobenius norm."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))

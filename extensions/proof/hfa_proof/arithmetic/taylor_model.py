@@ -33,7 +33,7 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """A Taylor model itself; of any other value the model that is that constant."""
+        """A Taylor model itself, or for any other value the constant model."""
         if isinstance(value, TaylorModel):
             return value
         return cls(arb(value) if isinstance(value, int) else value)

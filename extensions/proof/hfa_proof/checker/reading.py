@@ -211,7 +211,7 @@ def rows_of(terms: Terms) -> list[list[Any]]:
 
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
-    """The nested list with `leaf` of each number; Malformed where the shape is another."""
+    """The nested list with `leaf` of each number. Raises Malformed for another shape."""
     if not shape:
         return leaf(where, part)
     require(isinstance(part, list), where, part)

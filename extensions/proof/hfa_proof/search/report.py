@@ -64,8 +64,8 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
-    """Scheduling values as data: of the HFA dihedral_deg; of other models by the name of the
-    scheduling variable."""
+    """Scheduling values as data: dihedral_deg for the HFA, the name of the scheduling variable for
+    other models."""
     if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}

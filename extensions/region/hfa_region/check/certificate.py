@@ -70,5 +70,5 @@ def read_content(
 def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; of which run it is is not in its digest."""
+    """Write a certificate. The digest does not cover the run."""
     write_sealed(path, KIND, statement.content(), witness, origin)

@@ -281,7 +281,7 @@ class _Search:
         return max(length_Q, length_Z) > _SHORTEST_STEP
 
     def _direct(self, factors: object, product: float, *, corrected: bool) -> np.ndarray:
-        """The step towards Q Z = product 1; that of f."""
+        """The step towards Q Z = product 1, that of f."""
         side = -self._slope
         for part in self.parts:
             side = side + part.aim(product, corrected=corrected)

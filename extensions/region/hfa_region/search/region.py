@@ -163,8 +163,8 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """Return V of the largest region so far, with its proved level 1; the given one without a
-        region."""
+        """Return V of the largest region so far, with its proved level 1, or the given one without
+        a region."""
         if self.best is None:
             return V
         statement = self.best.statement
@@ -190,8 +190,8 @@ class RegionSearch:
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
-        """The first candidate of which a level is proved, those of the largest sampled sets first;
-        where none is, the first."""
+        """The first candidate of which a level is proved, those of the largest sampled sets first,
+        or the first where no level is proved."""
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
             if self._prove(V, 1.0, origin, self._settings[0]):

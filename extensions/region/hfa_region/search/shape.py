@@ -130,7 +130,7 @@ class _Step:
         problem.subtract(identity, 0, half - degree, beyond)
 
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
-        """(s - low) (s - high) / |low high| in y, s = row z; with one end that end twice."""
+        """(s - low) (s - high) / |low high| in y, s = row z, with a single end taken twice."""
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
         slopes = row @ self.search.T
