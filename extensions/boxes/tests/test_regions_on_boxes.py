@@ -369,3 +369,15 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
     loop = Loop(model, {}, dict.fromkeys(names, 0.0), {}, {}, {}, none)
     with pytest.raises(NoSolutionError, match="rate of rate has a kink in rate at the equil"):
         RegionSearch(loop, "", [], seconds=0.2).found()
+
+
+def test_a_set_beyond_a_limit_is_made_smaller() -> None:
+    """The search tries the part of a set that reaches a limit and does not pass it."""
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
+    search = RegionSearch(loop, "", [], seconds=1.0)
+    for reach, expected in ((0.7, 0.6), (0.5, 0.5)):
+        shape = Shape.of_matrix(np.eye(1) / reach**2, search.J, 2)
+        part = search._part(shape, 1.0)
+        assert part.extents().ends[0, 1] == pytest.approx(expected, rel=2e-3)
+        assert part.extents().ends[0, 1] < 0.6
