@@ -156,7 +156,8 @@ def test_missing_samples_and_two_records_count():
 
 
 def test_what_the_record_does_not_move_is_named():
-    result = identify(begun(), record(), (*FREE, "Cn_r"))
+    half = {name: column[:100] for name, column in record().items()}
+    result = identify(begun(), half, (*FREE, "Cn_r"))
     assert not result.ok
     assert result.undetermined == {"Cn_r": "yaw_rate"}
     assert "not determined by the records: Cn_r" in result.first_line
@@ -357,7 +358,7 @@ def test_errors_of_sensors_are_estimated():
 def test_steps_of_inputs_are_told_from_slopes():
     """Inputs that a computer holds, read as if they were linear between samples."""
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
-    columns = flown_in_steps({"elevator": moves}, 8)
+    columns = flown_in_steps({"elevator": moves}, 5)
     linear = identify(begun(1.2), columns, FREE)
     assert linear.first_line == "FAIL: inputs are steps between their samples; add --inputs steps"
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
