@@ -290,8 +290,7 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 
 
 def show(data: Mapping[str, Any]) -> None:
-    """Write the tables of both pages: a missed target stands on the first, a new row on the
-    second."""
+    """Write the tables of both pages: a missed target is on the first, a new row on the second."""
     first, second = (page.read_text("utf-8") for page in PAGES)
     on_first = [
         each

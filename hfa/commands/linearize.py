@@ -124,7 +124,7 @@ def _with_winds(
     aircraft: the model
     point: its trim
     outputs: of the linear model
-    kept: the states that the user asks for
+    kept: the requested states
 
     Without winds where one of them moves a state that is not kept but acts on one that is: a model
     of the kept states has no column for that. The HFA always has its winds.

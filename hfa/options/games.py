@@ -211,7 +211,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
     def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Whose Q, R and delta are: of an option, of a file, or else."""
+        """Origin of Q, R and delta: an option, a file, or the default."""
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
         whose |= {name: "file" for name in of_file if name in whose}
         return whose | dict.fromkeys(self.changed_weights(), "given")

@@ -257,7 +257,7 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
 
 
 def _agreeing(sums: Sequence[float]) -> int:
-    """How many starts end at the best sum of squares."""
+    """Return the number of starts that end at the best sum of squares."""
     return sum(value < min(sums) * (1 + 1e-6) + 1e-9 for value in sums)
 
 

@@ -61,7 +61,7 @@ def write_page(rows: Sequence[dict[str, Any]]) -> None:
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:
-    """How many aircraft were trimmed, and how well, in sentences."""
+    """Return the number of trimmed aircraft and the residuals, in sentences."""
     first = [row["points"][: len(SPEEDS)] for row in rows if row["points"]]
     own_points = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
     residuals = [

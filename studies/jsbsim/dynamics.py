@@ -80,8 +80,8 @@ def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str
 
 
 def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, str]:
-    """How many entries of A and B agree with central differences of JSBSim's accelerations to 1e-6
-    (of 1, or of the entry), how many there are, and the worst one."""
+    """Return the number of entries of A and B that agree with central differences of JSBSim's
+    accelerations to 1e-6 (of 1, or of the entry), the number of all entries, and the worst one."""
     state = point.states._asdict()
     inputs = point.inputs._asdict()
     columns = [*_STATES, *inputs]
@@ -110,7 +110,7 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
 
 
 def _step(model: Model, name: str) -> float:
-    """How far a state or an input is moved for a difference: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
+    """Steps of states and inputs in differences: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
     if name == "speed":
         return 10.0 * _STEP
     if model.unit(name) == "1":

@@ -64,7 +64,7 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """States (seconds, n) of ours at each full second, from JSBSim's state after its rest."""
+    """States (seconds, n) of ours at each full second, from JSBSim's settled state."""
     equations: Any = model.equations
     frames = equations.jsbsim_steps(_STEP)
     commands = dict(flight["commands"])

@@ -44,7 +44,7 @@ _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0: every flight was simulated. 1: a law of this project lost the aircraft. 2: bad
+    """Exit code 0: every flight was simulated. 1: a law of this project left the envelope. 2: bad
     usage."""
     parser = argparse.ArgumentParser("python -m studies.section5", description=__doc__)
     parser.add_argument(

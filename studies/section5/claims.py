@@ -288,7 +288,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
     """A claim measured for every law, with verdict and reason, ready for JSON; None is a number
     that is not finite.
 
-    A law whose flight was lost does not fulfil the claim, whatever the number would be.
+    A law whose flight left the envelope does not fulfil the claim, whatever the number would be.
     """
     limit = claim.limit
     if isinstance(limit, str):

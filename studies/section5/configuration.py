@@ -24,9 +24,9 @@ class PaperFlight:
     command x_d and the disturbance d, 1.1 times the printed amplitudes; 5.4, the noise n that is
     added to the measured states and nothing else.
 
-    The print has lost all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t)
-    of the speed's command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha,
-    0.5 rad of the dihedral."""
+    The print lacks all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t) of
+    the speed's command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5
+    rad of the dihedral."""
 
     INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
     REFERENCE = Waveform(

@@ -142,7 +142,7 @@ class _Panels:
     by: str = "law"
 
     def label(self, record: FlightRecord) -> str:
-        """How a flight is called in a legend."""
+        """Return the name of a flight in a legend."""
         dA = record.plan.uncertainty
         name = record.plan.law if self.by == "law" else f"ΔA = {dA:+g} A" if dA else "ΔA = 0"
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"

@@ -268,7 +268,8 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """The flight up to the last step at which it is not lost, and when it is (inf: never)."""
+    """The flight up to the last step inside the envelope, and the time of departure (inf:
+    never)."""
     limit = configuration.flight.lost_beyond
 
     def sound_rows(bounded: np.ndarray, memory: np.ndarray) -> np.ndarray:

@@ -118,7 +118,8 @@ def flight_metrics(
 def learning_metrics(
     times: np.ndarray, critic: Critic, residual: np.ndarray, T_w: float, lost_at: float
 ) -> dict[str, Any]:
-    """How the critic learned within the learning time T_w, s, whose last tenth is called the end.
+    """Return the progress of the critic within the learning time T_w, s, whose last tenth is called
+    the end.
 
     residual: (N,), at the simulated error. path_share: share of the length of the path of W that
     lies before T_w. late_update: largest update of a tick after T_w over the largest before.

@@ -1,5 +1,5 @@
-"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they ask
-for.
+"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they
+need.
 
 It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`,
 `advance` and `observe` that `controller.run` runs, and `conclude` turns its last weights into P and
@@ -340,7 +340,7 @@ class PublishedLaw:
 
     @property
     def facts(self) -> dict[str, float]:
-        """λ₀, the gains and the step that they ask for, at the start."""
+        """λ₀, the gains and the step that they need, at the start."""
         alpha1, alpha2 = self.gains
         named = {"lambda_0": self.theorem.lambda_0, "alpha1": alpha1, "alpha2": alpha2}
         return named | {"explicit_step_limit": self.explicit_step_limit}

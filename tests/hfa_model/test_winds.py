@@ -35,8 +35,8 @@ def inertial(x: State, rate: State) -> np.ndarray:
 
 
 def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np.ndarray:
-    """How far accelerations in uniform steady wind are from those in still air, (4,), the largest
-    of many states."""
+    """Return the largest difference of the accelerations in uniform steady wind from those in still
+    air, (4,), over many states."""
     worst = np.zeros(4)
     for state, control in zip(*random_points(100, seed=5), strict=True):
         x = State(*state.tolist())

@@ -14,7 +14,7 @@ from hfa_support.files import LARGEST, read_json, read_toml
 
 @pytest.mark.parametrize("read", [read_json, read_toml])
 def test_a_fifo_and_a_device_are_refused(tmp_path: Path, read) -> None:
-    """A fifo and a device do not keep us waiting."""
+    """A fifo and a device are refused without waiting."""
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path / "fifo", "/dev/zero"):
         with pytest.raises(OSError, match="not a regular file"):

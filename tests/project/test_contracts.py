@@ -61,7 +61,7 @@ def test_contracts_name_every_package() -> None:
 
 
 def test_only_imports_for_types_are_ignored() -> None:
-    """An import that a contract ignores stands under `if TYPE_CHECKING` and nowhere else."""
+    """An import that a contract ignores is under `if TYPE_CHECKING` and nowhere else."""
     ignored = [line for each in CONTRACTS for line in each.get("ignore_imports", [])]
     assert len(ignored) == 2
     for line in ignored:

@@ -142,7 +142,7 @@ _SEEN: set[tuple[str, ...]] = set()
 
 
 def assert_published(text: str) -> None:
-    """JSON with every key known and of its type; once for each set of keys."""
+    """JSON with every key known and of its type, once for each set of keys."""
     data = json.loads(text)
     shape = (str(data.get("schema")), *data)
     if shape not in _SEEN:

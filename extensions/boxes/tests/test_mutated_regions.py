@@ -49,7 +49,7 @@ def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
 
 
 def policy_of(kind: str) -> ca.Function | None:
-    """The user's policy; None for a gain, which the certificate has."""
+    """The user's policy, or None for a gain, which the certificate contains."""
     z = ca.SX.sym("z")
     trim = ca.SX.sym("trim", 4)
     if kind == "network":

@@ -263,8 +263,8 @@ def test_the_thrust_line_acts_on_the_phugoid(mode):
 
 
 def half_a_digit(value):
-    """Half a unit of the last digit in which a number of a table is written; of a moment of inertia
-    that of the third."""
+    """Half a unit of the last digit in which a number of a table is written, for a moment of
+    inertia of the third."""
     if abs(value) > 1000.0:
         return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
     decimals = len(repr(value).partition(".")[2].rstrip("0"))

@@ -103,7 +103,7 @@ def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
 
 
 def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
-    """Only the diagnosis asks for the answer in continuous time."""
+    """Only the diagnosis uses the answer in continuous time."""
     game = game_at(15.0).with_delta(110.0)
     exact = solve_discounted(game, 0.9, 0.01)
     assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok

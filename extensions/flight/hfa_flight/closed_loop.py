@@ -261,7 +261,7 @@ class ClosedLoop:
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """t, y and the held inputs to write the loop out in."""
+        """Return symbols of t, y and the held inputs, in which the loop is written."""
         y = ca.SX.sym("y", sum(self.state_sizes))
         held = ca.SX.sym("held", sum(self.held_sizes))
         return ca.SX.sym("t"), y, held

@@ -28,7 +28,7 @@ class Gust:
         return {UPDRAFT: ca.SX(self.updraft(t))}
 
     def updraft(self, t: Any) -> Any:
-        """w at t; expressions or numbers."""
+        """w at t, for expressions or numbers."""
         raise NotImplementedError
 
     def left_out(self, model: Model) -> list[str]:
@@ -82,6 +82,6 @@ class OneMinusCosine(Gust):
         return self.begin + self.length / self.speed
 
     def updraft(self, t: Any) -> Any:
-        """w at t; expressions or numbers."""
+        """w at t, for expressions or numbers."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))

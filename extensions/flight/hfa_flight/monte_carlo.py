@@ -114,7 +114,8 @@ class MonteCarlo(StatesAndInputs, Reported):
 
     @property
     def least_within(self) -> int:
-        """How many members must stay within their limits: one of a scenario, all drawn aircraft."""
+        """Return the number of members that must stay within their limits: one of a scenario, all
+        drawn aircraft."""
         return 1 if self.spread is None else self.members
 
     @cached_property

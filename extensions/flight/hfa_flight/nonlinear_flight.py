@@ -263,8 +263,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Alpha of the center of mass through the air, absolute, (N,), rad; alpha itself in still
-        air."""
+        """Alpha of the center of mass through the air, absolute, (N,), rad, or alpha itself in
+        still air."""
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
 

@@ -167,8 +167,8 @@ class CompiledLoop:
         done: int,
         stop: Callable[[Deviations], np.ndarray] | None,
     ) -> np.ndarray:
-        """Return the mask of the steps begin ... done that end the flight; NoSolutionError as of
-        `fly`."""
+        """Return the mask of the steps begin ... done that end the flight; Raises NoSolutionError
+        like `fly`."""
         if stop is not None:
             return stop(self._flight(rows, columns, begin, done))
         lost = ~np.isfinite(self.loop.parts(rows[begin : done + 1]).plant).all(axis=1)

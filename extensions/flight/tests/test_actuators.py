@@ -1,5 +1,5 @@
-"""Actuators: lags that respect their limits, and how much lag the linear policy stands, as
-docs/nonlinear.md says."""
+"""Actuators: lags that respect their limits, and the lag that the linear policy tolerates, as in
+docs/nonlinear.md."""
 
 from __future__ import annotations
 
@@ -157,6 +157,7 @@ def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None
 def test_flights_of_200_s_confirm_the_largest_lag(
     weights: str,
 ) -> None:
-    """Flights of 200 s hold at the stated lag and are lost at a little more."""
+    """Flights of 200 s stay inside the envelope at the stated lag and leave it at a slightly larger
+    one."""
     limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

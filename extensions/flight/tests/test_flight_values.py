@@ -32,7 +32,7 @@ def test_steps_of_an_input_give_the_step_response() -> None:
 @pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])
 def test_every_kind_of_policy_flies(kind: str) -> None:
     """A gain as an array, a solution, a critic and two Python functions fly the same loop; the
-    functions are asked once a tick."""
+    functions are evaluated once a tick."""
     game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
     solution = hfa.solve_game(game)
     K = solution.K

@@ -282,7 +282,7 @@ def test_members_beyond_control_limits_counted_and_input_named(
 
 
 def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
-    """10,000 flights of 0.02 s were one chunk: 0 % for 22 s, then 100 %."""
+    """Before, 10,000 flights of 0.02 s were one chunk: progress was 0 % for 22 s, then 100 %."""
     short = replace(plan.scenario, duration=0.02)
     many = replace(plan, scenario=short, members=10_000)
     assert 8 <= many.members / chunk_of(many) <= 100

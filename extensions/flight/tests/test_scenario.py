@@ -121,7 +121,7 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
 
 
 def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
-    """Noise and air are as strong as asked for."""
+    """Noise and turbulence have the requested strength."""
     members = [plan.member(number) for number in range(200)]
     noise = np.stack([each.samples for each in members])
     deviation = noise.std(axis=(0, 1))

@@ -41,7 +41,7 @@ def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGa
 
 
 def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, np.ndarray]:
-    """u and ∂u/∂z where the command rests at an angle, (5,) and (5, 6)."""
+    """u and ∂u/∂z for a constant command of an angle, (5,) and (5, 6)."""
     commands = CommandSteps(
         ("dihedral",), np.zeros(1), np.radians([[degrees]]) - policy.path.base.states.dihedral
     )

@@ -39,7 +39,7 @@ def test_other_frames_are_those_of_jsbsim(name):
 
 @pytest.mark.parametrize("source", ["attitude/phi-rad", "fcs/slow"])
 def test_actuator_with_play_begins_as_in_jsbsim(tmp_path, source):
-    """With play, the place of rest depends on the first frames: filters begin at 0, actuators at
+    """With play, the equilibrium depends on the first frames: filters begin at 0, actuators at
     their input."""
     slots = component(
         '<lag_filter name="fcs/slow"> <input>attitude/phi-rad</input> <c1>5</c1> </lag_filter>'

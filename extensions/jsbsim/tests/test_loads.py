@@ -126,7 +126,7 @@ WASHOUT = (
 
 
 def test_a_washout_is_state_where_that_is_asked(tmp_path):
-    """A washout is a state where that is asked."""
+    """A washout is a state where that is requested."""
     control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
     path = written(tmp_path, glider(LIFT + REST + damper, control))

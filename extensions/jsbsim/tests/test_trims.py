@@ -69,7 +69,7 @@ def test_the_speed_of_the_propeller_is_a_mode():
 
 @needs_jsbsim
 def test_governed_propeller_may_rest_at_limit_of_blades():
-    """A governed propeller may rest at the limit of its blades."""
+    """A governed propeller may settle at the limit of its blades."""
     model = load_model("jsbsim:c182")
     fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))
     slow = find_operating_point(model, condition_of(model, kcas=60.0, altitude=1000.0))

@@ -99,8 +99,8 @@ def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
 
 
 def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
-    """A rest point a millionth of the box off trim is one more error: the cost decides the grade,
-    and stands first."""
+    """An equilibrium a millionth of the box off trim is one more error: the cost decides the grade,
+    and is printed first."""
     offset = 1e-6 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))

@@ -261,7 +261,7 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
 
 
 def test_the_lines_of_the_readme_judge_a_policy() -> None:
-    """One input: the line as it is printed; without its activation the error has the line."""
+    """The line of an input as printed; without the activation the error contains it."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     K = solve_game(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)

@@ -51,7 +51,7 @@ FEASIBLE = 1e-6
 
 
 class Proposal(NamedTuple):
-    """A flight as collocation has it; it is believed once it was flown.
+    """A flight in collocation; it is believed once it was flown.
 
     lengths: (N,), s, of the intervals.
     start: (k,), z at the begin.

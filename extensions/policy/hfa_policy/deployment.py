@@ -204,7 +204,7 @@ class Deployment(Reported):
 
     @cached_property
     def actor(self) -> Actor:
-        """The network, read; BadInputError as of `read_actor`."""
+        """The network, read; Raises BadInputError like `read_actor`."""
         with said_of(self.origin):
             sizes = (len(self.observation), self.history, len(self.action))
             return read_actor(self.policy, self.folder, *sizes)

@@ -191,7 +191,8 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """Return the departure of a lost episode: the state, its limit and the time."""
+        """Return the departure of an episode that left its limits: the state, its limit and the
+        time."""
         time = float(self.done[number] * self.deployed.deployment.dt)
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():
@@ -294,7 +295,7 @@ class EpisodeAir:
     def __init__(
         self, turbulence: Turbulence, points: Sequence[OperatingPoint], count: int, dt: float
     ) -> None:
-        """BadInputError as of `Turbulence.air`."""
+        """Raises BadInputError like `Turbulence.air`."""
         airs = [turbulence.air(point, dt, 1, 0) for point in points]
         filters = [AirFilter.of(air) for air in airs]
         self.names = airs[0].names

@@ -115,8 +115,8 @@ def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolic
 def flown_deployment(
     deployment: Deployment, point: OperatingPoint, name: str = "deployment"
 ) -> DeployedPolicy:
-    """The policy of a deployment about a trim; warns of mistakes that its files show. BadInputError
-    as of `refuse_undefined_at`."""
+    """The policy of a deployment about a trim; warns of mistakes that its files show. Raises
+    BadInputError like `refuse_undefined_at`."""
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_card(deployed, [point]):

@@ -74,7 +74,7 @@ class _Observed(NamedTuple):
         return self._leaves_limits(record, is_absolute)
 
     def fits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the training may have seen it."""
+        """Return whether the training may have seen the observation."""
         if record.is_of_many:
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)

@@ -110,7 +110,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_rest_is_where_flight_of_200_s_ends(name):
-    """The rest is where a flight of 200 s ends."""
+    """The equilibrium is the end of a flight of 200 s."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)

@@ -1,4 +1,5 @@
-"""The delay at which the sampled loop is lost is that at which flights are lost, to the sample."""
+"""The sampled loop is unstable from the same delay on at which flights leave the envelope, to the
+sample."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ SMALL = 1e-6
 
 def is_lost(name, point, equilibrium, delay):
     """Return whether a small deviation of a flight grows: in its last half, or a hundred times at
-    any time. It is the difference of two flights, one of which begins in the point of rest."""
+    any time. It is the difference of two flights, one of which begins in the equilibrium."""
     deployment = card(name)
     deployed = deployment.on(aircraft(name))
     parts = parts_of_a_sample([point], deployment.dt)
@@ -49,7 +50,7 @@ def is_lost(name, point, equilibrium, delay):
     ],
 )
 def test_delay_that_is_lost_is_that_of_flights(name, number):
-    """The delay that is lost is that of flights."""
+    """The unstable delay is that of flights."""
     deployment = card(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)

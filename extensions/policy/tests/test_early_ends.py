@@ -22,7 +22,7 @@ STARTS = 100
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
 def test_flights_that_end_early_are_classified_right(name, late):
-    """The td3 policy has swings that grow by a percent in 5 s, and are lost in the end."""
+    """The TD3 policy has swings that grow by a percent in 5 s, and leaves the envelope in the end."""
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
     assessor = Assessor(deployment.on(aircraft(name)), trims(name), STARTS, seed=77)

@@ -102,7 +102,7 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
 
 
 def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
-    """A sample pays its cost and who leaves pays the rest."""
+    """A sample pays its cost, and an episode that leaves pays the remaining cost."""
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}

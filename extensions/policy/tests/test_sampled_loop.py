@@ -144,7 +144,7 @@ def test_costs_are_those_of_scipy(scale):
 
 
 def test_loop_of_wrong_sign_is_lost_without_delay(case):
-    """A loop of the wrong sign is lost without delay."""
+    """A loop of the wrong sign is unstable without delay."""
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
     action = {**deployed.deployment.action, "elevator": flipped}

@@ -116,7 +116,7 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that rests elsewhere is not flown to its end."""
+    """A flight that settles elsewhere is not simulated to its end."""
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])

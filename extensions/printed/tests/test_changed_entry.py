@@ -19,7 +19,7 @@ ANOTHER_PLANT = "the answer belongs to another plant"
 
 @pytest.fixture
 def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
-    """The class of a file and its reason; of a plant without an answer the error."""
+    """The class of a file and its reason, or the error for a plant without an answer."""
 
     def judge(text: str) -> tuple[str, str]:
         path = tmp_path / "printed.toml"

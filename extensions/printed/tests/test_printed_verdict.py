@@ -343,7 +343,7 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
 
 
 def test_time_that_every_digit_fits_is_asked_for(verdict_of):
-    """A time that every digit fits is asked for."""
+    """A time that every digit fits is requested."""
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
     verdict = verdict_of(text.replace('"continuous"', '"discrete"'))

@@ -61,7 +61,7 @@ class Family(NamedTuple):
     answer: x -> the answer. Raises NoSolutionError where none exists.
     starts: where a search of x begins, or none for one game alone.
     is_lqr: whether it is the game without disturbance.
-    plausible: the least and the largest x that somebody would choose on this plant, or None for any
+    plausible: the least and the largest x that are usual on this plant, or None for any
         between the starts or as far beyond them.
     """
 

@@ -74,7 +74,8 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
 
 
 def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
-    """The levels of one cut, and the first lost starts in its plane."""
+    """Draw the levels of one section, and the first initial conditions in its plane that do not
+    converge."""
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]

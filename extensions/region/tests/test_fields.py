@@ -170,7 +170,8 @@ def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
 
 
 def test_outcomes_of_starts_are_told_apart() -> None:
-    """A double integrator that returns late is not lost; what goes beyond a limit is not either."""
+    """A double integrator that converges late counts as converged; what goes beyond a limit is not
+    either."""
 
     def two(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"x": x.v, "v": u.a}, {}

@@ -108,8 +108,8 @@ def commanded_policy(
 def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> Steering:
-    """Return the controller with the command filter as states, v = the commands. BadInputError as
-    of `commanded_policy`."""
+    """Return the controller with the command filter as states, v = the commands. Raises
+    BadInputError like `commanded_policy`."""
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)
     units = {name: signal_unit(model, name) for name in names}

@@ -391,8 +391,8 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
 def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
     """The controller or the schedule of gains of a file.
 
-    A controller that is u = -K(η) x of the states of the linear model is a schedule too.
-    BadInputError as of `load_controller` and `load_gain_schedule`."""
+    A controller that is u = -K(η) x of the states of the linear model is a schedule too. Raises
+    BadInputError like `load_controller` and `load_gain_schedule`."""
     if path.suffix.lower() == ".npz" and _is_controller(read_arrays(path)):
         controller = load_controller(path, model)
         return controller.gain_schedule() or controller

@@ -38,7 +38,8 @@ ANGLES = np.radians([9.0, 11.0])
 
 
 def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
-    """The closed loop of the design's own plant and its controller at 11 deg, commands at rest."""
+    """The closed loop of the design's own plant and its controller at 11 deg, with constant
+    commands."""
     model = model_at(11.0)
     found = controller_at(aircraft, model, design)
     told: list[tuple[int, int]] = []

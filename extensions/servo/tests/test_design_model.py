@@ -153,7 +153,8 @@ def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Gam
 def test_loop_of_servo_brings_integrated_outputs_to_zero(
     published_aircraft: Model,
 ) -> None:
-    """A constant disturbance of the input is rejected: the integrals' inputs vanish at rest."""
+    """A constant disturbance of the input is rejected: the integrals' inputs vanish in the steady
+    state."""
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
     K = solve_game(built.game()).K
     closed = built.A - built.B @ K

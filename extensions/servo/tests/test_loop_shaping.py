@@ -222,7 +222,7 @@ def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
     """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
-    nothing, and at rest both outputs are where the command is."""
+    nothing, and in the steady state both outputs equal the command."""
     design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)
     controller = servo("published", (11.0,))

@@ -74,7 +74,7 @@ def mixed_sensitivity(seed: int) -> GeneralizedPlant:
 
 
 def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
-    """delta_min; from 0 to inf where rounding leaves all of it open."""
+    """delta_min, or from 0 to inf where rounding leaves all of it open."""
     try:
         return plant.minimum_delta()
     except NoSolutionError as refusal:

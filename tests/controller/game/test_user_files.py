@@ -109,7 +109,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
 
 
 def test_structures_are_read_where_nothing_stands_outside() -> None:
-    """A structure is looked into only where nothing stands outside."""
+    """A structure is inspected only where nothing is outside."""
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
     with pytest.raises(BadInputError, match="there is no B"):

@@ -37,7 +37,7 @@ def named(certificate: Certificate) -> dict[str, Check]:
 
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
-    """The tests of `certified_solution` on somebody else's P."""
+    """The tests of `certified_solution` on a P from elsewhere."""
     form = NormalForm.of(game)
     back = np.linalg.inv(form.T)
     X = back.T @ P @ back
@@ -186,8 +186,8 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
 
 
 def test_a_value_without_stabilization_is_another() -> None:
-    """0 is a root then too, but not the one whose policy brings the state to rest: a P = 2 a /
-    s."""
+    """0 is a root then too, but not the one whose policy brings the state to equilibrium: a P = 2 a
+    / s."""
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 

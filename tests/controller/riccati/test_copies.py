@@ -44,7 +44,7 @@ def is_solved(game: Game) -> bool:
 
 
 def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
-    """How many copies there were, how many verdicts were the opposite, how many became open."""
+    """Return the numbers of copies, of opposite verdicts and of open ones."""
     counts: Counter[str] = Counter()
     for seed, game in enumerate(games):
         smallest = minimum_delta(game)

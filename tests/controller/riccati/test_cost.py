@@ -31,7 +31,7 @@ def test_a_value_off_by_a_millionth_is_noticed(
 
 
 def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
-    """Policies that do not come to rest have no cost."""
+    """Policies that do not converge have no cost."""
     game, P = first
     check = cost_check(game, -P, INITIAL)
     assert not check.ok

@@ -27,7 +27,7 @@ def truth(delta: float) -> Answer:
 
 
 def test_the_bracket_is_as_narrow_as_asked() -> None:
-    """The bracket of sure answers is as narrow as asked."""
+    """The bracket of sure answers is as narrow as requested."""
     for begin in (0.1, 1.0, 3e5):
         value, refused, ending = smallest_delta(truth, begin, 1e-6)
         assert refused <= EXACT < value <= refused * (1.0 + 1e-6)

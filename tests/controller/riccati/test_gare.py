@@ -126,7 +126,7 @@ def test_double_eigenvalue_and_no_cost_at_all() -> None:
 
 
 def test_an_unstable_costless_mode_is_stabilized() -> None:
-    """Unstable mode outside the cost is brought to rest."""
+    """An unstable mode outside the cost is brought to equilibrium."""
     P = solve_game(Game([[0.5]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], math.inf)).P
     assert P[0, 0] == pytest.approx(1.0, rel=FEW_ROUNDINGS)  # least energy: p = 2 a
 

@@ -196,8 +196,8 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """How the solver does on a game. Raises AssertionError when it accepts a wrong solution, or
-    names a wrong cause."""
+    """Return the result of the solver on a game. Raises AssertionError when it accepts a wrong
+    solution, or names a wrong cause."""
     game = sample.game
     label = f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
@@ -225,7 +225,7 @@ def _exists(game: Game, delta: float) -> bool:
 
 
 def _bracket(sample: Sample) -> str:
-    """How the bracket of delta_min does on a game."""
+    """Return the result of the bracket of delta_min on a game."""
     game = sample.game
     try:
         smallest = minimum_delta(game)

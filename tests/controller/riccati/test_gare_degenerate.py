@@ -1,5 +1,5 @@
-"""Degenerate games by name: each is solved as the 60-digit reference has it, or refused with the
-true cause."""
+"""Degenerate games by name: each is solved like the 60-digit reference, or refused with the true
+cause."""
 
 from __future__ import annotations
 

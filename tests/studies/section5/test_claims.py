@@ -133,8 +133,8 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """The four flights of 5.3 under the exact law with these numbers, the last one lost at
-    `lost_at`."""
+    """The four flights of 5.3 under the exact law with these numbers, the last one leaving the
+    envelope at `lost_at`."""
     plans = [
         FlightPlan(5.0, EXACT, factor) for factor in EMPTY.setting.configuration.uncertainty.factors
     ]
@@ -230,7 +230,7 @@ def test_claims_about_print_are_those_of_printed_matrices() -> None:
 def test_flight_fails_when_it_lost_or_critic_refused(
     law: str, certified: bool, lost_at: float | None, failed: bool
 ) -> None:
-    """A flight fails when it is lost or its critic is refused."""
+    """A flight fails when it leaves the envelope or its critic is refused."""
     flight = {
         "name": "planted",
         "law": law,

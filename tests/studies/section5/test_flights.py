@@ -252,8 +252,8 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
-    """The angle of attack misses its command whatever the lost signs are, and docs/experiments.md
-    says by how much."""
+    """The angle of attack misses its command whatever the missing signs are, by the amounts in
+    docs/experiments.md."""
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}

@@ -46,8 +46,8 @@ def test_a_case_is_flown_kept_and_resumed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """In 15 s of the fault the paper's policy is lost as findings.md has it; --resume flies nothing
-    again."""
+    """In 15 s of the fault the paper's policy leaves the envelope, as in findings.md; --resume
+    flies nothing again."""
 
     def run(*words: str, code: int = 0) -> str:
         # The words of the command are read from there.

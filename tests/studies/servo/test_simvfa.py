@@ -37,8 +37,8 @@ ANGLES = np.radians([0.0, 11.0, 20.0])
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, order: int) -> None:
-    """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law asks
-    for.
+    """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law
+    requires.
 
     Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; its stability proof does not
     cover slower ones."""

@@ -123,7 +123,7 @@ def test_a_network_flies_within_control_limits() -> None:
 
 
 def test_a_verdict_has_three_grades(game: Game) -> None:
-    """Exact; near, where the loop is stable and 1 % of cost is not lost; fail beyond it."""
+    """Exact; near, where the loop is stable and less than 1 % of cost is lost; fail beyond it."""
     grades = {
         "exact": from_gain(game, gain(game)),
         "near": from_gain(game, 1.002 * gain(game)),

@@ -178,7 +178,7 @@ def exported_loop(
 
 
 def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Channel]:
-    """Positions and, of order 2, rates."""
+    """Positions, and rates for order 2."""
     channels = []
     order = 0 if actuators is None else actuators.order
     if order >= 1:

@@ -47,7 +47,7 @@ def flown(on: FlownCase, scenario: Scenario) -> Flight:
 
 
 def seen(z: ca.SX) -> Measurements:
-    """An error z from a reference at rest, no actuators."""
+    """An error z from a constant reference, no actuators."""
     return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 

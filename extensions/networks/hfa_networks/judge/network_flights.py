@@ -74,8 +74,8 @@ class Loop(Protocol):
         """Return the equilibrium near z = 0, (n,), or None without one."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the rest point, (n,), and the cost, or None where V* about the rest point
-        has not come down."""
+        """The end less the equilibrium, (n,), and the cost, or None where V* about the equilibrium
+        has not decreased."""
 
 
 class TimeAxis(Protocol):
@@ -199,7 +199,7 @@ def _radius(matrix: np.ndarray) -> float:
 
 
 def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
-    """z -> (u - u*)' price (u - u*), u - u* less its value at the rest point."""
+    """z -> (u - u*)' price (u - u*), u - u* less its value at the equilibrium."""
     at_rest = np.array(policy(rest)).ravel() + K @ rest
 
     def cost(z: ca.SX) -> ca.SX:
@@ -238,8 +238,8 @@ class _FlowLoop:
         return self._bound.results[0]
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end, less the rest point, and the cost, or None where V* about the rest point has not
-        come down to `RETURNED`."""
+        """The end less the equilibrium, and the cost, or None where V* about the equilibrium has
+        not decreased to `RETURNED`."""
         from scipy.integrate import odeint
 
         if self.rest is None:
@@ -295,10 +295,10 @@ class _StepLoop:
         self.rest = rest
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the rest point, and the cost.
+        """The end less the equilibrium, and the cost.
 
-        None where V* about the rest point has come down neither to `RETURNED` nor to twice what
-        the exact policy leaves, which after the most steps may be more.
+        None where V* about the equilibrium has decreased neither to `RETURNED` nor to twice the
+        remainder of the exact policy, which after the most steps may be larger.
         """
         if self.rest is None:
             return None

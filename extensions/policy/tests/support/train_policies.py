@@ -66,7 +66,7 @@ def aircraft(name):
 
 
 class Flight(gymnasium.Env):
-    """Ten seconds about a trim, as the deployment file has it; the reward is 1 less the cost."""
+    """Ten seconds about a trim, as in the deployment file; the reward is 1 less the cost."""
 
     def __init__(self, card, model, trims, spread):
         self.card = card

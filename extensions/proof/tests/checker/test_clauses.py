@@ -298,7 +298,7 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
 
 
 def test_an_equation_within_rounding_of_0_counts() -> None:
-    """0 x = 0 needs no unknown; of 0 x = e with |e| <= 1e-60 that is not known."""
+    """0 x = 0 needs no unknown; for 0 x = e with |e| <= 1e-60 that is open."""
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
     with pytest.raises(Rejected, match="as many equations as unknowns"):

@@ -154,7 +154,7 @@ def test_output_reaches_inputs_at_once_part_of_loop() -> None:
     ("delay", "slowest"), [(0.02, 1.8), pytest.param(0.5, 1.8, marks=pytest.mark.slow), (0.0, 0.02)]
 )
 def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -> None:
-    """By the delay equation's own eigenvalues the loop stands 0.02 s and not 0.5 s; actuators of
+    """By the delay equation's own eigenvalues the loop tolerates 0.02 s and not 0.5 s; actuators of
     0.02 rad/s leave the aircraft, which is unstable at 14 deg, to itself."""
     loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
     drawn = np.random

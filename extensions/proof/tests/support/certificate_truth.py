@@ -32,7 +32,7 @@ NEAR = 1e-4
 
 
 def what_is_false(statement: Content, kind: str) -> list[str]:
-    """The claims that do not hold; of a certificate that is accepted there must be none."""
+    """The claims that do not hold; an accepted certificate must have none."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
     if "critic" in statement:

@@ -377,8 +377,8 @@ def bounds_of(
 def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
-    """`LEFT` and `LOST` -> (k, n), about the first start on each ray that leaves the limits or is
-    lost, of rays that have one; `UNKNOWN` -> those of which nothing is known in the time.
+    """`LEFT` and `LOST` -> (k, n), about the first start on each ray that leaves the limits or does
+    not converge, of rays that have one; `UNKNOWN` -> those of which nothing is known in the time.
 
     V, rho: of the proved set
     T: z = T y, the set in the unit ball of y

@@ -29,8 +29,8 @@ _CHUNK = 20_000
 def starts_lost(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
-    """How many of `count` starts leave {V <= rho} or a limit, and how many do not come to a small
-    V; half of them are drawn in the set and half on its edge.
+    """Return the number of `count` starts that leave {V <= rho} or a limit, and the number that do
+    not reach a small V; half of them are drawn in the set and half on its edge.
 
     statement: proved; of a set under disturbances the worst for V acts all the time, and none needs
         to return

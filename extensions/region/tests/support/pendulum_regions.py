@@ -53,7 +53,7 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
 
 
 def pendulum_loop(model: Model) -> SaturatedLoop:
-    """The LQR of the pendulum, as the command has it."""
+    """The LQR of the pendulum, as in the command."""
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
 
@@ -71,7 +71,8 @@ def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
 
 
 def read_and_check(content: dict[str, Any], model: Model) -> int:
-    """Number of parts of content that is proved, its seal set aside; one of `NOT_PROVED` otherwise."""
+    """Number of parts of content that is proved, its seal set aside, or one of `NOT_PROVED`
+    otherwise."""
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     statement, witness = read_content(closing | content, model)
     return check_region(statement, witness)
