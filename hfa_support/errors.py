@@ -85,7 +85,11 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 
 
 def no_attribute(value: object, name: str, *more: str) -> AttributeError:
-    """Return the error of an unknown attribute, with the nearest ones; more: further attributes."""
+    """Return the error of an unknown attribute, with the nearest ones; more: further attributes.
+
+    Raises the error of the attribute itself where that is a property."""
+    if hasattr(type(value), name):
+        object.__getattribute__(value, name)
     known = [each for each in (*dir(value), *more) if each[0] != "_"]
     return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
 

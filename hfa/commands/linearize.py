@@ -34,16 +34,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _states(model: Model, text: str) -> tuple[str, ...]:
-    return some_of(*model.states)(text)
+def _names_of(*kinds: str) -> OfModel:
+    """The kind of names of "states", "inputs" or "outputs" of the model."""
 
+    def convert(model: Model, text: str) -> tuple[str, ...]:
+        return some_of(*(name for kind in kinds for name in getattr(model, kind)))(text)
 
-def _inputs(model: Model, text: str) -> tuple[str, ...]:
-    return some_of(*model.inputs)(text)
-
-
-def _outputs(model: Model, text: str) -> tuple[str, ...]:
-    return some_of(*model.states, *model.outputs)(text)
+    return OfModel(convert)
 
 
 def _about_states(model: Model) -> str:
@@ -55,17 +52,19 @@ def _about_states(model: Model) -> str:
 class LinearizeRequest(OneTrimOptions, OutputOptions):
     """A linear model at one trim."""
 
-    states: tuple[str, ...] | None = option(_about_states, "a,b,...", OfModel(_states))
+    states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))
     inputs: tuple[str, ...] | None = option(
-        "inputs of the model, in order; default: all", "a,b,...", OfModel(_inputs), rare=True
+        "inputs of the model, in order; default: all", "a,b,...", _names_of("inputs"), rare=True
     )
     outputs: tuple[str, ...] | None = option(
-        "outputs of the model, in order; default: the states, C = I", "a,b,...", OfModel(_outputs)
+        "outputs of the model, in order; default: the states, C = I",
+        "a,b,...",
+        _names_of("states", "outputs"),
     )
     residualize: tuple[str, ...] = option(
         "states that follow the others without delay; omitted states stay at the trim",
         "a,b,...",
-        OfModel(_states),
+        _names_of("states"),
         default=(),
     )
     bode: bool = option("add transmission zeros and transfer functions")

@@ -15,7 +15,7 @@ class ByName(tuple[Named, ...]):
     """A tuple whose entries have a `name`, which indexes them too: modes["phugoid"]."""
 
     def __getitem__(self, index: Any) -> Any:
-        """The entry of a number or a name. BadInputError for an unknown name."""
+        """The entry of a number or a name. Raises BadInputError for an unknown name."""
         if not isinstance(index, str):
             return super().__getitem__(index)
         by_name = {entry.name: entry for entry in self}  # type: ignore[attr-defined]
@@ -29,7 +29,7 @@ class Columns(np.ndarray):
     names: tuple[str, ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
-        """A column by its name, or what the plain array has. BadInputError for an unknown name."""
+        """A column by its name, or as of a plain array. Raises BadInputError for another name."""
         values = np.asarray(self)
         if not isinstance(index, str):
             return values[index]

@@ -156,7 +156,7 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """AttributeError that suggests the nearest attributes."""
+            """Raise AttributeError, which suggests the nearest attributes."""
             raise no_attribute(self, name)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from functools import cache
+from typing import Any
 
 import control
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib import pyplot
 
 import hfa
 from hfa import BadInputError, LinearModel, NoSolutionError, find_operating_point, linearize, sweep
+from hfa_support.reporting.report import Reported
 
 MODEL = hfa.aircraft()
 
@@ -82,6 +84,20 @@ def test_an_unknown_attribute_suggests_the_nearest() -> None:
     ):
         with pytest.raises(AttributeError, match=f"{wrong}'; did you mean .*{right}"):
             getattr(result, wrong)
+
+
+class Broken(Reported):
+    """A result whose property fails."""
+
+    @property
+    def value(self) -> Any:
+        """Nothing."""
+        return None.missing  # type: ignore[attr-defined]
+
+
+def test_a_property_that_fails_keeps_its_error() -> None:
+    with pytest.raises(AttributeError, match="'NoneType' object has no attribute 'missing'"):
+        Broken().value  # noqa: B018
 
 
 def test_names_index_values_and_modes() -> None:

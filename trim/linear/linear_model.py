@@ -198,7 +198,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return python-control's transfer function from one input to one output, without what
         cancels.
 
-        BadInputError where more than one is left."""
+        Raises BadInputError where more than one is left."""
         from trim.linear.responses import transfer_function
 
         return transfer_function(self, inputs, outputs)

@@ -117,7 +117,8 @@ def draw_poles(model: LinearModel) -> Axes:
 
 
 def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from one input to one output. BadInputError where more than one is left."""
+    """Return the model from one input to one output. Raises BadInputError where more than one is
+    left."""
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from hfa_aircraft.model import Model
@@ -24,7 +25,7 @@ from hfa_support.progress import Progress
 @checks_arguments
 def assess(
     model: Model,
-    deployment: Deployment,
+    deployment: Deployment | str | Path,
     points: Sequence[Any] | None = None,
     samples: int = SAMPLES,
     seed: int = 0,
@@ -38,7 +39,7 @@ def assess(
     """Assess a policy as it is deployed.
 
     model: the aircraft
-    deployment: observations, actions and timing of the policy
+    deployment: observations, actions and timing of the policy, or the path of a deployment file
     points: operating points, or values of the scheduling variable in the units of the model; its
         own trim unless given
     samples: flights at each trim, with and without disturbance, or 0 for none
@@ -68,7 +69,7 @@ def assess(
     """
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
-    deployed = deployment.on(model)
+    deployed = Deployment.of(deployment).on(model)
     changes = changes_of(deployed, vary or {})
     if scenario is not None:
         scenario = rough_scenario(scenario, model, samples)

@@ -141,6 +141,11 @@ class Deployment(Reported):
             raise BadInputError(f"{path}: policy.file is missing; name the file of the policy")
         return Deployment(**entries, folder=Path(path).parent, origin=str(path))
 
+    @staticmethod
+    def of(given: Deployment | str | Path) -> Deployment:
+        """A deployment as it is, or that of a TOML file."""
+        return given if isinstance(given, Deployment) else Deployment.load(given)
+
     def _check_policy(self) -> None:
         squash = self.policy.get("squash")
         if squash is not None and not isinstance(squash, bool):

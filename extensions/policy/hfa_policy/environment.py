@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 @checks_arguments
 def environment(
     model: Model,
-    deployment: Deployment,
+    deployment: Deployment | str | Path,
     points: Iterable[Any] | None = None,
     *,
     seconds: float = SECONDS,
@@ -33,7 +34,8 @@ def environment(
     """Return an environment of gymnasium: an aircraft about its trims.
 
     model: the aircraft
-    deployment: observations, actions, timing and cost; its policy may be empty
+    deployment: observations, actions, timing and cost, or the path of a deployment file; its policy
+        may be empty
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model; default: its own trim
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
@@ -65,7 +67,7 @@ def environment(
 @checks_arguments
 def vector_environment(
     model: Model,
-    deployment: Deployment,
+    deployment: Deployment | str | Path,
     points: Iterable[Any] | None = None,
     *,
     count: int = 8,
@@ -89,7 +91,7 @@ def vector_environment(
 
 def _episodes(
     model: Model,
-    deployment: Deployment,
+    deployment: Deployment | str | Path,
     points: Iterable[Any] | None,
     count: int,
     seconds: float,
@@ -97,6 +99,7 @@ def _episodes(
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
+    deployment = Deployment.of(deployment)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:

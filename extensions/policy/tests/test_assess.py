@@ -33,7 +33,7 @@ KEYS = {
 @pytest.fixture(scope="module")
 def good():
     """A policy that holds at two trims, with few flights."""
-    return assess(aircraft("ppo_gtm"), card("ppo_gtm"), [45.0, 60.0], samples=16)
+    return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=16)
 
 
 def test_the_first_line_is_verdict_and_two_findings(good):
