@@ -70,10 +70,10 @@ class CriticReader(Protocol):
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
     """The critic in a file, or of a file with times one critic for each, with its `time`.
 
-    A file is a network (`is_network`), or holds W (also `weights`), P or K (also `gains`), as many
-    as it likes; with `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n),
-    matrices also row by row, (N, m n), or as MATLAB stacks them, (m, n, N). The shape decides the
-    meaning of an array without a name. A file that says other units than the plant is converted.
+    A file is a network (`is_network`), or holds any of W (also `weights`), P and K (also `gains`);
+    with `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n), matrices also
+    row by row, (N, m n), or as MATLAB stacks them, (m, n, N). The shape decides the meaning of an
+    array without a name. A file with other units than the plant is converted.
 
     BadInputError, one line that names the file.
     """

@@ -1,4 +1,5 @@
-"""The L2 gain of a closed loop, by its bounded-real Hamiltonian; `gain_sweep.py` has it by a sweep.
+"""The L2 gain of a closed loop, by its bounded-real Hamiltonian; `gain_sweep.py` computes it by a
+sweep.
 
 Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is sup
 ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.

@@ -29,8 +29,8 @@ _HEADER = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0, whatever the law does: that it fails is the result. 1: no reference solution. 2:
-    bad usage."""
+    """Return exit code 0 whatever the law does, because its failure is the result. 1: no reference
+    solution. 2: bad usage."""
     parser = argparse.ArgumentParser("python -m studies.update_law", description=__doc__)
     about = "the rows whose name contains TEXT; repeatable; default: all"
     parser.add_argument("--only", action="append", default=[], metavar="TEXT", help=about)

@@ -11,7 +11,7 @@ Rows = Mapping[str, NDArray]
 
 
 def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
-    """Chunks that come out otherwise on four threads than one after the other."""
+    """Return the chunks that differ between four threads and one."""
     alone = [chunk(number) for number in numbers]
     with ThreadPoolExecutor(4) as threads:
         together = list(threads.map(chunk, numbers))

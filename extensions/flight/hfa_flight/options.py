@@ -107,7 +107,7 @@ def weights_option() -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
-    """The policy that flies: one of the laws and its game, a gain or a critic of a file."""
+    """The policy of the flight: one of the laws and its game, or a gain or a critic of a file."""
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(

@@ -124,7 +124,7 @@ IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
 
 
 def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
-    """Exports have the model s own disturbances and name what c cannot express."""
+    """Exports have the model's own disturbances and name what c cannot express."""
     Path("tanks.py").write_text(TANKS, "utf-8")
     for place in ("c", "a.fmu"):
         assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0
@@ -168,7 +168,7 @@ def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
 
 @pytest.mark.slow
 def test_a_controller_is_scheduled_over_the_users_speed() -> None:
-    """A controller is designed flown and exported over the speed of the user s model."""
+    """A controller is designed flown and exported over the speed of the user's model."""
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")
     gtm = ("--aircraft", "gtm.py:GTM")

@@ -270,7 +270,8 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """The note on kinematics that take time between an input and the forces; "" without."""
+        """The note on kinematics that take time between an input and the forces, or "" without
+        one."""
         symbol = self.inputs[name].symbol
         components = [
             component

@@ -54,8 +54,8 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within the limit; exit
-        code 0."""
+        """True if the answer is as printed, cut off, or close with a cost within the limit, which
+        gives exit code 0."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")

@@ -36,7 +36,7 @@ LINE = "The policy of torque is -K z -0.266667 angle^3 -0.0266667 rate^3, then s
 
 
 def critic_of(basis: str, weights: list[float]) -> Critic:
-    """On the pendulum, linear about its trim, Q and R the identity."""
+    """Return the critic on the pendulum, linear about its trim, with Q and R the identity."""
     A = np.array([[0.0, 1.0], [19.62, -0.1 * BY_TORQUE]])
     game = Game(A, np.array([[0.0], [BY_TORQUE]]), np.eye(2), np.eye(2), np.eye(1), delta=np.inf)
     functions = features_of(basis, 2) if "x" in basis else basis

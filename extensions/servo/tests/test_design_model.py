@@ -118,7 +118,7 @@ def design_at(aircraft: Model, design: Design, degrees: float) -> DesignModel:
 def test_the_peer_s_settings_give_peer_s_gains(
     published_aircraft: Model, name: str, degrees: str
 ) -> None:
-    """The peer s settings give the peer s gains."""
+    """The peer's settings give the peer's gains."""
     theirs = np.array(PEER[name][degrees])
     ours = solve_game(design_at(published_aircraft, simvfa_design(name), float(degrees)).game()).K
     assert np.linalg.norm(ours - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -142,7 +142,7 @@ def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
 
 
 def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Game) -> None:
-    """The paper s design is the paper s game."""
+    """The paper's design is the paper's game."""
     built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))

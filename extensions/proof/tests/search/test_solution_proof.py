@@ -32,7 +32,7 @@ ONE = np.eye(1)
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_the_solution_of_paper_s_game_is_proved(dynamics: str) -> None:
-    """The solution of the paper s game is proved."""
+    """The solution of the paper's game is proved."""
     proof = prove_solution(game_at(15.0, dynamics), family(dynamics), 15.0)
     assert proof.proved
     assert ("A - S P is Hurwitz", "proved") in proof.report().parts[0].rows

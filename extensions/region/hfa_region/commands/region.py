@@ -211,7 +211,8 @@ def _prove(request: RegionRequest) -> int:
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
-    """The deviations at which `hfa verify` compares a critic with the exact one; None without."""
+    """The deviations at which `hfa verify` compares a critic with the exact one, or None without
+    one."""
     from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
 
