@@ -1,5 +1,5 @@
 """Three panels in space, written down once more: with locked hinges the aircraft is that rigid
-body, and what is the same left and right leaves it in its plane.
+body, and symmetric conditions keep it in its plane.
 
 Nothing of `kinematics.py`, the sums of `aerodynamics.py` or `dynamics.py` is used but the law of
 one panel's loads."""

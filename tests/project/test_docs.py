@@ -1,4 +1,5 @@
-"""The documentation is true: what it shows runs and prints what it says, its links lead somewhere.
+"""The documentation is true: the shown commands run and print the shown output, and links lead
+somewhere.
 
 A ```python block is run, and saved where its first line is "# FILE.py"; a ```text block right after
 it is what it prints. In a ```console block, lines that begin with "$ " are commands, which go on
@@ -358,7 +359,7 @@ def test_an_old_picture_is_noticed() -> None:
 
 
 def test_dots_stand_for_any_lines_alone() -> None:
-    """Dots stand for any lines and for nothing else."""
+    """Dots match any lines and nothing else."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""
     for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):

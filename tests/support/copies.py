@@ -1,6 +1,6 @@
 """Copies of a problem that differ by what no verdict may depend on: the last bits of its numbers,
 the order of its states, their units (powers of two), an orthogonal change of them in units in which
-they are comparable: turned in others, what is small beside the largest is lost in its rounding.
+they are comparable: turned in others, small parts are lost in the rounding of the largest.
 
 They apply to any dataclass with the matrices of a game, a game in discrete time or a generalized
 plant, and to the matrices of a critic."""

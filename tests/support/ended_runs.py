@@ -72,8 +72,8 @@ def run(
     seconds from where so many workers are there.
 
     Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was
-    started. A run ignores what the process that starts it ignores, as nohup does with SIGHUP: the
-    signal is made an ordinary one before."""
+    started. A run ignores the signals that its parent process ignores, as nohup does with SIGHUP:
+    the signal is made an ordinary one before."""
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
     begun = time.monotonic()

@@ -1,7 +1,7 @@
 """How far two floating-point routes to one number may be apart, relative, and why.
 
-A tolerance of a test that is none of these is the digits of what it compares with, or the size of
-what it asserts, or has its reason beside it."""
+Any other tolerance of a test is the digits of the compared value or the size of the asserted one,
+or its reason is in a comment."""
 
 #: A few operations without much cancellation: some tens of roundings of 1e-16.
 FEW_ROUNDINGS = 1e-14
