@@ -167,8 +167,7 @@ class Turbulence:
         if altitude == model.trim.get("altitude"):
             unit = model.unit("altitude")
             raise BadInputError(
-                f"turbulence at {altitude:g} {unit} would be at the altitude that {model.title} has"
-                f" by default; {give}"
+                f"turbulence at the default altitude, {altitude:g} {unit}, is refused; {give}"
             )
         return altitude
 

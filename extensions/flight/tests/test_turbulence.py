@@ -229,7 +229,7 @@ def test_flight_meets_what_was_drawn() -> None:
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("fly --turbulence light", "40000 ft would be at the altitude that published dynamics has"),
+        ("fly --turbulence light", "turbulence at the default altitude, 40000 ft, is refused"),
         ("fly --turbulence calm:3", "give LEVEL[:ALTITUDE[:SPAN]] with light, moderate, severe"),
         ("fly --turbulence 3:1750", "is '3:1750'; give own:3:1750, which moves u, v and w"),
         ("fly --turbulence own:3", "or own:SIGMA:SCALE[:SPAN]"),
