@@ -1,5 +1,5 @@
-"""Solutions X of the Riccati equation of stacks of normal forms, by eigenvectors and by the matrix
-sign function: fast; none is tested here."""
+"""Solutions X of the Riccati equation of stacks of normal forms, by eigenvectors and by doubling:
+fast, and not tested here."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ class _Certified(NamedTuple):
 
 def _certified(form: StepForm) -> _Certified:
     """X of the Schur form of the equivalent in continuous time, and its certificate: the tests of
-    X in discrete time, and that a refined matrix sign gives the same.
+    X in discrete time, and that refined doublings give the same.
 
     Raises NoSolutionError when a test fails or a matrix that must be inverted is singular.
     """

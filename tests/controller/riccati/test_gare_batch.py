@@ -10,7 +10,7 @@ import hfa
 from controller import minimum_delta, solve_games
 from controller.riccati import certificate
 from controller.riccati.certificate import certified_stack
-from controller.riccati.derivations import by_doubling
+from controller.riccati.derivations import by_doubling, by_eigenvectors
 from controller.riccati.normal_form import NormalForm
 from hfa import BadInputError, Game, NoSolutionError, solve_game
 from hfa.paper import published_game
@@ -38,17 +38,32 @@ def test_every_model_has_its_own_solution(dynamics):
         assert np.linalg.norm(batch.K[i] - alone.K) <= 1e-11 * np.linalg.norm(alone.K)
 
 
-def test_the_schur_form_decides_where_the_sign_fails(monkeypatch):
-    """The Schur form decides where the matrix sign contradicts."""
+def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
+    """The Schur form decides where doubling contradicts."""
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
-    # The planted fault: a wrong sign function, which no plant gives.
+    # The planted fault: a wrong limit of the doublings, which no plant gives.
     monkeypatch.setattr(certificate, "by_doubling", lambda form: by_doubling(form) * (1.0 + 1e-7))
     stack = certified_stack(NormalForm.of_plants(A, B, like))
     assert np.isnan(stack.X).all()
     assert not stack.holds.any()
     assert solve_games(A, B, like).certified.all()
+
+
+def test_the_bound_of_the_game_loop_is_close_from_above():
+    """Of rows from 0.05 to 20, with up to twelve states."""
+    rng = np.random.default_rng(0)
+    for n in (2, 6, 12):
+        A = rng.standard_normal((20, n, n)) * np.exp(rng.uniform(-3.0, 3.0, (20, n, 1)))
+        B = rng.standard_normal((20, n, 2))
+        like = Game(A[0], B[0], 0.1 * np.eye(n), np.eye(n), np.eye(2), 20.0)
+        form = NormalForm.of_plants(A, B, like)
+        found = by_eigenvectors(form)
+        abscissa = np.linalg.eigvals(form.A - form.S @ found.X).real.max(axis=1)
+        bound = found.loop.real.max(axis=1) + found.spread
+        assert (bound >= (1.0 + 1e-12) * abscissa).all()
+        assert (bound <= 0.999 * abscissa).all()
 
 
 def test_nothing_is_certified_below_the_smallest_delta():
