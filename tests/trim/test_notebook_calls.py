@@ -127,7 +127,7 @@ def test_names_index_values_and_modes() -> None:
         assert tracked.frequency[index] == pytest.approx(mode.frequency)
 
 
-def test_a_transfer_function_has_the_response_of_the_model() -> None:
+def test_transfer_functions_have_the_response_of_the_model() -> None:
     linear = _linear()
     found = linear.transfer_function("elevator_center", "pitch_rate")
     expected = linear["pitch_rate", "elevator_center"].to_control()(2j)

@@ -51,7 +51,7 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
     assert solve_games(A, B, like).certified.all()
 
 
-def test_the_bound_of_the_game_loop_is_close_from_above():
+def test_the_game_loops_bound_is_close_from_above():
     """Of rows from 0.05 to 20, with up to twelve states."""
     rng = np.random.default_rng(0)
     for n in (2, 6, 12):
