@@ -32,8 +32,7 @@ _OBVIOUS = 8.0
 _TRIED = 3
 #: A fault explains the records as well as another where residuals differ by less than this part.
 _ALIKE = 0.02
-#: An error of a column explains them as well where the square of its estimate, in standard
-#: deviations, is smaller by less than this.
+#: An error of a column explains them as well where 2 L is larger by less than this.
 _LIKELIER = 6.0
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
@@ -131,16 +130,16 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
     least = float(norm.isf(0.5 * _CHANCE / max(len(errors), 1)))
     found: dict[str, tuple[float, float]] = {}
     for name in suspects[:_TRIED]:
-        value, clear = _estimated(search, fit, name)
+        value, clear, likelihood = _estimated(search, fit, name)
         if clear > least and _is_plausible(search, name, value):
-            found[name] = value, clear
+            found[name] = value, likelihood
     if not found:
         return ""
-    names = sorted(found, key=lambda name: -found[name][1])
+    names = sorted(found, key=lambda name: found[name][1])
     if _is_within_a_sample(search, names[0], found[names[0]][0]):
         return "inputs are steps between their samples; add --inputs steps"
     best = found[names[0]][1]
-    alike = [name for name in names if best**2 - found[name][1] ** 2 < _LIKELIER][:2]
+    alike = [name for name in names if 2.0 * (found[name][1] - best) < _LIKELIER][:2]
     stated = " or ".join(_with_value(search, name, found[name][0]) for name in alike)
     return f"{stated} explains residuals; add {'one' if len(alike) > 1 else alike[0]} to --free"
 
@@ -179,19 +178,21 @@ def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:
     return is_input and name.startswith("delay_") and not record.has_steps and -step < delay < 0.0
 
 
-def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float]:
-    """Return the estimated error of a column, and its size in standard deviations; 0, 0 without a
-    fit."""
+def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float, float]:
+    """Return the estimated error of a column, its size in standard deviations, and L of its fit;
+    0, 0 and L without it where that fails."""
     responses = search.responses
     wider = responses.wider([name])
     begin = np.append(fit.theta, 0.0)
     try:
         found = Search(wider, search.records, search.held).whole(begin, fit.starts)
     except FloatingPointError:
-        return 0.0, 0.0
+        return 0.0, 0.0, fit.likelihood
+    if not found.converged:
+        return 0.0, 0.0, fit.likelihood
     value = float(found.theta[-1])
     deviation = math.sqrt(max(float(covariance(found)[-1, -1]), 1e-300))
-    return (value, abs(value) / deviation) if found.converged else (0.0, 0.0)
+    return value, abs(value) / deviation, found.likelihood
 
 
 # Signs and units of columns, and exchanged columns.

@@ -171,11 +171,17 @@ class Identified(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """The verdict and at most two findings."""
+        """The verdict and at most two findings, or errors of columns that parameters absorb."""
         findings = list(self.findings)[:2]
+        if findings:
+            return f"FAIL: {'; '.join(findings)}"
         count = f"{len(self.parameters)} parameters of {len(self.records)} record"
         count += "s" if len(self.records) > 1 else ""
-        return f"PASS: {count}" if self.ok else f"FAIL: {'; '.join(findings)}"
+        absorbed = [name for name, each in self.column_errors.items() if each.bands is None]
+        if not absorbed:
+            return f"PASS: {count}"
+        more = f" and {len(absorbed) - 2} more" if len(absorbed) > 2 else ""
+        return f"PASS: {count}; assumed 0: {', '.join(absorbed[:2])}{more}"
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
         """Aircraft whose parameters are drawn from the estimates' normal distribution, within the

@@ -93,7 +93,7 @@ def test_the_true_parameters_lie_within_the_bands():
     chi-square of 7, above 24.3 once in 1000."""
     result = found()
     assert result.ok
-    assert result.first_line == "PASS: 7 parameters of 1 record"
+    assert result.first_line == "PASS: 7 parameters of 1 record; assumed 0: bias_elevator"
     misses = np.array([each.value - true_value(name) for name, each in result.parameters.items()])
     assert misses @ np.linalg.solve(result.covariance, misses) < 24.3
     for each in result.parameters.values():
@@ -244,6 +244,16 @@ def test_a_planted_fault_is_named(column, fault, named):
     result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
     assert named in result.first_line
+
+
+def test_bias_of_an_input_is_named_where_trim_is_given():
+    """Of two biases that explain the record alike none is named alone. A free Cm_0 absorbs that of
+    the elevator: then the first line names the assumption instead."""
+    wrong = record(seed=11)
+    wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
+    free = [name for name in FREE if name != "Cm_0"]
+    result = identify(begun(1.2), wrong, free, given={"Cm_0": true_value("Cm_0")})
+    assert "FAIL: bias_elevator of 0.0171 rad or bias_alpha of" in result.first_line
 
 
 @pytest.mark.slow
