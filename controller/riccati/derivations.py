@@ -20,7 +20,7 @@ NOTICED = 1e-2
 #: Doublings of the time: 5 to 10 are usual, 45 enough for a pole of 1e-12 of the fastest.
 DOUBLINGS = 50
 #: The next step changes X by the square of this E, relative.
-SMALL = 1e-8
+SMALL = 1e-6
 #: p, the cost of the last state: below that of most games in balanced units.
 LAST = 2.0**-4
 
