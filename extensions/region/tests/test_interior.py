@@ -57,3 +57,14 @@ def test_the_margin_of_a_sum_of_squares() -> None:
     assert found[0] == pytest.approx(1e-4 / 1.9998, abs=2e-8)
     refused = positive(Terms(np.array([0, 1, 2]), np.array([1.0, -2.1, 1.0])), [], (0, 1), 1)
     assert refused is None or refused[0] < 0.0
+
+
+def test_the_schur_complement_of_products_is_that_of_their_matrices() -> None:
+    """Degree by degree, the entries are tr(H_i Z⁻¹ H_j Q)."""
+    products = products_of(3, 0, 2)
+    n = products.size
+    half = np.random.default_rng(0).normal(size=(2, n, n))
+    Q, inverse = half @ half.mT
+    H = products.sums.toarray().reshape(-1, n, n)
+    expected = np.einsum("iab,bc,jcd,da->ij", H, inverse, H, Q, optimize=True)
+    assert np.allclose(products.schur(Q, inverse), expected, rtol=1e-12)
