@@ -6,7 +6,7 @@ of each aircraft, 24 without it. The packages jsbsim and hfa-identify are needed
 
 Each flight is a 3-2-1-1 of the elevator from the trim, flown with both signs: what is quadratic in
 the motion is alike in both, so that it does not move the slopes. The amplitudes were chosen at
-other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 64 in
+other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 59 in
 above the centre of gravity.
 """
 
