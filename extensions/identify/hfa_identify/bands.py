@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -172,15 +173,23 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
     lags = np.arange(len(seen))
     decreasing = seen * (1.0 - lags / len(seen))
     power = np.maximum(2.0 * np.fft.rfft(decreasing, 2 * len(seen)).real - decreasing[0], 0.0)
-    turns = np.cos(np.pi * np.arange(len(power)) / (len(power) - 1))
+    logarithms, inverses = _slow_spectra(len(power))
+    levels = logarithms + np.log(inverses @ power / len(power))
+    pole, share = np.unravel_index(int(levels.argmin()), levels.shape)
+    criterion = count * float(levels[pole, share]) + 2.0 * math.log(count)
+    return criterion, _POLES[pole], _SHARES[share]
+
+
+@lru_cache(maxsize=4)
+def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Means of the logarithms, (poles, shares), and inverses, (poles, shares, count), of the
+    spectra of white noise with slow noise."""
+    turns = np.cos(np.pi * np.arange(count) / (count - 1))
     poles = np.array(_POLES)[:, None, None]
     shares = np.array(_SHARES)[:, None]
     slow = (1.0 - poles**2) / (1.0 - 2.0 * poles * turns + poles**2)
     spectra = 1.0 - shares + shares * slow
-    levels = np.log(spectra).mean(axis=-1) + np.log((power / spectra).mean(axis=-1))
-    pole, share = np.unravel_index(int(levels.argmin()), levels.shape)
-    criterion = count * float(levels[pole, share]) + 2.0 * math.log(count)
-    return criterion, _POLES[pole], _SHARES[share]
+    return np.log(spectra).mean(axis=-1), 1.0 / spectra
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:

@@ -107,15 +107,14 @@ def record_of(
         )
     inputs = [arrays.pop(each, np.full(len(time), held.get(each))) for each in model.inputs]
     _check_inputs(name, list(model.inputs), inputs)
-    measured = {each: values for each, values in arrays.items() if np.isfinite(values).any()}
-    if not measured:
+    if not arrays:
         raise BadInputError(f"{name} has no measured state or output; add one")
-    for each, values in measured.items():
-        others = [column for other, column in measured.items() if other != each]
+    for each, values in arrays.items():
+        others = [column for other, column in arrays.items() if other != each]
         _check_measured(name, each, values, [*inputs, *others])
-    for each, values in (*zip(model.inputs, inputs, strict=True), *measured.items()):
+    for each, values in (*zip(model.inputs, inputs, strict=True), *arrays.items()):
         _check_size(model, name, each, values)
-    return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), measured)
+    return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), arrays)
 
 
 def read_record(

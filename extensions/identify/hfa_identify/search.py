@@ -15,7 +15,7 @@ from hfa_identify.response import Responses
 
 #: Duration of the windows, s.
 _WINDOW = 1.0
-#: The step, in standard deviations, at which the search in windows ends.
+#: The step, in standard deviations, at which the search in windows or thinned records ends.
 _ROUGH = 0.5
 
 
@@ -97,7 +97,7 @@ class Search:
         if self.responses.turbulent:
             return self.whole(theta, starts)
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses).fit(
-            theta, starts
+            theta, starts, small=_ROUGH
         )
 
     def whole(
