@@ -20,6 +20,7 @@ from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
+from hfa_boxes.search.forecast import forecast
 from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -80,6 +81,17 @@ def proved() -> CostBound:
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
     assert check_cost(proved.statement, proved.witness) == proved.boxes
+
+
+def test_the_size_of_a_proof_is_expected(proved: CostBound) -> None:
+    statement = proved.statement
+    equilibrium = equilibrium_of(statement.plant, np.zeros(3), (0, 1))
+    weights = (statement.Q, statement.R)
+    for piece, longer, boxes in zip(
+        statement.pieces, proved.witness.longer.tolist(), proved.boxes, strict=True
+    ):
+        inequality = CostInequality(statement.plant, equilibrium, piece, *weights)
+        assert 0.4 < forecast(inequality, longer).boxes / boxes < 2.5
 
 
 def test_no_flight_costs_less(proved: CostBound) -> None:

@@ -21,6 +21,7 @@ from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
+from hfa_boxes.search.forecast import Forecast, forecast
 from hfa_boxes.search.kinks import kink_at
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
@@ -33,12 +34,19 @@ _FLOWN = 120
 _DEAREST = 80
 #: The first levels over that of all initial conditions.
 _SHARES = (0.2, 1.0)
-#: Levels for initial conditions whose bound is poor, at most, and the least costs that such a level
-#: is for, over that of the poorest.
+#: Levels for initial conditions whose bound is poor, at most, and the least costs that W of such a
+#: level is for, over that of the poorest.
 _FOR_POOR = 6
 _NEAR = 0.75
+#: Weight of the least ratio of W to the cost of a flight: for all initial conditions, the poorest.
+_OF_ALL = 2.0
+_OF_POOR = 20.0
 #: How often the first level is quartered where nothing is proved.
-_QUARTERED = 4
+_QUARTERED = 12
+#: A level is given up where so many times the expected time of its proof exceed the time left, or
+#: where its polynomials, refuted, have taken this part of what was left.
+_EXPECTED = 1.5
+_REFITTED = 0.5
 #: A bound is good where it is below the cost of a flight by at most so many margins.
 _GOOD = 1.5
 #: The first levels are so much above the costs of flights that they are to contain.
@@ -142,9 +150,9 @@ class CostSearch:
                 proved.append(_Proved(*known, (0.0, 0.0)))
         stopped = ""
         try:
-            for c in self._levels(proved):
+            for c, least in self._levels(proved):
                 try:
-                    proved.append(self._proved(c, self._wanted(proved, c)))
+                    proved.append(self._proved(c, self._wanted(proved, c, least)))
                 except (OpenBoxError, Rejected) as error:
                     stopped = f"at the level {c:.4g}: {error}"
                     continue
@@ -160,30 +168,34 @@ class CostSearch:
         return self._bound(proved, stopped)
 
     @cached_property
-    def _flights(self) -> Wanted:
+    def _flights(self) -> tuple[np.ndarray, np.ndarray]:
         """Return initial conditions, among them those of highest cost, and the costs of flights."""
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
-        return Wanted(z, self._problem.flown(z))
+        return z, self._problem.flown(z)
 
-    def _levels(self, proved: Sequence[_Proved]) -> Iterator[float]:
+    def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
         """Growing levels until one is not proved, smaller ones where the first fails, then levels
-        just below the cost of the initial conditions whose bound is the poorest.
+        just below the cost of the initial conditions whose bound is the poorest; with each, the
+        least costs of the flights that it is for.
 
         Where W reaches the level, the level is the bound: the set need not contain them."""
-        costs = self._flights.costs
+        _, costs = self._flights
         linear = self._problem.linear_cost(self.starts)
         largest = _ABOVE * float(np.max(costs, initial=linear.max(), where=np.isfinite(costs)))
         for share in _SHARES:
             level = share * largest
             if not _reached(proved, level):
-                yield level
+                yield level, 0.0
             if not _reached(proved, level):
                 break
         for quarters in range(1, _QUARTERED + 1):
             if proved:
                 break
-            yield _SHARES[0] * largest / 4.0**quarters
+            level = _SHARES[0] * largest / 4.0**quarters
+            yield level, 0.0
+            if proved:
+                yield 2.0 * level, 0.0
         # a flight that does not converge shows nothing of the least cost
         tried = ~np.isfinite(costs)
         for _ in range(_FOR_POOR):
@@ -191,15 +203,17 @@ class CostSearch:
             cost = costs[np.argmin(ratios)]
             if not ratios.min() < self._good:
                 break
-            yield (1.0 - self._problem.margin) * float(cost)
+            yield (1.0 - self._problem.margin) * float(cost), _NEAR * float(cost)
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
-    def _wanted(self, proved: Sequence[_Proved], c: float) -> Wanted:
-        """Return initial conditions below a level, nearly, where the bound is not tight yet."""
+    def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
+        """Return initial conditions below a level, nearly, where the bound is not tight yet;
+        least: of the costs of their flights."""
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
+        is_near &= costs >= least
         poor = is_near & (self._bounds(proved) < self._good * costs)
-        return Wanted(z[poor], costs[poor])
+        return Wanted(z[poor], costs[poor], _OF_POOR if least else _OF_ALL)
 
     @property
     def _good(self) -> float:
@@ -240,23 +254,33 @@ class CostSearch:
         """The bound of one level."""
         begin = time.process_time()
         fit, W = self._fitted(c, wanted)
-        for _ in range(_REFUTED):
+        least_left = (1.0 - _REFITTED) * self._left()
+        refuted = 0
+        while refuted < _REFUTED and (not refuted or self._left() > least_left):
             piece = Piece(fit.M, W, c)
             fitted = time.process_time()
             try:
                 inequality = self._inequality(piece)
                 longer = self._longer(inequality, fit.places(_TRIED))
+                self._check_time(forecast(inequality, longer))
                 boxes = inequality.proved(_ENDLESS, self._tell, longer)
             except SmallestBoxError as error:
                 fit.open_at(error.place)
-                W = fit.fitted()
-                continue
             except RefutedError as error:
                 fit.refuted(error.place)
-                W = fit.fitted()
-                continue
-            return _Proved(piece, longer, boxes, (fitted - begin, time.process_time() - fitted))
-        raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(wanted.z)))
+            else:
+                return _Proved(piece, longer, boxes, (fitted - begin, time.process_time() - fitted))
+            refuted += 1
+            W = fit.fitted()
+        raise OpenBoxError(f"{refuted} polynomials were refuted", np.zeros(len(fit.M)))
+
+    def _check_time(self, expected: Forecast) -> None:
+        """OpenBoxError where a proof will probably take longer than the time that is left."""
+        boxes, seconds = expected
+        if _EXPECTED * seconds > self._left():
+            raise OpenBoxError(
+                f"about {boxes:.1g} boxes, {seconds:.0f} s, are expected", np.zeros(0)
+            )
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
         """A fit of one level and its first polynomial, on the smallest set that has one."""

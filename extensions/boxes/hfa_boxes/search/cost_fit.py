@@ -35,8 +35,6 @@ _VIOLATED = 0.1
 #: More rows than the first are reduced to the second: those far from active are left out.
 _MOST_ROWS = 6000
 _KEPT_ROWS = 4000
-#: Weight of the least ratio of W to the cost of a flight, beside the mean over samples.
-_LEAST = 2.0
 #: A box so near to a face of the cube is on it.
 _ON_FACE = 1e-6
 #: The least s.
@@ -93,10 +91,12 @@ class CostProblem:
 
 
 class Wanted(NamedTuple):
-    """Initial conditions z (N, n) at which W is to be large, and the costs (N,) of flights."""
+    """Initial conditions z (N, n) at which W is to be large, the costs (N,) of flights, and the
+    weight of the least ratio of W to these beside its mean over samples."""
 
     z: np.ndarray
     costs: np.ndarray
+    of_least: float
 
 
 class Fit:
@@ -246,7 +246,7 @@ class Fit:
         of_t = np.concatenate([np.zeros(len(rows)), np.ones(len(wanted))])
         left = np.concatenate([sides, np.zeros(len(wanted))])
         found = linprog(
-            -np.append(gain @ unknowns, _LEAST),
+            -np.append(gain @ unknowns, self._wanted.of_least),
             np.column_stack([-every, of_t]),
             -left,
             bounds=[(-_LARGEST, _LARGEST)] * free + [(_LEAST_SQUARE, 1.0), (None, 1.0)],
