@@ -153,11 +153,10 @@ class RegionSearch:
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
-            growth.of_degree(degree)
             origin = f"one of degree {degree} that was searched for"
-            self._grow(growth)
+            self._grow(growth, degree)
             while self._later_level(growth, origin) and degree == self._degree:
-                self._grow(growth)
+                self._grow(growth, degree)
 
     def _first_levels(self, growth: Growth, origin: str) -> None:
         """Prove rising shares of the set of a V; if the first is not proved, halve it until one
@@ -184,8 +183,9 @@ class RegionSearch:
                 return True
         return False
 
-    def _grow(self, growth: Growth) -> None:
-        """Let the set of a V grow, up to the obstacle that samples find."""
+    def _grow(self, growth: Growth, degree: int) -> None:
+        """Let the set of a V of a degree grow, up to the obstacle that samples find."""
+        growth.of_degree(degree)
         self._deadline = time.process_time() + _OF_GROWTH * self._left()
         try:
             while growth.grown() is not None:

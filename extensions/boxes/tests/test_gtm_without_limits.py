@@ -1,0 +1,42 @@
+"""The largest sets of the GTM without limits of its states that boxes proved, proved again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hfa_aircraft.loading import load_model
+from hfa_aircraft.model import Model
+from hfa_boxes.check.checker import check_region, read_content
+from hfa_boxes.search.shape import Shape
+
+CERTIFICATES = Path(__file__).parent / "certificates"
+
+
+def gtm_without_limits() -> Model:
+    """The GTM, its states unlimited."""
+    gtm = load_model("examples/gtm.py:GTM")
+    states = {name: signal._replace(min=-np.inf, max=np.inf) for name, signal in gtm.states.items()}
+    return replace(gtm, states=states)
+
+
+def size_of(degree: int) -> float:
+    """Size of the set of a stored certificate, once it is proved."""
+    model = gtm_without_limits()
+    content = json.loads((CERTIFICATES / f"gtm_degree_{degree}.json").read_text())
+    content["statement"].update(dynamics=model.name, source=model.extras.source[1])
+    statement, witness = read_content(content, model, None)
+    assert statement.degree == degree
+    assert not any(name in statement.loop.limits for name in statement.loop.states)
+    check_region(statement, witness)
+    return Shape.of_piece(statement.piece, degree).size()
+
+
+@pytest.mark.slow
+def test_a_quartic_proves_more_than_a_quadratic() -> None:
+    """Of the GTM at 45 m/s with its LQR, linearly; sizes are n-th roots of volumes."""
+    assert size_of(4) > 1.15 * size_of(2)
