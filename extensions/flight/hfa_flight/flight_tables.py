@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from hfa_flight.nonlinear_flight import Flight
 
 
-def series(flight: Any, name: str) -> np.ndarray:
+def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
     """A state, an input or an output of the model over time, absolute, (N,).
 
-    flight: `Flight`, or another with `model`, `states` and `inputs`"""
+    flight: `Flight`, or another with `model`, `states` and `inputs`
+    p: parameters of the model that was flown"""
     model = flight.model
     refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
     if name in model.states:
@@ -26,8 +27,7 @@ def series(flight: Any, name: str) -> np.ndarray:
     if name in model.inputs:
         return np.asarray(flight.inputs[:, list(model.inputs).index(name)])
     count = len(flight.states)
-    flown = getattr(flight.loop.plant, "model", model) if hasattr(flight, "loop") else model
-    parameters = np.tile(flown.p[:, None], (1, count))
+    parameters = np.tile(p[:, None], (1, count))
     function = model.functions((name,)).map(count)
     return np.array(function(flight.states.T, flight.inputs.T, parameters)[1]).ravel()
 

@@ -279,7 +279,8 @@ class Flight(StatesAndInputs, Result, Reported):
         Raises BadInputError when the model has no such name."""
         from hfa_flight.flight_tables import series
 
-        return series(self, name)
+        flown = getattr(self.loop.plant, "model", self.model)
+        return series(self, name, flown.p)
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:

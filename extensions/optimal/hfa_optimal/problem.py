@@ -275,7 +275,7 @@ class OfProblem:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A state, an input or an output of the model over time, absolute, (N,)."""
-        return series(self, name)
+        return series(self, name, self.model.p)
 
     @property
     def Q(self) -> Matrix:
