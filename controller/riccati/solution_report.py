@@ -90,6 +90,11 @@ class AnalysedGame(Solution):
             data=self.as_data(),
         )
 
+    @property
+    def solution(self) -> Solution:
+        """The name of this object in 0.3."""
+        return self
+
 
 @checks_arguments
 def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:

@@ -130,6 +130,11 @@ class Verdict(Checked, Result, Reported):
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
+    def diagnosis(self) -> str:
+        """The name of `reason` in 0.3."""
+        return self.reason
+
+    @property
     def P_rel_error(self) -> float:
         """|P - P*| / |P*|, Frobenius norms in the units of the game, or nan where only a gain is
         known."""
