@@ -4,10 +4,10 @@ linearization.
 `python -m studies.jsbsim.identified [COUNT]` prints the table of README.md: COUNT identifications
 of each aircraft, 24 without it. The packages jsbsim and hfa-identify are needed.
 
-Each flight is a 3-2-1-1 of the elevator from the trim, flown with both signs: what is quadratic in
-the motion is alike in both, so that it does not move the slopes. The amplitudes were chosen at
-other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 59 in
-above the centre of gravity.
+Each flight is a 3-2-1-1 of the elevator from the trim. It is flown with both signs, since terms
+quadratic in the motion are alike in both and so do not move the slopes. The amplitudes were chosen
+at other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 59
+in above the centre of gravity.
 """
 
 from __future__ import annotations

@@ -74,10 +74,9 @@ def unchecked_hfa(
 
 
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
-    """What `hfa words... --json` prints: one JSON object; on standard error stand its warnings,
-    nothing else.
+    """Return the one JSON object that `hfa words... --json` prints.
 
-    Those of `trim` and `linearize` are in their report.
+    Standard error has its warnings alone. Those of `trim` and `linearize` are in their report.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err

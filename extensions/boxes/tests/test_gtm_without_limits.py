@@ -38,5 +38,5 @@ def size_of(degree: int) -> float:
 
 @pytest.mark.slow
 def test_a_quartic_proves_more_than_a_quadratic() -> None:
-    """Of the GTM at 45 m/s with its LQR, linearly; sizes are n-th roots of volumes."""
+    """The GTM flies at 45 m/s with its LQR. A size is the n-th root of a volume."""
     assert size_of(4) > 1.15 * size_of(2)

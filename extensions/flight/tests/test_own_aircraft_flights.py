@@ -168,7 +168,7 @@ def test_what_does_not_fit_model_is_one_line(words: str, named: str) -> None:
 
 @pytest.mark.slow
 def test_a_controller_is_scheduled_over_the_users_speed() -> None:
-    """A controller is designed flown and exported over the speed of the user's model."""
+    """A controller is designed, flown and exported over the speed of the user's model."""
     for name in ("gtm.py", "gtm.toml"):
         shutil.copy(EXAMPLES / name, ".")
     gtm = ("--aircraft", "gtm.py:GTM")

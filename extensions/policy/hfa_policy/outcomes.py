@@ -402,8 +402,10 @@ class FlownRows:
         return count, first
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
-        """The number of the worst flight of those that stay inside: that swings most, else the
-        slowest, or 0 without one."""
+        """Return the number of the worst flight that stays inside, and how it ends.
+
+        The worst is the one of `neither` that stays farthest from the trim. Without one it is the
+        slowest of `returned`, and without these 0."""
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), DOES_NOT_CONVERGE
         if returned.size:

@@ -91,8 +91,11 @@ class CostProblem:
 
 
 class Wanted(NamedTuple):
-    """Initial conditions z (N, n) at which W is to be large, the costs (N,) of flights, and the
-    weight of the least ratio of W to these beside its mean over samples."""
+    """Flights near whose cost W is to be.
+
+    z: (N, n), initial conditions
+    costs: (N,), of the flights
+    of_least: weight of the least ratio of W to a cost, beside 1 for the mean of W over samples"""
 
     z: np.ndarray
     costs: np.ndarray
