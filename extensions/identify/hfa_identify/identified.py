@@ -175,8 +175,9 @@ class Identified(Result, Reported):
         findings = list(self.findings)[:2]
         if findings:
             return f"FAIL: {'; '.join(findings)}"
-        count = f"{len(self.parameters)} parameters of {len(self.records)} record"
-        count += "s" if len(self.records) > 1 else ""
+        parameters = "parameter" if len(self.parameters) == 1 else "parameters"
+        records = "record" if len(self.records) == 1 else "records"
+        count = f"{len(self.parameters)} {parameters} of {len(self.records)} {records}"
         absorbed = [name for name, each in self.column_errors.items() if each.bands is None]
         if not absorbed:
             return f"PASS: {count}"
