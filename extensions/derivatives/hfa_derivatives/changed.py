@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from hfa_aircraft.loading import load_model
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, file_faults, is_finite, said_of, shown
+from hfa_support.errors import BadInputError, file_faults, is_finite, refuse_unknown, said_of, shown
 from hfa_support.files import read_toml
 
-#: Entries of such a file; all but the first two are for others who read it.
+#: Entries of such a file. [covariance] is for others who read it.
 _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
@@ -31,11 +33,44 @@ def changed_aircraft(path: str) -> Model | None:
     other = data["aircraft"]
     if not isinstance(other, str) or Path(other).name == Path(path).name:
         raise BadInputError(f"{path}: aircraft is {shown(other)}; name another aircraft's file")
-    values = data.get("parameters", {})
-    if not isinstance(values, dict) or not all(map(is_finite, values.values())):
+    values = _table(path, data, "parameters")
+    if not all(map(is_finite, values.values())):
         raise BadInputError(f"{path}: parameters are {shown(values)}; give numbers by name")
     with said_of(path):
         model = load_model(other).with_parameters(**values)
+    _check_bands(path, data, model)
     digest = hashlib.sha256((model.extras.source[1] + Path(path).read_text("utf-8")).encode())
     extras = replace(model.extras, source=(path, digest.hexdigest()))
     return replace(model, extras=extras)
+
+
+def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
+    """Raise BadInputError unless [bands] has the low and high end of parameters and of errors of
+    sensors, with each value between them."""
+    bands, sensors = _table(path, data, "bands"), _table(path, data, "sensors")
+    values = {name: signal.start for name, signal in model.parameters.items()} | sensors
+    for name, band in bands.items():
+        refuse_unknown(f"{path}: [bands] has the unknown parameter", name, values)
+        if not _is_pair(band):
+            raise BadInputError(f"{path}: the band of {name} is {shown(band)}; give [low, high]")
+        low, high = band
+        if not low <= high:
+            raise BadInputError(f"{path}: the band of {name} is {shown(band)}; exchange its ends")
+        if not (is_finite(values[name]) and low <= values[name] <= high):
+            raise BadInputError(
+                f"{path}: {name} is {shown(values[name])}, outside its band {shown(band)}; correct"
+                " the value or the band"
+            )
+
+
+def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return a table of a file, empty where it is left out."""
+    table = data.get(name, {})
+    if not isinstance(table, dict):
+        raise BadInputError(f"{path}: {name} is {shown(table)}; give entries by name")
+    return table
+
+
+def _is_pair(band: Any) -> bool:
+    """Return whether this is a list of two numbers."""
+    return isinstance(band, list) and [type(end) in (int, float) for end in band] == [True, True]

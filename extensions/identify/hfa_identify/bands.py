@@ -226,6 +226,22 @@ def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
     return float((np.abs(correlation) < limit).mean())
 
 
+def explained(fit: Fit) -> np.ndarray:
+    """(k,) 1 - (sum of squares of residuals) / (that of the measured quantity about its mean)."""
+    parts = []
+    for place in range(len(fit.noise)):
+        left = varied = 0.0
+        for response, residual, present in zip(
+            fit.responses, fit.residuals, fit.present, strict=True
+        ):
+            residuals = residual[present[:, place], place]
+            seen = response.y[present[:, place], place] + residuals
+            left += float(residuals @ residuals)
+            varied += len(seen) * float(seen.var()) if len(seen) else 0.0
+        parts.append(1.0 - left / varied)
+    return np.array(parts)
+
+
 def unexplained(fit: Fit) -> np.ndarray:
     """(k,) flags of quantities that the model moves otherwise than they were measured: without this
     motion less would be left. Large noise alone is no such motion."""

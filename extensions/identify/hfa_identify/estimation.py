@@ -15,12 +15,13 @@ from hfa_identify.bands import (
     BAND,
     correlations,
     covariance,
+    explained,
     unexplained,
     white_covariance,
     whiteness,
 )
 from hfa_identify.column_errors import column_errors
-from hfa_identify.excitation import still_quantities
+from hfa_identify.excitation import refuse_still, still_quantities
 from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
@@ -77,8 +78,8 @@ def identify(
     columns: TOML file that states where the columns are in the logs of PX4 (.ulg) among records.
     plan: whether to compare manoeuvres that narrow the bands further.
 
-    Raises BadInputError where a record or a name is wrong. Raises NoSolutionError where the
-    simulation diverges.
+    Raises BadInputError where a record or a name is wrong. Raises NoSolutionError where nothing
+    moves in the records, or the simulation diverges.
 
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
@@ -110,11 +111,13 @@ def identify(
     try:
         fit = search.fit(progress)
     except FloatingPointError as error:
+        refuse_still(search, None)
         fault = fault_of_columns(search, None, {}, progress)
         reason = f"; {fault}" if fault else "; start nearer, or give shorter records"
         raise NoSolutionError(
             f"no parameters were found: {error} at the values where the search begins{reason}"
         ) from error
+    refuse_still(search, fit)
     better = other_minimum(search, fit)
     if better is not None and better.likelihood < fit.likelihood:
         fit, better = better, fit
@@ -245,10 +248,6 @@ def _identified(
         if name in model.parameters
         and not width <= _WIDE * max(abs(value), abs(model.parameters[name].start))
     ]
-    quantities = {
-        name: _quantity(responses, fit, place, theils.get(name))
-        for place, name in enumerate(responses.measured)
-    }
     errors = column_errors(search, fit, BAND * white)
     faults = list(faults_of(search, fit, errors, progress))
     values = {
@@ -260,7 +259,7 @@ def _identified(
         model=model.with_parameters(**values),
         records=tuple(record.name for record in search.records),
         parameters=estimates,
-        quantities=quantities,
+        quantities=_quantities(responses, fit, theils),
         covariance=C,
         column_errors=errors,
         coloured=_widest(half, BAND * white[first:]),
@@ -316,24 +315,23 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
                 yield one, names[j], float(table[i, j])
 
 
-def _quantity(responses: Responses, fit: Fit, place: int, theil: float | None) -> FittedQuantity:
-    """Return the fit of a measured quantity."""
-    explained = 0.0
-    varied = 0.0
-    whites = []
-    for residual, present, response in zip(fit.residuals, fit.present, fit.responses, strict=True):
-        flags = present[:, place]
-        if not flags.any():
-            continue
-        seen = (response.y[:, place] + residual[:, place])[flags]
-        explained += float((residual[flags, place] ** 2).sum())
-        varied += float(((seen - seen.mean()) ** 2).sum())
-        whites.append(whiteness(residual[:, place], flags))
-    name = responses.measured[place]
-    return FittedQuantity(
-        1.0 - explained / varied,
-        float(np.sqrt(fit.noise[place])),
-        float(np.mean(whites)),
-        theil,
-        responses.model.unit(name),
-    )
+def _quantities(
+    responses: Responses, fit: Fit, theils: Mapping[str, float]
+) -> dict[str, FittedQuantity]:
+    """Return the fit of each measured quantity. theils: coefficients on records kept out."""
+    parts = explained(fit)
+    found = {}
+    for place, name in enumerate(responses.measured):
+        whites = [
+            whiteness(residual[:, place], present[:, place])
+            for residual, present in zip(fit.residuals, fit.present, strict=True)
+            if present[:, place].any()
+        ]
+        found[name] = FittedQuantity(
+            float(parts[place]),
+            float(np.sqrt(fit.noise[place])),
+            float(np.mean(whites)),
+            theils.get(name),
+            responses.model.unit(name),
+        )
+    return found

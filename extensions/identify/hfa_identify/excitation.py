@@ -1,5 +1,5 @@
-"""The state or input that multiplies a parameter and did not move in the records, which therefore
-do not determine the parameter."""
+"""Records without motion, and the state or input that multiplies a parameter and did not move in
+the records, which therefore do not determine the parameter."""
 
 from __future__ import annotations
 
@@ -9,11 +9,29 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
+from hfa_identify.bands import explained
+from hfa_identify.fit import Fit
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
+from hfa_support.errors import NoSolutionError
 
 #: A quantity moves where its range is at least this part of its nominal size.
 _MOVES = 0.02
+#: A fit explains a quantity where it leaves less than the rest of its variance.
+_EXPLAINED = 0.5
+
+
+def refuse_still(search: Search, fit: Fit | None) -> None:
+    """Raise NoSolutionError where inputs are constant and the fit explains no measured quantity.
+
+    fit: None where the simulation diverges"""
+    if search.moving_inputs() or (fit is not None and (explained(fit) > _EXPLAINED).any()):
+        return
+    names = ", ".join(record.name for record in search.records)
+    raise NoSolutionError(
+        f"{names}: no input moves, and the model explains no other motion, so no parameter is"
+        " excited; fly a manoeuvre"
+    )
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:

@@ -139,12 +139,7 @@ class OutputError:
         self.bounds = bounds
         self.guesses = tuple(guesses)
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
-        tables = [
-            np.column_stack(
-                [record.measured.get(name, _none(record)) for name in responses.measured]
-            )
-            for record in self.records
-        ]
+        tables = [record.table(responses.measured) for record in self.records]
         self._present = tuple(np.isfinite(table) for table in tables)
         self._measured = tuple(
             np.where(flags, table, 0.0) for flags, table in zip(self._present, tables, strict=True)
@@ -214,6 +209,12 @@ class OutputError:
         simulated = self._simulated(theta, starts)
         likelihood = self._likelihood_of(simulated, theta, starts)
         return self._fitted(simulated, theta, starts, likelihood, steps)
+
+    def likelihood(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
+        """L with these parameters and starts.
+
+        Raises FloatingPointError where the simulation diverges."""
+        return self._likelihood_of(self._simulated(theta, starts), theta, starts)
 
     def _simulated(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> list[Simulation]:
         """The simulations of the records."""
@@ -414,11 +415,6 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
             size = _HELD
         sizes.append(size * signal.nominal)
     return 1.0 / np.square(sizes)
-
-
-def _none(record: Record) -> np.ndarray:
-    """Return the column of a quantity that a record lacks."""
-    return np.full(len(record.time), np.nan)
 
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

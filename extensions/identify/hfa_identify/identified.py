@@ -29,7 +29,7 @@ _WHITE_ENOUGH = 0.6
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
-#: Columns of the sentence on errors that the bands assume to be 0.
+#: Columns of the first line, and of the sentence on errors that the bands assume to be 0.
 _WIDTH = 100
 
 
@@ -134,8 +134,10 @@ class Identified(Result, Reported):
     def findings(self) -> Iterator[str]:
         """Yield the findings against the estimates, worst first."""
         yield from self.faults
+        if self.undetermined:
+            yield self._not_determined()
         if not self.converged:
-            yield "the search did not end at a maximum of the likelihood"
+            yield "the search did not converge"
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
         if self.coloured > _BEYOND:
@@ -146,18 +148,24 @@ class Identified(Result, Reported):
                 yield f"turbulence does not explain the coloured residuals of {', '.join(coloured)}"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
-        if self.undetermined:
-            name, still = next(iter(self.undetermined.items()))
-            why = f" ({still} did not move)" if still else ""
-            more = len(self.undetermined) - 1
-            others = f" and {more} more" if more else ""
-            yield f"not determined by the records: {name}{why}{others}"
         if self.other_minimum:
             name, value = self._farthest()
-            yield f"two minima explain the records: {name} is {value:.4g} at the other"
+            found = self.parameters[name].value
+            records = "records" if len(self.records) > 1 else "record"
+            yield (
+                f"a second estimate explains the {records} as well: {name} = {value:.4g} (or"
+                f" {found:.4g})"
+            )
         if self.parts_disagree:
             parts = "records" if len(self.records) > 1 else "halves of the record"
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
+
+    def _not_determined(self) -> str:
+        """The first parameter that the records do not determine, why, and the number of others."""
+        name, still = next(iter(self.undetermined.items()))
+        why = f" ({still} did not move)" if still else ""
+        more = len(self.undetermined) - 1
+        return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
         """The estimate that moves most to the other minimum, in bands, and its value there."""
@@ -172,9 +180,9 @@ class Identified(Result, Reported):
     @property
     def first_line(self) -> str:
         """The verdict and at most two findings, or errors of columns that parameters absorb."""
-        findings = list(self.findings)[:2]
-        if findings:
-            return f"FAIL: {'; '.join(findings)}"
+        stated = self._stated
+        if stated:
+            return f"FAIL: {'; '.join(stated)}"
         parameters = "parameter" if len(self.parameters) == 1 else "parameters"
         records = "record" if len(self.records) == 1 else "records"
         count = f"{len(self.parameters)} {parameters} of {len(self.records)} {records}"
@@ -183,6 +191,18 @@ class Identified(Result, Reported):
             return f"PASS: {count}"
         more = f" and {len(absorbed) - 2} more" if len(absorbed) > 2 else ""
         return f"PASS: {count}; assumed 0: {', '.join(absorbed[:2])}{more}"
+
+    @property
+    def _stated(self) -> list[str]:
+        """The findings of the first line: the two worst, or one where the line is too long."""
+        findings = list(self.findings)[:2]
+        line = f"{self._subject}: FAIL: {'; '.join(findings)}"
+        return findings if len(line) <= _WIDTH else findings[:1]
+
+    @property
+    def _subject(self) -> str:
+        """The begin of the title."""
+        return f"Identification, {self.model.title}"
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
         """Aircraft whose parameters are drawn from the estimates' normal distribution, within the
@@ -205,7 +225,7 @@ class Identified(Result, Reported):
 
     def report(self) -> Report:
         """Return the report: estimates, goodness of fit, and undetermined parameters."""
-        findings = list(self.findings)
+        further = list(self.findings)[len(self._stated) :]
         parts: list[Any] = [*self._assumed(), self._estimates(), self._explained()]
         if len(self.undetermined) > 1:
             still_rows = [(name, still or "-") for name, still in self.undetermined.items()]
@@ -228,8 +248,8 @@ class Identified(Result, Reported):
                 f"The residuals of {', '.join(coloured)} are coloured: {why}motion that the model"
                 " lacks."
             )
-        title = f"Identification, {self.model.title}: {self.first_line}"
-        return Report(title, tuple(parts), notes=findings[2:], data=self.to_dict())
+        title = f"{self._subject}: {self.first_line}"
+        return Report(title, tuple(parts), notes=further, data=self.to_dict())
 
     def _estimates(self) -> Table:
         """Return a table with one row for each parameter."""

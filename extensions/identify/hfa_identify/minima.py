@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
 import numpy as np
 
 from hfa_identify.bands import weighted_scores, white_covariance
@@ -12,30 +15,103 @@ from hfa_identify.search import Search
 #: differs by more standard deviations.
 _AS_LIKELY = 3.0
 _APART = 5.0
+#: A second minimum is looked for at these multiples of an estimate, and searched where what
+#: differs has fallen to this part of its rise before, at most so often.
+_MULTIPLES = np.linspace(-5.0, 7.0, 49)
+_FALL = 0.5
+_TRIED = 2
 #: Parts disagree where chance explains their difference less often than this.
 _CHANCE = 1e-4
 
 
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
-    """Another minimum that explains the records as well as the fit, or better, or None where a
-    search from the opposite side of the estimates, 2 θ - θ_before, finds none."""
+    """Another minimum that explains the records as well as the fit, or better, or None where no
+    search from far off finds one."""
     if not fit.converged:
         return None
+    others = (_searched(search, fit, *begin) for begin in _far_begins(search, fit))
+    return next((other for other in others if other is not None), None)
+
+
+def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence[np.ndarray]]]:
+    """Yield unknowns (p,) and starts of records from which a second minimum is searched."""
+    with suppress(FloatingPointError):
+        near = search.thin(_opposite(search, fit), fit.starts)
+        # The second minimum must be apart from the first as the same search finds that.
+        thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts)
+        if near.converged and _is_apart(near, thin, search.responses.turbulent):
+            yield near.theta, near.starts
+    for theta in _far_values(search, fit):
+        yield theta, fit.starts
+
+
+def _opposite(search: Search, fit: Fit) -> np.ndarray:
+    """Return (p,) the opposite side of the estimates, 2 θ - θ_before, within the limits."""
     opposite = 2.0 * fit.theta - search.begin
     first = search.responses.turbulent
     opposite[:first] = fit.theta[:first]
     ends = search.bounds
-    opposite = np.clip(opposite, ends[:, 0], ends[:, 1])
+    return np.clip(opposite, ends[:, 0], ends[:, 1])
+
+
+def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
+    """Return (p,) estimates with another value of one parameter, near which a second minimum may
+    be, the likeliest first: where the rates along the fit are alike, or else the opposite sign
+    where L falls again from the value 0 to it."""
+    least = search.level(fit.theta, fit.starts)
+    flown = [
+        search.responses.simulated(record, start, fit.theta)
+        for record, start in zip(search.records, fit.starts, strict=True)
+    ]
+    found: list[tuple[float, np.ndarray]] = []
+    for place, name in enumerate(search.responses.free):
+        value = fit.theta[place]
+        if name not in search.responses.calm.model.parameters or value == 0.0:
+            continue
+        values = _MULTIPLES * value
+        changes = [search.responses.differences(each, place, values) for each in flown]
+        others = list(_alike(_MULTIPLES, np.sum(changes, axis=0)))
+        if not others:
+            ends = [search.level(_with(fit, place, each), fit.starts) for each in (-value, 0.0)]
+            if ends[0] - least < _FALL * (ends[1] - least):
+                others = [(-1.0, 1.0)]
+        found += [(part, _with(fit, place, multiple * value)) for multiple, part in others]
+    low, high = search.bounds.T
+    within = [each for each in found if ((low <= each[1]) & (each[1] <= high)).all()]
+    return [theta for _, theta in sorted(within, key=lambda each: each[0])[:_TRIED]]
+
+
+def _with(fit: Fit, place: int, value: float) -> np.ndarray:
+    """Return the estimates with another value of one."""
+    theta = fit.theta.copy()
+    theta[place] = value
+    return theta
+
+
+def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
+    """Yield the multiples of an estimate, other than 1, at which a difference d has a minimum
+    beyond a larger d, and its part of that."""
+    middle = different[1:-1]
+    lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
+    found = int(np.argmin(np.abs(multiples - 1.0)))
+    for at in lowest[lowest != found]:
+        larger = different[min(at, found) : max(at, found)].max()
+        if different[at] < _FALL * larger:
+            yield float(multiples[at]), float(different[at] / larger)
+
+
+def _searched(
+    search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
+) -> Fit | None:
+    """Return the fit from far unknowns where it explains the records as well and is apart, else
+    None."""
     try:
-        near = search.thin(opposite, fit.starts)
-        thin = fit if first else search.thin(fit.theta, fit.starts)
-        if not near.converged or not _is_apart(near, thin, first):
-            return None
-        other = search.whole(near.theta, near.starts)
+        other = search.whole(theta, starts)
     except FloatingPointError:
         return None
     as_likely = other.likelihood < fit.likelihood + _AS_LIKELY
-    return other if other.converged and as_likely and _is_apart(other, fit, first) else None
+    is_apart = _is_apart(other, fit, search.responses.turbulent)
+    return other if other.converged and as_likely and is_apart else None
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:

@@ -21,7 +21,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.filter_gain import Gain, GainSlopes, gain_with_slopes
 from hfa_identify.records import Record
-from hfa_identify.response import TOGETHER, Responses, Simulation, carried, finer
+from hfa_identify.response import TOGETHER, Responses, Simulation, carried, grid
 from hfa_identify.rotating_air import BEGIN, LAG, LIMITS, in_rotating_air, rotations_of
 from hfa_identify.search import begin_of
 from hfa_identify.sensors import SensorError
@@ -258,15 +258,8 @@ class Predictions(Responses):
         gain, _ = self._gain(theta)
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
-        time, fine = finer(record.time, driven, count)
-        before, after = fine[:-1], fine[1:]
-        if record.has_steps:
-            before = after = np.repeat(driven[:-1], count, axis=0)
-        durations = np.diff(time)
-        columns = [record.measured.get(name) for name in self.measured]
-        table = np.column_stack(
-            [np.full(len(record.time), np.nan) if each is None else each for each in columns]
-        )
+        before, after, durations = grid(record, driven, count)
+        table = record.table(self.measured)
         present = np.isfinite(table)
         z = np.where(present, table, 0.0)
         intervals = len(record.time) - 1

@@ -48,6 +48,11 @@ class Record:
     measured: Mapping[str, np.ndarray]
     has_steps: bool = False
 
+    def table(self, names: Sequence[str]) -> np.ndarray:
+        """Return (N, k), the samples of measured quantities, NaN where one is missing."""
+        none = np.full(len(self.time), np.nan)
+        return np.column_stack([self.measured.get(name, none) for name in names])
+
     def windows(self, seconds: float) -> list[Record]:
         """Divide the record into parts of at least this duration, s, that share their end
         samples."""

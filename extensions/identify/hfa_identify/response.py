@@ -34,6 +34,8 @@ _ROUGH_STEP = 0.6
 _MOST_STEPS = 10
 #: Samples whose sensitivities are computed together.
 TOGETHER = 250
+#: States of a simulation at which rates are compared.
+_LOOKED_AT = 30
 #: Samples that are so many time constants of the fastest mode apart are not in seconds.
 _FAR_TOO_LONG = 60.0
 
@@ -116,6 +118,11 @@ class Responses:
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         self._seen = RowFunction(ca.Function("seen", arguments, [seen]))
+        signals = model.signals
+        sizes = [each.rate or each.nominal for each in model.states.values()]
+        sizes += [signals[name].nominal for name in self.measured]
+        both = ca.cse([ca.vertcat(rates, seen) / ca.DM(sizes)])
+        self._moves_and_seen = RowFunction(ca.Function("moves_and_seen", arguments, both))
         seen_slopes = ca.densify(ca.jacobian(seen, unknowns))
         self._seen_slopes = RowFunction(ca.Function("seen_slopes", arguments, [seen_slopes.T]))
 
@@ -283,12 +290,14 @@ class Responses:
         Raises FloatingPointError where the simulation leaves the finite numbers."""
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
-        states, inputs, durations = self._states(record, driven, start, rest, count)
+        before, after, durations = grid(record, driven, count)
+        states = self._states(start, before, after, durations, rest)
         y = self._outputs(states[::count], driven, rest)
         if self._late_outputs:
             y = self._delayed(record, theta, y)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
+        inputs = before, after
         return Simulation(record, theta, y, states[::count], states[:-1], inputs, durations, count)
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
@@ -329,27 +338,19 @@ class Responses:
 
     def _states(
         self,
-        record: Record,
-        driven: np.ndarray,
         start: np.ndarray,
+        before: np.ndarray,
+        after: np.ndarray,
+        durations: np.ndarray,
         theta: np.ndarray,
-        count: int,
-    ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray], np.ndarray]:
-        """States (steps + 1, n) of the grid of integration, inputs (steps, m) at the begin and the
-        end of its steps, and the steps (steps,), s."""
-        time, inputs = finer(record.time, driven, count)
-        before = inputs[:-1]
-        after = inputs[1:]
-        if record.has_steps:
-            before = np.repeat(driven[:-1], count, axis=0)
-            after = before
-        durations = np.diff(time)
+    ) -> np.ndarray:
+        """States (steps + 1, n) of a grid of integration (`grid`)."""
         advance = self._advance(len(durations))
         moved = advance(start, before.T, after.T, theta, durations[None])
         states = np.vstack([start, moved.full().T])
         if not np.isfinite(states).all():
             raise FloatingPointError("the simulation diverges")
-        return states, (before, after), durations
+        return states
 
     def _advance(self, steps: int) -> ca.Function:
         """Return the function that maps a state to the states after each of these steps."""
@@ -389,6 +390,23 @@ class Responses:
         rates, slopes = self._rates(states, inputs, np.tile(theta, (len(states), 1)))
         return rates, slopes.reshape(-1, n, n + p)
 
+    def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:
+        """(V,) sums of the squares of the changes of rates and measured quantities, in their
+        nominal sizes, at some states of a simulation, with other values (V,) of an unknown."""
+        driven, rest = self._driven(simulated.record, simulated.theta)
+        rows = np.linspace(0, len(driven) - 1, _LOOKED_AT).astype(int)
+        thetas = np.tile(rest, (len(values) + 1, 1))
+        thetas[1:, place] = values
+        count = len(thetas)
+        (moves,) = self._moves_and_seen(
+            np.tile(simulated.at_samples[rows], (count, 1)),
+            np.tile(driven[rows], (count, 1)),
+            np.repeat(thetas, _LOOKED_AT, axis=0),
+        )
+        moves = moves.reshape(count, -1)
+        with np.errstate(all="ignore"):  # of values where the equations mean nothing
+            return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
+
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """(N, k) the measured quantities without delays.
 
@@ -423,14 +441,20 @@ def _runge_kutta(
     return x + duration / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def finer(time: np.ndarray, inputs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times and inputs of a grid with `count` steps between two samples."""
-    if count == 1:
-        return time, inputs
-    places = np.arange(len(time), dtype=float)
-    fine = np.linspace(0.0, places[-1], (len(places) - 1) * count + 1)
-    columns = [np.interp(fine, places, column) for column in inputs.T]
-    return np.interp(fine, places, time), np.column_stack([np.empty((len(fine), 0)), *columns])
+def grid(
+    record: Record, driven: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the inputs (steps, m) at the begin and at the end of the steps of integration, and the
+    durations (steps,) of these, s. count: of steps between two samples. driven: (N, m) inputs."""
+    durations = np.repeat(np.diff(record.time) / count, count)
+    if record.has_steps:
+        held = np.repeat(driven[:-1], count, axis=0)
+        return held, held, durations
+    rise = np.diff(driven, axis=0)[:, None, :]
+    part = (np.arange(count + 1) / count)[None, :, None]
+    ramps = driven[:-1, None, :] + part * rise
+    m = driven.shape[1]
+    return ramps[:, :-1].reshape(-1, m), ramps[:, 1:].reshape(-1, m), durations
 
 
 def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:

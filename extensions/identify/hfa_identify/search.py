@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
@@ -91,14 +92,24 @@ class Search:
             thinned.append(record.thinned(together))
         return thinned
 
-    def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
-        """The fit of the thinned records, from values of the unknowns and starts of the records. In
-        turbulence the whole records are fitted, because the gain belongs to their samples."""
+    @cached_property
+    def _thin(self) -> OutputError:
+        """The search in thinned records. In turbulence the whole records are fitted, because the
+        gain belongs to their samples."""
         if self.responses.turbulent:
-            return self.whole(theta, starts)
-        return OutputError(self.responses, self.thinned, self.bounds, self.guesses).fit(
-            theta, starts, small=_ROUGH
-        )
+            return self._whole
+        return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
+
+    def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
+        """L of the thinned records, inf where the simulation diverges."""
+        try:
+            return self._thin.likelihood(theta, starts)
+        except FloatingPointError:
+            return math.inf
+
+    def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
+        """The fit of the thinned records, from values of the unknowns and starts of the records."""
+        return self._thin.fit(theta, starts, small=_ROUGH)
 
     def whole(
         self,

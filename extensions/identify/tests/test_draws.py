@@ -165,6 +165,26 @@ def test_a_wrong_covariance_is_refused(covariance, message, folder, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ("[bands]\nCm_q = [-30.0, -40.0]", "band of Cm_q is [-30.0, -40.0]; exchange its ends"),
+        ("[bands]\nCm_q = [-2.0, -1.0]", "outside its band [-2.0, -1.0]; correct the value or the"),
+        ("[bands]\nCm_p = [-2.0, -1.0]", "unknown parameter 'Cm_p'; did you mean"),
+        ("[bands]\nCm_q = [nan, 1.0]", "band of Cm_q is [nan, 1.0]"),
+        ("[bands]\nCm_q = 3.0", "band of Cm_q is 3.0; give [low, high]"),
+        ("bands = 3.0", "bands is 3.0; give entries by name"),
+        ("[sensors]\nbias_alpha = 2.0\n[bands]\nbias_alpha = [0.0, 1.0]", "bias_alpha is 2.0, out"),
+    ],
+)
+def test_a_wrong_band_is_refused(entries, message, folder, capsys):
+    Path("found.toml").write_text(f"aircraft = '{UAV}'\n{entries}")
+    assert main(["trim", "--aircraft", "found.toml"]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
 def test_aircraft_without_a_game_solution_count():
     """Planted: a delta just above the least one of the aircraft, and below that of the other."""
     model = hfa.load_model(UAV)
