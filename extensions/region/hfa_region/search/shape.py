@@ -17,6 +17,7 @@ from hfa_region.check.polynomial import exponents_of, monomials, power_of_length
 from hfa_region.check.witness import LEVEL
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import MARGIN, LevelSearch, limits_within, lowest_degree
+from hfa_region.search.products import BASE, packed_monomials
 from hfa_region.search.squares import Identity, Squares, Terms
 
 #: V is at least this much of |y|².
@@ -49,7 +50,7 @@ class _Step:
         self.problem = Squares(n)
         keys = monomials(n, 2, search.setting.degree)
         self.exponents = np.array([_padded(exponents_of(key), n) for key in keys])
-        self.keys = _packed(self.exponents)
+        self.keys = packed_monomials(n, 2, search.setting.degree)
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
@@ -81,7 +82,7 @@ class _Step:
         keys, rates = self._rates(part, 2 * half)
         for i in range(self.n):
             kept = self.exponents[:, i] > 0
-            lowered = self.keys[kept] - 16**i
+            lowered = self.keys[kept] - BASE**i
             slopes = -self.exponents[kept, i] * scale
             for key, rate in zip(keys.tolist(), rates[i].tolist(), strict=True):
                 within = _degrees(lowered + key) <= 2 * half
@@ -166,8 +167,7 @@ def _means(exponents: np.ndarray) -> np.ndarray:
 
 def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
     """m'Q m."""
-    powers = np.array([_padded(exponents_of(key), n) for key in monomials(n, low, high)])
-    keys = _packed(powers)
+    keys = packed_monomials(n, low, high)
     sums = (keys[:, None] + keys[None, :]).ravel()
     known, place = np.unique(sums, return_inverse=True)
     values = np.zeros(len(known))
@@ -179,17 +179,11 @@ def _padded(exponents: list[int], n: int) -> list[int]:
     return exponents + [0] * (n - len(exponents))
 
 
-def _packed(exponents: np.ndarray) -> np.ndarray:
-    return np.asarray(
-        exponents.astype(np.int64) @ (16 ** np.arange(exponents.shape[1], dtype=np.int64))
-    )
-
-
 def _degrees(keys: np.ndarray) -> np.ndarray:
     """The degrees of packed keys."""
     total = np.zeros_like(keys)
     rest = keys.copy()
     while np.any(rest):
-        total += rest % 16
-        rest //= 16
+        total += rest % BASE
+        rest //= BASE
     return total
