@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import hashlib
 import io
 import math
@@ -23,7 +22,7 @@ from hfa_derivatives.names import (
     Derivative,
     derivative_of,
 )
-from hfa_support.errors import BadInputError, file_faults, shortened, shown
+from hfa_support.errors import BadInputError, advice, file_faults, shortened, shown
 from hfa_support.files import read_toml, regular_file
 from hfa_support.units import SYSTEMS, conversion, si_unit
 
@@ -244,9 +243,8 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
         return entry.error(f"{name} takes two values, its limits")
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
-    if near:
-        return entry.error(f"unknown entry {shown(name)}; did you mean {near[0]}?")
+    if near := advice(name, known):
+        return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():
         return entry.error(
