@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -17,7 +16,7 @@ from controller.game.zero_sum import Game
 from hfa_policy.actor import NONE as NONE, Actor, gain_function, read_actor, stored_gain
 from hfa_policy.normalizer import Normalizer, normalizer_of, read_normalizer
 from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, said_of, shown
+from hfa_support.errors import BadInputError, refuse_unknown, said_of, shown
 from hfa_support.files import read_toml
 from hfa_support.reporting.report import Reported
 from hfa_support.schema import NUMBER, POSITIVE, Number, checked
@@ -130,10 +129,7 @@ class Deployment(Reported):
             raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
         tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:
-            if name not in tables:
-                near = difflib.get_close_matches(name, tables, n=1)
-                advice = f"did you mean [{near[0]}]?" if near else f"tables are {', '.join(tables)}"
-                raise BadInputError(f"{path}: unknown entry {name}; {advice}")
+            refuse_unknown(f"{path}: unknown table", name, tables)
         for name in tables[:-1]:
             if name not in entries:
                 raise BadInputError(f"{path}: the table [{name}] is missing; add it")

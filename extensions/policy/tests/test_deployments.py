@@ -66,7 +66,7 @@ def message_of(folder, text):
 @pytest.mark.parametrize(
     ("typed", "instead", "said"),
     [
-        ("[timing]", "[timming]", "did you mean [timing]?"),
+        ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number from 0.0001 on, at most 10"),
         ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 samples"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
