@@ -17,10 +17,8 @@ from hfa_support.progress import say, say_aside
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hfa.commands.linearize import LinearizeRequest
-    from hfa.commands.trim import TrimRequest
     from hfa.options.request import Request
-    from hfa.options.trims import JsonOption, OutputOptions
+    from hfa.options.trims import JsonOption, OneTrimRequest, OutputOptions
     from hfa_aircraft.model import Model
     from hfa_support.reporting.report import Report
     from trim.point.operating_point import OperatingPoint
@@ -105,7 +103,7 @@ def _width() -> int | None:
     return shutil.get_terminal_size().columns if _on_terminal() else None
 
 
-def trimmed(request: TrimRequest | LinearizeRequest, aircraft: Model) -> OperatingPoint:
+def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
     """The trim of the options; with --json a trim that fails is printed as data too: the nearest
     point within the limits, which limits bind, and the reason."""
     from trim.point.solve import TrimError

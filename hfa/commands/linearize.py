@@ -14,7 +14,7 @@ from hfa.options.argument_types import some_of
 from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
 from hfa.options.request import OfModel, option
-from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
+from hfa.options.trims import OneTrimRequest, picture_option
 from hfa.output import show, trimmed
 from hfa_aircraft.model import Model
 from hfa_model import choice
@@ -49,7 +49,7 @@ def _about_states(model: Model) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearizeRequest(OneTrimOptions, OutputOptions):
+class LinearizeRequest(OneTrimRequest):
     """A linear model at one trim."""
 
     states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))

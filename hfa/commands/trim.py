@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import hfa_model
 from hfa.options.command import command
 from hfa.options.draws import draws_option, with_draws
-from hfa.options.trims import OneTrimOptions, OutputOptions, picture_option
+from hfa.options.trims import OneTrimRequest, picture_option
 from hfa.output import show, trimmed
 from trim.point.trim_report import trim_report
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TrimRequest(OneTrimOptions, OutputOptions):
+class TrimRequest(OneTrimRequest):
     """One trim."""
 
     draws: int | None = draws_option()

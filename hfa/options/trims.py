@@ -455,6 +455,11 @@ class OutputOptions(JsonOption):
     picture: Path | None = None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OneTrimRequest(OneTrimOptions, OutputOptions):
+    """One trim and the files of its report."""
+
+
 def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
     """The field `picture`. shows: content of the picture, for the help. only_hfa: of the HFA."""
     about = f"draw {shows} ({', '.join(PICTURES)})"
