@@ -223,7 +223,7 @@ def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
     content = CostStatement(own, still, np.eye(2), np.eye(1), (piece(4),)).content()
     assert compare(content, COST_FIELDS, given) == []
     narrower = COST_CHANGES["limits"][1](content["limits"])
-    with pytest.raises(NoSolutionError, match="another place"):  # of fewer flights
+    with pytest.raises(NoSolutionError, match="another limit of place"):  # of fewer flights
         compare(content | {"limits": narrower}, COST_FIELDS, given)
     del given["limits"]
     assert_walked(content, COST_FIELDS, given, COST_CHANGES, text_of)

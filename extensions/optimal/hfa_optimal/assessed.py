@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from hfa_optimal.pilots import Pilot
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_policy.assessment import AssessedPoint
-from hfa_policy.best_costs import BestCosts, Bracket, Ratios, ratios
+from hfa_policy.best_costs import BestCosts, Ratios, ratios
 from hfa_policy.cost_above_optimum import weights_at
 from hfa_policy.deployed import Deployed
 from hfa_policy.flown import flown_deployment, sampled_scenario
@@ -44,7 +45,7 @@ def best_costs(
     if certificate is not None:
         from hfa_optimal.bound import lower_bound
 
-        bound = lower_bound(certificate, problem, progress)
+        bound = lower_bound(certificate, problem, progress, deployed.deployment.origin)
     search = BestFlights(problem, count)
     flights = search.flights
     policy = flown_deployment(deployed.deployment, point)
@@ -69,9 +70,9 @@ def best_costs(
         lqr_over_best=_ratios(linear),
         offset_rate=offset,
         brackets=[
-            Bracket(each.start, each.lower_bound, each.cost, each.policies[1].cost)
+            replace(each.bracket, policy=each.policies[1].cost)
             for each in table.flights
-            if each.lower_bound is not None
+            if each.bracket is not None
         ],
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import Flown
 from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
 from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
+from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
 from hfa_support.reporting.by_name import with_names
@@ -25,6 +26,8 @@ from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from hfa_boxes.check.cost_statement import CostStatement
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     problem: aircraft, trim, prices and limits.
     found: the flight and the proposal that it follows.
     others: flights of policies from the same start.
-    lower_bound: no flight from this start costs less, as a certificate proves, or None without one.
+    bracket: with the lower bound of a certificate, or None without one.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -92,7 +95,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     problem: FlightProblem
     found: Found
     others: tuple[Flown, ...] = field(default=(), repr=False)
-    lower_bound: float | None = None
+    bracket: Bracket | None = None
+
+    @property
+    def lower_bound(self) -> float | None:
+        """No flight from this start costs less, as a certificate proves; None without one."""
+        return None if self.bracket is None else self.bracket.lower_bound
 
     @property
     def start(self) -> Mapping[str, float]:
@@ -199,8 +207,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
-        if self.over_bound is not None:
-            first += f", {bracket_text(self.over_bound)}"
+        if self.bracket is not None and self.over_bound is not None:
+            first += f", {over_bound_in_words([self.bracket])}"
         elif self.found.spread_of_guesses > MESHES_AGREE:
             first += f", guesses differ by {100 * self.found.spread_of_guesses:.2g} %"
         lines = [first]
@@ -212,15 +220,16 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     def _bracket(self) -> str:
         """Return the known distance of the cost from the least one."""
-        if self.lower_bound is None:
+        if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found; that none exists is not "
                 "proved."
             )
-        bound = f"{self.lower_bound:.6g}"
+        bound = f"{self.bracket.lower_bound:.6g}"
+        level = ", the level of the certificate, beyond which W is larger" * self.bracket.beyond
         return (
-            "It is proved that no flight within the limits from this initial condition to the trim"
-            f" costs less than {bound}."
+            f"The least cost is in [{bound}, {self.cost:.6g}]. It is proved that no flight within "
+            f"the limits from this initial condition to the trim costs less than {bound}{level}."
         )
 
     def _checked(self) -> str:
@@ -266,23 +275,34 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return drawn(figure, self.problem, flights, self.seconds, self.title())
 
 
-def bracket_text(ratio: float) -> str:
-    """Return the ratio of a cost to a lower bound in words."""
-    return f"between 1.00 and {ratio:.2f} of the best possible"
+def bracket_of(
+    bound: CostStatement, z: np.ndarray, start: Mapping[str, float], cost: float | None
+) -> Bracket:
+    """Return the bracket of the least cost from an initial condition.
+
+    bound: proved
+    z: (n,), deviations from the trim; start: the same by name
+    cost: of the best flight found, or None where none was
+    """
+    lower = float(bound.bound(z[None])[0])
+    return Bracket(start, lower, cost, None, lower >= bound.level)
+
+
+def over_bound_in_words(brackets: Sequence[Bracket]) -> str:
+    """Return the costs of the best flights found over their positive lower bounds in words."""
+    inside, beyond = (
+        [
+            each.best / each.lower_bound
+            for each in brackets
+            if each.best is not None and each.beyond == is_beyond
+        ]
+        for is_beyond in (False, True)
+    )
+    return bracket_sentence(inside, beyond)
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:
     return f"{flight}: {', '.join(names) or 'no input'} saturated"
-
-
-def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
-    """State -> deviation from the trim, as reports print it."""
-    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
-
-
-def _off(model: Model, name: str, value: float) -> str:
-    text = model.describe(name, value)
-    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
@@ -347,9 +367,12 @@ def best_flight(
         refuse_unless_positive("seconds", seconds, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
     z = problem.deviations(start)
-    lower = None
+    proved = None
     if bound is not None:
         from hfa_optimal.bound import lower_bound
 
-        lower = float(lower_bound(Path(bound), problem).bound(z[None])[0])
-    return BestFlight(problem, BestFlights(problem).found(z, seconds), lower_bound=lower)
+        proved = lower_bound(Path(bound), problem)
+    best = BestFlight(problem, BestFlights(problem).found(z, seconds))
+    if proved is None:
+        return best
+    return replace(best, bracket=bracket_of(proved, z, best.start, best.cost))

@@ -97,9 +97,14 @@ def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
 
 
 def lower_bound(
-    path: Path, problem: FlightProblem, progress: Progress | None = None
+    path: Path,
+    problem: FlightProblem,
+    progress: Progress | None = None,
+    weights_from: str = "",
 ) -> CostStatement:
     """Return the bound that a certificate proves for the flights of a problem.
+
+    weights_from: the file that gives Q and R, or "" where options do
 
     BadInputError or NoSolutionError where the certificate is not about these flights, or does not
     prove its statement.
@@ -107,9 +112,11 @@ def lower_bound(
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(f"{path} is of flights in which all inputs move; leave inputs out")
     verified = check_cost_certificate(path, progress, problem.model)
-    weights = {"Q": problem.Q, "R": problem.R}
+    given = given_of(problem, "this command", {})
+    for name in ("Q", "R"):
+        given[name] = Given(getattr(problem, name), weights_from or f"--{name}")
     try:
-        compare(verified.statement.content(), COST_FIELDS, given_of(problem, "the user", weights))
+        compare(verified.statement.content(), COST_FIELDS, given)
     except NoSolutionError as error:
         raise BadInputError(f"{path}: {error}") from error
     return verified.statement

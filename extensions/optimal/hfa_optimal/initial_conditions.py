@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfa_optimal.best_flight import PolicyFlight, bracket_text, limits_table
+from hfa_optimal.best_flight import (
+    PolicyFlight,
+    bracket_of,
+    limits_table,
+    over_bound_in_words,
+)
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
+from hfa_policy.best_costs import Bracket, bracket_table
 from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -40,8 +46,10 @@ class StartFlights(Result):
     spread: of meshes and guesses, or None where none was found.
     linear_cost: x'Px, of the linear model without limits.
     policies: their flights.
-    lower_bound: no flight from this start costs less, as a certificate proves, or None without one.
+    bracket: with the lower bound of a certificate, or None without one.
     """
+
+    json_keys = "start cost reason spread linear_cost policies lower_bound"
 
     start: Mapping[str, float]
     cost: float | None
@@ -49,7 +57,12 @@ class StartFlights(Result):
     spread: float | None
     linear_cost: float
     policies: Sequence[PolicyFlight]
-    lower_bound: float | None = None
+    bracket: Bracket | None = None
+
+    @property
+    def lower_bound(self) -> float | None:
+        """No flight from this start costs less, as a certificate proves; None without one."""
+        return None if self.bracket is None else self.bracket.lower_bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,24 +129,26 @@ class StartsTable(OfProblem, Result, Reported):
     @property
     def over_bound(self) -> Sequence[float]:
         """The cost of each flight that was found over its positive lower bound."""
-        return [
-            each.cost / each.lower_bound
-            for each in self.flights
-            if each.cost is not None and each.lower_bound is not None and each.lower_bound > 0.0
-        ]
+        return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
+
+    @property
+    def _bounded(self) -> list[Bracket]:
+        """Brackets with a positive lower bound and a flight that was found."""
+        brackets = [each.bracket for each in self.flights if each.bracket is not None]
+        return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
 
     def report(self) -> Report:
         """Return the number found, each policy over the best, and the reasons of refused
         flights."""
-        place = self.point.at_scheduled
-        title = (
-            f"Best flights found, {self.problem.model.title} {place}".rstrip()
-            + f": from {self.found} of {self.starts} initial conditions"
-        )
+        whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
+        title = f"Best flights found, {whose}: from {self.found} of {self.starts}"
+        brackets = self._bounded
+        if not brackets:
+            title += " initial conditions"
         if self.starts < self.asked:
             title += f" (interrupted; {self.asked} requested)"
-        if self.over_bound:
-            title += f", {bracket_text(max(self.over_bound))}"
+        if brackets:
+            title += f", {over_bound_in_words(brackets)}"
         spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
         if spread > MESHES_AGREE:
             title += f"\nguesses differ by up to {100 * spread:.2g} %"
@@ -145,7 +160,7 @@ class StartsTable(OfProblem, Result, Reported):
         header = ("cost over the best", "leave the envelope", "converge", "median", "90 %", "worst")
         reasons = [each.reason for each in self.flights if each.reason is not None]
         refused = [(reason, str(reasons.count(reason))) for reason in dict.fromkeys(reasons)]
-        if self.over_bound:
+        if brackets:
             median, high = (f"{np.quantile(self.over_bound, q):.4g}" for q in (0.5, 0.9))
             worst = f"{max(self.over_bound):.4g}"
             rows.append(("best found over the proved bound", "", "", median, high, worst))
@@ -153,18 +168,21 @@ class StartsTable(OfProblem, Result, Reported):
         if refused:
             parts.append(Table(("refused", "initial conditions"), refused))
         parts.append(limits_table(self.problem))
+        if brackets:
+            parts.append(bracket_table(self.problem.model, self._bounded))
         return Report(title, parts, data=self.as_data(), records=self._records())
 
     def _records(self) -> Table:
         states = self.problem.states
         policies = [each.policy for each in self.policies]
+        bound = ("lower_bound",) if self._bounded else ()
         rows = []
         for each in self.flights:
             costs = [policy.cost for policy in each.policies] or [None] * len(policies)
-            rows.append(
-                (*(each.start[name] for name in states), each.cost, each.linear_cost, *costs)
-            )
-        return Table((*states, "best", "linear_model", *policies), rows)
+            found = (each.cost, each.linear_cost, *costs)
+            bounds = (each.lower_bound,) if bound else ()
+            rows.append((*(each.start[name] for name in states), *found, *bounds))
+        return Table((*states, "best", "linear_model", *policies, *bound), rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +252,8 @@ def starts_table(
         for start in starts:
             flights = flights_from(search, start, pilots)
             if bound is not None:
-                flights = replace(flights, lower_bound=float(bound.bound(start[None])[0]))
+                bracket = bracket_of(bound, start, flights.start, flights.cost)
+                flights = replace(flights, bracket=bracket)
             done.append(flights)
             if progress is not None:
                 progress(len(done), len(starts))

@@ -10,12 +10,13 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_optimal.best_flight import deviations_in_words, envelope_pairs, limits_table
+from hfa_optimal.best_flight import envelope_pairs, limits_table
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
 from hfa_optimal.flights import Flights, Flown
 from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
+from hfa_policy.best_costs import deviations_in_words
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.by_name import with_names

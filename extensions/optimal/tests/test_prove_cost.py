@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,13 @@ from pendulum_card import pendulum_card
 
 import hfa
 from hfa.main import main
+from hfa_boxes.check.cost_checker import check_cost_certificate
 from hfa_boxes.fields import COST_FIELDS
-from hfa_proof.subject import entries_of
+from hfa_optimal.best_flight import bracket_of, over_bound_in_words
+from hfa_optimal.bound import given_of
+from hfa_optimal.problem import flight_problem
+from hfa_proof.subject import compare, entries_of
+from hfa_support.errors import NoSolutionError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
@@ -101,6 +108,42 @@ def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[
     assert best.lower_bound is not None
     assert 0.9 * best.cost < best.lower_bound < best.cost
     assert f"and {best.over_bound:.2f} of" in first
+    assert f"The least cost is in [{best.lower_bound:.6g}, {best.cost:.6g}]" in best.report().text()
+
+
+def test_a_table_shows_the_bracket_of_each_start(
+    certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first.startswith("Best flights found, pendulum: from 2 of 2, between 1.00 and 1.")
+    assert len(first) <= 100
+    rows = [line.split() for line in lines if re.match("angle [+-]", line)]
+    assert len(rows) == 2
+    assert all(0.0 < float(row[-2]) < float(row[-1]) for row in rows)
+
+
+def test_an_initial_condition_beyond_level_is_named(certificate: Path) -> None:
+    """Where W is larger than its level, the bound is the level, and the first line says so."""
+    model = hfa.load_model(PENDULUM)
+    statement = check_cost_certificate(certificate, model=model).statement
+    small = replace(statement, pieces=statement.pieces[:1])
+    near, far = (bracket_of(small, z, {}, 1e3) for z in (np.full(2, 1e-3), np.full(2, 9.0)))
+    assert (near.beyond, far.beyond) == (False, True)
+    assert far.lower_bound == small.level
+    assert over_bound_in_words([far]) == "beyond the level of the bound"
+    assert over_bound_in_words([near, far]).endswith("of the best possible, 1 beyond the level")
+
+
+def test_a_bound_within_narrower_limits_is_refused(certificate: Path) -> None:
+    model = hfa.load_model(PENDULUM)
+    problem = flight_problem(model, hfa.find_operating_point(model))
+    content = check_cost_certificate(certificate, model=model).statement.content()
+    given = given_of(problem, "this command", {})
+    compare(content, COST_FIELDS, given)
+    content["limits"]["angle"] = [-0.5, 0.5]
+    with pytest.raises(NoSolutionError, match="another limit of angle than this command gives"):
+        compare(content, COST_FIELDS, given)
 
 
 def test_a_bound_of_other_weights_is_refused(
@@ -131,6 +174,10 @@ def test_flights_of_a_deployed_policy_are_bracketed(
     for each in brackets:
         assert 0.0 < each["lower_bound"] < min(each["best"], each["policy"])
         assert each["best"] < 1.01 * each["policy"]
+    assert main(words[:-1]) in (0, 1)
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert "between 1.00 and 1." in first
+    assert len([line for line in lines if re.match("angle [+-]", line)]) == 3
 
 
 def test_a_deployed_policy_of_other_weights_is_refused(
@@ -138,6 +185,6 @@ def test_a_deployed_policy_of_other_weights_is_refused(
 ) -> None:
     words = ["assess", card_of(tmp_path, 3.0), *AIRCRAFT, "--samples", "0", "--best", "1"]
     assert main([*words, "--bound", str(certificate)]) == 2
-    assert "another R than --R gives" in capsys.readouterr().err
+    assert re.search(r"another R than \S+.toml gives", capsys.readouterr().err)
     assert main([*words[:-2], "--bound", str(certificate)]) == 2
     assert "add --best K" in capsys.readouterr().err

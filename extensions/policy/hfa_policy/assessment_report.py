@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
-from hfa_policy.best_costs import BestCosts
+from hfa_policy.best_costs import BestCosts, bracket_table
 from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
 from hfa_policy.linear_plant import LINEAR
@@ -131,15 +131,17 @@ class Assessment(Result, Reported):
             verdicts.reverse()
         bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
-        costs = [self._flown_costs(), self._bounded_costs(), self._costing()]
+        costs = [self._flown_costs(), self._costing()]
+        bounded = self._bounded_costs()
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         own = self._leaving_alone()
         flown += [sentence for rough in self._rough[:1] for sentence in rough.left_out]
         if not self.ok:
-            return [*filter(None, [bad[0], own, *bad[1:], *flown, *loop])]
+            return [*filter(None, [bad[0], bounded, own, *bad[1:], *flown, *loop])]
         rough = "every flight with {} stays inside the envelope".format
         roughly = [rough(flown.disturbed_by) for flown in self._rough[:1]]
-        return [*filter(None, [holding, own, loop[1], *flown, *roughly, loop[0], *loop[2:]])]
+        verdicts = [holding, bounded, own, loop[1]]
+        return [*filter(None, [*verdicts, *flown, *roughly, loop[0], *loop[2:]])]
 
     @property
     def first_line(self) -> str:
@@ -361,6 +363,13 @@ class Assessment(Result, Reported):
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
+    def _brackets(self) -> list[Table]:
+        """Return the table of lower bounds and costs, if a bound was given."""
+        best = self.points[0].best
+        if best is None or not best.brackets:
+            return []
+        return [bracket_table(self.deployed.model, best.brackets)]
+
     def _costing(self) -> str:
         """Return the linear cost in words, "" where the policy does not hold."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
@@ -385,7 +394,7 @@ class Assessment(Result, Reported):
         for mistake in self.mistakes:
             lines.append(mistake.sentence)
         parts: list[Any] = [deployment.actor.chain, self._table()]
-        parts += [*self._findings(), *self._off_slope()]
+        parts += [*self._brackets(), *self._findings(), *self._off_slope()]
         trims = [self._where([point]) for point in self.points]
         if self._rough:
             one = self._rough[0]

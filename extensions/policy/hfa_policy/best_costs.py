@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
+from hfa_support.reporting.text import Table
 
 
 class Ratios(NamedTuple):
@@ -26,12 +28,14 @@ class Bracket(Result):
     lower_bound: no flight costs less, as a certificate proves.
     best: cost of the best flight found, or None where none was.
     policy: cost of the flight of the policy, or None where it does not end at the trim.
+    beyond: True where the bound is the level of the certificate, and W is larger.
     """
 
     start: Mapping[str, float]
     lower_bound: float
     best: float | None
     policy: float | None
+    beyond: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,16 +69,14 @@ class BestCosts(Result):
     offset_rate: float | None
     brackets: Sequence[Bracket] = ()
 
-    @property
-    def policy_over_bound(self) -> Ratios | None:
-        """Cost of the flights of the policy that end at the trim, over the positive lower bounds,
-        or None without any."""
-        pairs = [
-            (each.policy, each.lower_bound)
+    def _over_bound(self, *, beyond: bool) -> list[float]:
+        """Return the costs of the flights of the policy that end at the trim, over the positive
+        lower bounds, where W is below the level of the certificate or beyond it."""
+        return [
+            each.policy / each.lower_bound
             for each in self.brackets
-            if each.policy is not None and each.lower_bound > 0.0
+            if each.policy is not None and each.lower_bound > 0.0 and each.beyond == beyond
         ]
-        return ratios([cost / bound for cost, bound in pairs])
 
     def sentence(self) -> str:
         """Return the comparison in words."""
@@ -93,13 +95,48 @@ class BestCosts(Result):
         bound."""
         if not self.brackets:
             return ""
-        over = self.policy_over_bound
-        if over is None:
-            return "no flight that ends at the trim has a positive lower bound"
-        return (
-            f"flights cost at most {over.worst:.4g} x the least possible (median "
-            f"{over.median:.4g}), by the proved bound"
-        )
+        return bracket_sentence(self._over_bound(beyond=False), self._over_bound(beyond=True))
+
+
+def bracket_sentence(inside: Sequence[float], beyond: Sequence[float]) -> str:
+    """Return the costs of flights over their lower bounds in words.
+
+    inside: where W is below its level
+    beyond: where the bound is the level
+    """
+    if not inside and not beyond:
+        return "no flight with a positive lower bound ends at the trim"
+    if not inside:
+        return "beyond the level of the bound"
+    words = f"between 1.00 and {max(inside):.2f} of the best possible"
+    return f"{words}, {len(beyond)} beyond the level" if beyond else words
+
+
+def bracket_table(model: Model, brackets: Sequence[Bracket]) -> Table:
+    """Return the lower bound and the costs from each initial condition, as far as flown."""
+    is_flown = any(each.policy is not None for each in brackets)
+    rows = []
+    for each in brackets:
+        bound = f"{each.lower_bound:.6g}" + (" (level)" if each.beyond else "")
+        costs = (each.best, each.policy) if is_flown else (each.best,)
+        words = [_number(cost) for cost in costs]
+        rows.append((deviations_in_words(model, each.start), bound, *words))
+    header = ("initial condition", "no flight costs less than", "best found")
+    return Table((*header, "policy") if is_flown else header, rows)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.6g}"
+
+
+def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
+    """State -> deviation from the trim, as reports print it."""
+    return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
+
+
+def _off(model: Model, name: str, value: float) -> str:
+    text = model.describe(name, value)
+    return f"{name} {text}" if text.startswith("-") else f"{name} +{text}"
 
 
 def ratios(values: Sequence[float]) -> Ratios | None:

@@ -132,7 +132,7 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
             if not _same(stated.get(key), own.value.get(key)):
-                return str(key)
+                return f"limit of {key}" if name == "limits" else str(key)
     return name
 
 

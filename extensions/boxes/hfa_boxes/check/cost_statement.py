@@ -67,6 +67,11 @@ class CostStatement:
             "pieces": [piece.content() for piece in self.pieces],
         }
 
+    @property
+    def level(self) -> float:
+        """The largest level, which is the bound where W is larger."""
+        return max(piece.c for piece in self.pieces)
+
     def bound(self, z: np.ndarray) -> np.ndarray:
         """(N,), the least cost from the deviations z (N, n) from the trim is at least this; in
         doubles."""

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from hfa.options.argument_types import input_file, number, one_of, positive, span
 from hfa.options.command import command
 from hfa.options.games import WeightOptions
@@ -137,28 +135,19 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
 
 
 def _prove(request: CostRequest) -> int:
-    from hfa_boxes.check.cost_checker import equilibrium_of, write_cost_certificate
+    from hfa_boxes.check.cost_checker import write_cost_certificate
     from hfa_boxes.cost_report import found_bound_report
-    from hfa_boxes.search.cost import CostSearch
-    from hfa_optimal.bound import plant_of, unknowns_of
-    from hfa_optimal.initial_conditions import usual_box
+    from hfa_optimal.bound_search import bound_search
 
     problem = request.problem()
-    plant = plant_of(problem)
-    solved = unknowns_of(problem, plant)
-    trim = np.array([*plant.trim.values(), *plant.inputs.values()])
     origin = request.provenance.to_dict()
 
     def save(found: CostBound) -> None:
         if request.output is not None:
             write_cost_certificate(request.output, found.statement, found.witness, origin)
 
-    search = CostSearch(
-        plant,
-        equilibrium_of(plant, trim, solved),
-        solved,
-        (problem.Q, problem.R, problem.P),
-        usual_box(problem),
+    search = bound_search(
+        problem,
         degree=request.degree,
         margin=request.margin,
         seconds=request.seconds,

@@ -191,15 +191,16 @@ def _one(
     bound: CostStatement | None,
 ) -> int:
     """The best flight from one start."""
-    from hfa_optimal.best_flight import BestFlight
+    from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
 
     start = search.problem.deviations(request.begin(search.problem))
     best = BestFlight(search.problem, search.found(start, request.seconds))
     seconds = (1.0 + AFTER) * best.seconds
     others = tuple(pilot.fly(search.flights, start, seconds) for pilot in pilots)
-    lower = None if bound is None else float(bound.bound(start[None])[0])
-    best = replace(best, others=others, lower_bound=lower)
+    best = replace(best, others=others)
+    if bound is not None:
+        best = replace(best, bracket=bracket_of(bound, start, best.start, best.cost))
     history: dict[str, Any] = {"time": best.time, "X": best.states, "U": best.inputs}
     show(best.report(), request, figure=best.figure, only_in_files={"flight": history})
     return 0

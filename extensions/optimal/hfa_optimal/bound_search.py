@@ -1,0 +1,47 @@
+"""The search for a lower bound of the cost of the flights of a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hfa_boxes.check.cost_checker import equilibrium_of
+from hfa_boxes.search.cost import CostBound, CostSearch
+from hfa_optimal.bound import plant_of, unknowns_of
+from hfa_optimal.initial_conditions import usual_box
+from hfa_optimal.problem import FlightProblem
+from hfa_support.progress import Progress
+
+
+def bound_search(
+    problem: FlightProblem,
+    *,
+    degree: int,
+    margin: float,
+    seconds: float,
+    progress: Progress | None = None,
+    save: Callable[[CostBound], None] | None = None,
+) -> CostSearch:
+    """Return the search for a lower bound of the cost of the flights of a problem, for initial
+    conditions in the usual box.
+
+    degree, margin: of W
+    seconds: processor time
+    save: called with the bound after each proved piece
+    """
+    plant = plant_of(problem)
+    solved = unknowns_of(problem, plant)
+    trim = np.array([*plant.trim.values(), *plant.inputs.values()])
+    return CostSearch(
+        plant,
+        equilibrium_of(plant, trim, solved),
+        solved,
+        (problem.Q, problem.R, problem.P),
+        usual_box(problem),
+        degree=degree,
+        margin=margin,
+        seconds=seconds,
+        progress=progress,
+        save=save,
+    )

@@ -1,0 +1,127 @@
+"""Proved lower bounds of the cost of five aircraft, over the best flights found from seeded initial
+conditions, and many other flights over them.
+
+Writes FOLDER/bounds.json, aircraft by aircraft, and goes on where it was interrupted. Takes a
+quarter of an hour of computing."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import hfa
+from hfa_optimal.bound_search import bound_search
+from hfa_optimal.initial_conditions import drawn_starts, starts_table
+from hfa_optimal.problem import flight_problem
+from hfa_optimal.search import BestFlights
+from hfa_support.files import write_text
+from hfa_support.jsonable import json_text
+from hfa_support.reporting.report import Report
+from hfa_support.reporting.text import Table
+from studies.bounds.aircraft import VAN_DER_POL, navion_of_the_tutorial
+from studies.bounds.flights import flown_above
+
+_SEED = 0
+
+
+class Bounded(NamedTuple):
+    """An aircraft, degree and margin of W, and number of flights over the bound."""
+
+    model: Callable[[], hfa.Model]
+    degree: int
+    margin: float
+    flights: int
+
+
+AIRCRAFT = {
+    "van der Pol": Bounded(lambda: VAN_DER_POL, 8, 0.02, 40_000),
+    "pendulum": Bounded(partial(hfa.load_model, "examples/pendulum.py:PENDULUM"), 12, 0.02, 40_000),
+    "F-16": Bounded(partial(hfa.load_model, "examples/f16_constant.py:F16"), 4, 0.05, 15_000),
+    "Navion": Bounded(navion_of_the_tutorial, 4, 0.02, 15_000),
+    "GTM": Bounded(partial(hfa.load_model, "examples/gtm.py:GTM"), 4, 0.02, 15_000),
+}
+
+
+def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any]:
+    """Return a row of the table."""
+    aircraft = AIRCRAFT[name]
+    model = aircraft.model()
+    problem = flight_problem(model, hfa.find_operating_point(model))
+    search = bound_search(problem, degree=aircraft.degree, margin=aircraft.margin, seconds=120.0)
+    begin = time.process_time()
+    found = search.found()
+    seconds = time.process_time() - begin
+    bound = found.statement
+    best = BestFlights(problem, starts)
+    table = starts_table(best, drawn_starts(problem, starts, _SEED), bound=bound)
+    ratios = [1.0 / ratio for ratio in table.over_bound]
+    other = flown_above(problem, bound, flights or aircraft.flights, _SEED)
+    return {
+        "aircraft": name,
+        "degree": aircraft.degree,
+        "margin": aircraft.margin,
+        "boxes": list(found.boxes),
+        "seconds": seconds,
+        "starts": len(ratios),
+        "bound_over_best": {"least": min(ratios), "median": float(np.median(ratios))},
+        "flights": other._asdict(),
+    }
+
+
+def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One row an aircraft."""
+    lines = []
+    for row in rows:
+        over_best, other = row["bound_over_best"], row["flights"]
+        lines.append(
+            (
+                row["aircraft"],
+                f"{row['degree']}, {row['margin']:g}",
+                f"{max(row['boxes']):,}",
+                f"{over_best['least']:.3f}, {over_best['median']:.3f}",
+                f"{row['seconds']:.0f} s",
+                f"{other['flights']:,}",
+                f"{other['below']}",
+                f"{other['least']:.4f}",
+            )
+        )
+    header = (
+        *("aircraft", "degree, margin", "boxes of the largest set", "least, median ratio"),
+        *("processor time", "flights", "below the bound", "least over it"),
+    )
+    return Table(header, lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Prove, fly, store and print; exit 1 where a flight costs less than the bound."""
+    parser = argparse.ArgumentParser("python -m studies.bounds", description=__doc__)
+    parser.add_argument("--aircraft", action="append", choices=list(AIRCRAFT), metavar="NAME")
+    parser.add_argument("--starts", type=int, default=30, metavar="N")
+    parser.add_argument("--flights", type=int, metavar="N")
+    parser.add_argument(
+        "-o", type=Path, default=Path("out/bounds"), metavar="FOLDER", help="default: %(default)s"
+    )
+    options = parser.parse_args(argv)
+    path = options.o / "bounds.json"
+    stored = json.loads(path.read_text()) if path.exists() else {"aircraft": []}
+    done = {row["aircraft"]: row for row in stored["aircraft"]}
+    options.o.mkdir(parents=True, exist_ok=True)
+    for name in options.aircraft or [each for each in AIRCRAFT if each not in done]:
+        done[name] = bounded(name, options.starts, options.flights)
+        rows = [done[each] for each in AIRCRAFT if each in done]
+        write_text(path, json_text({"seed": _SEED, "aircraft": rows}))
+    rows = [done[each] for each in AIRCRAFT if each in done]
+    print(Report("Lower bounds of the cost, proved", (table_of(rows),)).text())
+    return int(any(row["flights"]["below"] for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,157 @@
+"""Many flights to the trim, whose costs no lower bound exceeds."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_optimal.initial_conditions import usual_box
+from hfa_optimal.problem import FlightProblem
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.machine_code import machine_code
+
+#: Flights that are integrated at once.
+_AT_ONCE = 2000
+#: Steps over the time constant of the fastest mode of the linear optimum, and time constants of its
+#: slowest mode after which a flight is given up.
+_PER_FASTEST = 5.0
+_OF_SLOWEST = 6.0
+#: A flight ends at the trim where the linear cost of its end is below this part of its cost; it is
+#: looked at after so many steps.
+_CONVERGED = 1e-3
+_LOOKED_AT = 50
+#: Pulses of a flight, the most steps of each, and their sizes in nominal ones.
+_PULSES = 8
+_PULSE = 60
+_SIZES = (0.0, 0.1, 1.0)
+
+
+class FlownAbove(NamedTuple):
+    """Flights over a lower bound.
+
+    flights: that end at the trim within the limits
+    below: of these, those that cost less than the bound
+    least, median: cost over the bound
+    """
+
+    flights: int
+    below: int
+    least: float
+    median: float
+
+
+def flown_above(
+    problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
+) -> FlownAbove:
+    """Fly until so many flights have ended at the trim; half begin at a face of the usual box.
+
+    One flight of three has the inputs of least rate of the bound plus running cost, to first order;
+    one the gain of the linear optimum; one this gain with each row scaled. Pulses are added.
+
+    problem: flights to the trim; bound: of their cost"""
+    random = np.random.default_rng(seed)
+    half = usual_box(problem)
+    m = len(problem.inputs)
+    poles = np.linalg.eigvals(problem.linear.A - problem.linear.B @ problem.K)
+    step = 1.0 / (_PER_FASTEST * np.abs(poles).max())
+    most = int(_OF_SLOWEST / (step * np.abs(poles.real).min()))
+    one_step = RowFunction(machine_code(step_function(problem, bound, step)))
+    ratios = np.zeros(0)
+    while len(ratios) < flights:
+        z = random.uniform(-1.0, 1.0, (_AT_ONCE, len(half)))
+        z[::2] /= np.abs(z[::2]).max(axis=1, keepdims=True)
+        z = z * half
+        way = np.arange(len(z)) % 3
+        factors = np.where(way[:, None] == 2, random.uniform(0.5, 1.5, (len(z), m)), 1.0)
+        sizes = random.choice(_SIZES, (len(z), 1)) * problem.sizes[1]
+        pulses = random.uniform(-1.0, 1.0, (_PULSES, len(z), m)) * sizes
+        settings = np.column_stack([way == 0, factors])
+        costs = flown_costs(problem, one_step, z, settings, pulses, most)
+        ended = np.isfinite(costs)
+        ratios = np.concatenate([ratios, costs[ended] / bound.bound(z[ended])])
+    below = int(np.sum(ratios < 1.0))
+    return FlownAbove(len(ratios), below, float(ratios.min()), float(np.median(ratios)))
+
+
+def flown_costs(
+    problem: FlightProblem,
+    one_step: RowFunction,
+    z: np.ndarray,
+    settings: np.ndarray,
+    pulses: np.ndarray,
+    most: int,
+) -> np.ndarray:
+    """(N,), costs of flights from z (N, n) with the linear cost of their ends; inf for those that
+    leave the limits or do not end at the trim.
+
+    one_step: of `step_function`; settings: (N, 1 + m), its third argument
+    pulses: (pulses, N, m), added to the inputs one after the other
+    most: steps of a flight
+    """
+    lowest, highest = problem.state_limits
+    costs = np.full(len(z), np.inf)
+    paid = np.zeros(len(z))
+    flying = np.arange(len(z))
+    none = np.zeros(pulses.shape[1:])
+    lasting = max(min(_PULSE, most // (2 * len(pulses))), 1)
+    for number in range(most):
+        pulse = pulses[number // lasting] if number < len(pulses) * lasting else none
+        z, price = one_step(z, pulse[flying], settings[flying])
+        paid += price[:, 0]
+        inside = np.all((lowest <= z) & (z <= highest), axis=1)
+        if number % _LOOKED_AT == 0 or number == most - 1:
+            end = np.einsum("ki,ij,kj->k", z, problem.P, z)
+            ended = inside & (end <= _CONVERGED * paid)
+            costs[flying[ended]] = (paid + end)[ended]
+            inside &= ~ended
+        if not inside.all():
+            z, paid, flying = z[inside], paid[inside], flying[inside]
+        if not len(flying):
+            break
+    return costs
+
+
+def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> ca.Function:
+    """(z, pulse, [1 for the inputs of least rate or 0 for the gain, factors of its rows]) -> z
+    after a step of Runge and Kutta's method with constant inputs, and its cost by Simpson's
+    rule."""
+    n, m = len(problem.states), len(problem.inputs)
+    z, pulse, settings = ca.SX.sym("z", n), ca.SX.sym("pulse", m), ca.SX.sym("settings", 1 + m)
+    of_states, of_inputs = (ca.DM(size) for size in problem.sizes)
+
+    def rates(z: ca.SX, v: ca.SX) -> ca.SX:
+        return problem.rates(ca.vertcat(z / of_states, v / of_inputs)) * of_states
+
+    def price(z: ca.SX, v: ca.SX) -> ca.SX:
+        return ca.bilin(ca.DM(problem.Q), z, z) + ca.bilin(ca.DM(problem.R), v, v)
+
+    v = ca.SX.sym("v", m)
+    effect = ca.substitute(ca.jacobian(rates(z, v), v), v, ca.DM.zeros(m))
+    of_least_rate = -0.5 * ca.DM(np.linalg.pinv(problem.R)) @ effect.T @ gradient(bound, z)
+    of_gain = -settings[1:] * (ca.DM(problem.K) @ z)
+    chosen = ca.if_else(settings[0], of_least_rate, of_gain) + pulse
+    lowest, highest = (ca.DM(limit) for limit in problem.input_limits)
+    v = ca.fmin(ca.fmax(chosen, lowest), highest)
+    one = rates(z, v)
+    two = rates(z + 0.5 * step * one, v)
+    three = rates(z + 0.5 * step * two, v)
+    four = rates(z + step * three, v)
+    after = z + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+    middle = 0.5 * (z + after) + step / 8.0 * (one - rates(after, v))
+    paid = step / 6.0 * (price(z, v) + 4.0 * price(middle, v) + price(after, v))
+    return ca.Function("step", [z, pulse, settings], [ca.densify(after), paid], {"cse": True})
+
+
+def gradient(bound: CostStatement, z: ca.SX) -> ca.SX:
+    """(n,), of the largest piece of a bound at z."""
+    largest, slope = ca.SX(0), ca.SX.zeros(z.shape)
+    for piece in bound.pieces:
+        M = ca.DM(piece.M)
+        W, slopes = piece.W.expressions(M @ z)
+        is_largest = ca.fmin(W, piece.c) > largest
+        largest = ca.if_else(is_largest, ca.fmin(W, piece.c), largest)
+        slope = ca.if_else(is_largest, M.T @ slopes, slope)
+    return slope

@@ -1,0 +1,53 @@
+"""Flights compared with lower bounds of their cost."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa_boxes.check.cost_statement import CostStatement
+from hfa_boxes.check.piece import Piece, Polynomial
+from hfa_optimal.bound import plant_of
+from hfa_optimal.problem import flight_problem
+from studies.bounds.__main__ import main
+from studies.bounds.aircraft import navion_of_the_tutorial
+from studies.bounds.flights import FlownAbove, flown_above
+
+
+def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
+    return {"position": u.speed}, {}
+
+
+def flown_over(coefficient: float) -> FlownAbove:
+    """Return flights of x' = u, Q = R = 1, over W = k x²; the least cost is x²."""
+    model = hfa.Model("cart", {"position": hfa.Signal("m")}, {"speed": hfa.Signal("m/s")}, cart)
+    problem = flight_problem(model, hfa.find_operating_point(model))
+    still = {"position": 0.0, "speed": 0.0}
+    piece = Piece(np.eye(1) / 64.0, Polynomial(1, ((4096.0 * coefficient, (2,)),)), 4096.0)
+    bound = CostStatement(plant_of(problem), still, np.eye(1), np.eye(1), (piece,))
+    return flown_above(problem, bound, 500)
+
+
+def test_flights_are_above_a_true_bound() -> None:
+    flown = flown_over(0.999)
+    assert flown.flights >= 500
+    assert flown.below == 0
+    assert flown.least == pytest.approx(1.0 / 0.999, abs=0.01)
+
+
+def test_a_bound_too_large_by_one_percent_is_found() -> None:
+    assert flown_over(1.01).below > 100
+
+
+def test_the_navion_is_that_of_the_tutorial() -> None:
+    assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
+
+
+@pytest.mark.slow
+def test_the_study_proves_and_flies(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--aircraft", "van der Pol", "--starts", "2", "--flights", "100", "-o", str(tmp_path)]
+    assert main(words) == 0
+    assert "van der Pol" in capsys.readouterr().out
