@@ -6,7 +6,7 @@ from controller.critic.critic import (
     from_gain as from_gain,
     from_value as from_value,
 )
-from controller.critic.critic_file import load_critic as load_critic
+from controller.critic.critic_file import read_critic as read_critic
 from controller.critic.weights import from_weights as from_weights
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
@@ -52,5 +52,7 @@ from . import paper as paper
 trim = find_operating_point
 verify = check_critic
 optimize = best_flight
+# The earlier name, for one version.
+load_critic = read_critic
 
 __version__: str

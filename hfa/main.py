@@ -122,9 +122,11 @@ def _run(words: list[str], find: Find) -> int:
         except BadInputError as error:
             if not error.options or not hasattr(request, "reading"):
                 raise
-            from hfa.options.answers import with_options
-
-            typed = shlex.join(with_options(program, options, error.options))
+            kept = list(options)
+            if error.options[0] in kept and error.options[0] != "--set":
+                place = kept.index(error.options[0])
+                del kept[place : place + 2]
+            typed = shlex.join([*program.split(), *kept, *error.options])
             raise BadInputError(f"{error}; type {typed}") from error
         except SystemExit as error:
             raise BadInputError(

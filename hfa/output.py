@@ -54,18 +54,17 @@ def show(
     only_in_files: data that would drown the rest on a terminal."""
     from hfa_support.files import all_or_none
 
+    picture = None if figure is None else request.picture
     with all_or_none():
         if request.output is not None:
             _write(stated(report.with_data(**(only_in_files or {})), request), request.output)
-        if request.picture is not None and figure is not None:
+        if picture is not None and figure is not None:
             from hfa_support.reporting.figure import save
 
-            save(figure(), request.picture, request.provenance.text())
+            save(figure(), picture, request.provenance.text())
     print_report(printed or report, request, notes=notes)
-    if request.output is not None:
-        say_aside(f"wrote {request.output}")
-    if request.picture is not None and figure is not None:
-        say_aside(f"wrote {request.picture}")
+    for written in filter(None, (request.output, picture)):
+        say_aside(f"wrote {written}")
     if report.failure:
         raise NoSolutionError(report.failure)
 
@@ -84,23 +83,15 @@ def _write(report: Report, path: Path) -> None:
 def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
     """Print the report or, with --json, its data; then the notes."""
     report = stated(report, request)
-    say(report.json() if request.json else report.text(_in_color(), _width()))
+    if request.json:
+        say(report.json())
+    elif sys.stdout is None or not sys.stdout.isatty():
+        say(report.text())
+    else:
+        # Users refuse colors (no-color.org).
+        plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+        say(report.text(not plain, shutil.get_terminal_size().columns))
     say_notes(notes)
-
-
-def _on_terminal() -> bool:
-    return sys.stdout is not None and sys.stdout.isatty()
-
-
-def _in_color() -> bool:
-    """Return whether output is a terminal whose user does not refuse colors (no-color.org)."""
-    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
-    return _on_terminal() and not plain
-
-
-def _width() -> int | None:
-    """Width of the terminal in characters, or None where the output is a file or a pipe."""
-    return shutil.get_terminal_size().columns if _on_terminal() else None
 
 
 def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:

@@ -33,6 +33,7 @@ def overview() -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
-    version = f"hfa {VERSION}"
-    parser.add_argument("--version", action="version", version=version, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--version", action="version", version=f"hfa {VERSION}", help=argparse.SUPPRESS
+    )
     return parser

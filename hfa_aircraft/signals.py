@@ -51,7 +51,8 @@ def record(names: tuple[str, ...]) -> Any:
 
 
 def remember_record(kind: Any) -> None:
-    """Let `record` return a class of named tuples for its names, with values["alpha"] too."""
+    """Let `record` return a class of named tuples for its names, also with values["alpha"] and
+    dict(values)."""
 
     def item(values: Any, name: Any) -> Any:
         if not isinstance(name, str):
@@ -62,7 +63,12 @@ def remember_record(kind: Any) -> None:
     def reduced(values: Any) -> Any:
         return _unpickled, (kind._fields, tuple(values))
 
-    members = {"__getitem__": item, "__reduce__": reduced, "__slots__": ()}
+    members = {
+        "__getitem__": item,
+        "__reduce__": reduced,
+        "keys": lambda _: kind._fields,
+        "__slots__": (),
+    }
     _RECORDS[kind._fields] = type(kind.__name__, (kind,), members)
 
 

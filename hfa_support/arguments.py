@@ -177,14 +177,6 @@ def _is_whole(value: Any) -> bool:
     return is_integer and -_LARGEST <= value < _LARGEST
 
 
-def _is_flag(value: Any) -> bool:
-    return isinstance(value, (bool, np.bool_))
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
 def _is_none(value: Any) -> bool:
     return value is None
 
@@ -229,8 +221,8 @@ def _said(value: Any) -> str:
 _KINDS: dict[Any, tuple[_Test, str]] = {
     float: (_is_number, "a number"),
     int: (_is_whole, "a whole number"),
-    bool: (_is_flag, "True or False"),
-    str: (_is_text, "a text"),
+    bool: (lambda value: isinstance(value, (bool, np.bool_)), "True or False"),
+    str: (lambda value: isinstance(value, str), "a text"),
     Path: (lambda value: isinstance(value, Path), "a path"),
     np.ndarray: (_is_array, _NUMBERS),
     NoneType: (_is_none, ""),

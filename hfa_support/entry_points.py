@@ -59,7 +59,7 @@ def part(group: str, name: str, what: str) -> Any:
     feature that needs it, for the message."""
     if name not in offered(group):
         raise BadInputError(
-            f"{what} needs a package that offers {name!r} in {group}; install one that does".strip()
+            f"{what} needs a package that offers {name!r} in {group}; install one that does"
         )
     return loaded(offered(group)[name])
 

@@ -112,9 +112,9 @@ def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> C
 
 
 @checks_arguments
-def load_critic(
+def read_critic(
     path: str | Path,
-    game: Game,
+    game: Game | None = None,
     *,
     basis: str | None = None,
     network: str = "",
@@ -124,7 +124,7 @@ def load_critic(
     """The critic of a file of matrices or weights, or of a network; for a history, the last row.
 
     path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
-    game: the game, with the states and inputs of the critic.
+    game: the game, with the states and inputs of the critic; without it a gain K alone is read.
     basis: of weights: a name, or a list of functions; default: that of the file, else "quadratic".
     network: the parts of a network's file and their kinds, as for `from_network`.
     activation: between the layers of a state dict, and after a comma at its output.
@@ -133,8 +133,14 @@ def load_critic(
     BadInputError, one line that names the file.
 
     >>> import hfa
-    >>> critic = hfa.load_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
+    >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
     """
+    if game is None:
+        entries = {} if is_network(Path(path)) else entries_in(path)
+        if "K" not in entries or "state_units" in entries:
+            raise BadInputError(f"{path} needs its game; write read_critic(FILE, game)")
+        with said_of(path):
+            return Critic(single_parts(entries, PlantNames(), None)["K"])
     return critic_in(path, game, Reading(basis, network, activation, scale))
 
 

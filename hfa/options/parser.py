@@ -101,10 +101,10 @@ class Parser(argparse.ArgumentParser):
 
     @staticmethod
     def _typed(parsed: argparse.Namespace) -> dict[str, Any]:
-        typed = {name: value for name, value in vars(parsed).items() if value is not None}
         return {
             name: tuple(value) if isinstance(value, list) else value
-            for name, value in typed.items()
+            for name, value in vars(parsed).items()
+            if value is not None
         }
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:

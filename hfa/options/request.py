@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -63,17 +63,13 @@ class Option:
         """
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
-        return Option(
+        return replace(
+            self,
             about=partial(self.about, model) if callable(self.about) else self.about,
             form=_resolved(self.form, model),
             kind=kind,
             names=names,
-            named=self.named,
-            repeated=self.repeated,
-            count=self.count,
             required=_resolved(self.required, model),
-            rare=self.rare,
-            part=self.part,
             aliases={} if model is None else model.extras.aliases,
         )
 

@@ -18,9 +18,20 @@ class ByName(tuple[Named, ...]):
         """The entry of a number or a name. Raises BadInputError for an unknown name."""
         if not isinstance(index, str):
             return super().__getitem__(index)
-        by_name = {entry.name: entry for entry in self}  # type: ignore[attr-defined]
-        refuse_unknown("unknown name", index, by_name)
-        return by_name[index]
+        refuse_unknown("unknown name", index, self.keys())
+        return self[self.keys().index(index)]
+
+    def keys(self) -> list[str]:
+        """The names, so that dict(modes) is a dictionary of the entries."""
+        return [entry.name for entry in self]  # type: ignore[attr-defined]
+
+    def values(self) -> Any:
+        """The entries."""
+        return self
+
+    def items(self) -> Any:
+        """The pairs (name, entry)."""
+        return dict(self).items()
 
 
 class Columns(np.ndarray):

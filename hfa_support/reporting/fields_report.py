@@ -26,7 +26,8 @@ def fields_report(result: Any) -> Report:
     matrices: list[Part] = []
     checks: list[Part] = []
     for name, value in held.items():
-        if _is_small_matrix(value):
+        is_matrix = isinstance(value, np.ndarray) and value.ndim == 2 and value.size > 0
+        if is_matrix and max(value.shape) <= _MOST:
             rows, columns = (numbered("", count) for count in value.shape)
             matrices.append(matrix_table(name, rows, columns, value))
         elif isinstance(value, tuple) and value and isinstance(value[0], Check):
@@ -37,13 +38,6 @@ def fields_report(result: Any) -> Report:
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
     return Report(title, ["\n".join(lines), *matrices, *checks], data=held)
-
-
-def _is_small_matrix(value: Any) -> bool:
-    """Return whether its entries are shown."""
-    if not isinstance(value, np.ndarray) or value.ndim != 2:
-        return False
-    return value.size > 0 and max(value.shape) <= _MOST
 
 
 def _on_one_line(value: Any) -> str:

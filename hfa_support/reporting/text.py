@@ -172,10 +172,11 @@ def columns(
     for shown in _columns_that_fit(widths, width):
         lines = []
         for row, row_cells in zip(texts, cells, strict=True):
-            aligned = [_aligned(row[i], widths[i], first=i == 0) for i in shown]
-            if color:
-                tones = [TONES.get(getattr(row_cells[i], "tone", ""), "") for i in shown]
-                aligned = [_colored(*pair) for pair in zip(aligned, tones, strict=True)]
+            aligned = []
+            for i in shown:
+                cell = row[i].rjust(widths[i]) if i else row[i].ljust(widths[i])
+                tone = TONES.get(getattr(row_cells[i], "tone", ""))
+                aligned.append(f"\033[{tone}m{cell}\033[0m" if color and tone else cell)
             lines.append(_GAP.join(aligned).rstrip())
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
@@ -195,14 +196,6 @@ def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
         blocks[-1].append(i)
         used += needed
     return blocks
-
-
-def _aligned(text: str, width: int, first: bool) -> str:
-    return text.ljust(width) if first else text.rjust(width)
-
-
-def _colored(text: str, tone: str) -> str:
-    return f"\033[{tone}m{text}\033[0m" if tone else text
 
 
 def wrapped(text: str, width: int | None) -> str:

@@ -60,7 +60,7 @@ for critic in (
     hfa.from_gain(game, [[1.0]]),
     hfa.from_value(game, solution.P),
     hfa.from_network(game, "critic.onnx"),
-    hfa.load_critic("K.npz", game),
+    hfa.read_critic("K.npz", game),
 ):
     verdict: hfa.Verdict = hfa.check_critic(game, critic)
     if not verdict.ok:

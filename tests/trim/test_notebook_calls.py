@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,7 @@ import control
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from scipy.linalg import expm
 
 import hfa
 from hfa import BadInputError, LinearModel, NoSolutionError, find_operating_point, linearize, sweep
@@ -74,6 +76,34 @@ def test_other_attributes_are_those_of_python_control() -> None:
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
     with pytest.raises(AttributeError, match="LinearModel has no attribute 'dcgane'; did you mean"):
         linear.dcgane  # noqa: B018
+    loop = linear["pitch_rate", "elevator_center"]
+    assert loop.margin() == control.margin(loop.to_control())
+    assert {"damp", "modes", "step"} <= set(dir(linear))
+    held = linear.discretize(0.1)
+    assert np.array_equal(linear.c2d(0.1).A, held.A)
+    assert pytest.approx(expm(0.1 * linear.A)) == held.A
+
+
+def test_inputs_reach_modes_or_not() -> None:
+    """A model is controllable unless an input matrix leaves out one of its modes."""
+    linear = _linear()
+    assert linear.is_controllable
+    assert linear.is_stable == bool(linear.eigenvalues.real.max() < 0.0)
+    assert not replace(linear, B=0.0 * linear.B).is_controllable
+    values, vectors = linear.eigenvalues, linear.eigenvectors
+    assert linear.A @ vectors == pytest.approx(vectors * values, abs=1e-9)
+    # A change of basis hides that no input reaches the mode of -3.
+    basis = np.random.default_rng(0).normal(size=(6, 6))
+    inverse = np.linalg.inv(basis)
+    A = basis @ np.diag([-3.0, -1.0, -2.0, -4.0, -5.0, -6.0]) @ inverse
+    B = basis @ np.vstack([np.zeros(5), np.ones((5, 5))])
+    hidden = replace(linear, A=A, B=B)
+    assert hidden.zeros(outputs=()) == pytest.approx([-3.0])
+    assert not hidden.is_controllable
+    assert replace(hidden, B=B + basis[:, :1]).is_controllable
+    assert linear.zeros("elevator_center", "pitch") == pytest.approx(
+        linear["pitch", "elevator_center"].zeros()
+    )
 
 
 def test_an_unknown_attribute_suggests_the_nearest() -> None:
@@ -111,6 +141,9 @@ def test_names_index_values_and_modes() -> None:
         assert named.state_names == tuple(MODEL.states)
     assert (linear.state_names, linear.state_units) == (linear.states, MODEL.units(linear.states))
     assert linear.modes["phugoid"] == linear.modes[2]
+    assert dict(linear.modes)["phugoid"] == linear.modes[2]
+    assert list(linear.modes.items()) == [(mode.name, mode) for mode in linear.modes.values()]
+    assert dict(point.states) == point.states._asdict()
     assert "poles x and zeros o, 1/s" in linear.plot().get_title()
     pyplot.close("all")
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2]})

@@ -61,7 +61,7 @@ def transfers(model: LinearModel) -> list[Transfer]:
 
 def zeros_of(model: LinearModel) -> np.ndarray:
     """Transmission zeros from all inputs to all outputs, 1/s."""
-    return transmission_zeros(*scaled(model))[0]
+    return transmission_zeros(scaled(model))[0]
 
 
 def bode_figure(model: LinearModel) -> Figure:

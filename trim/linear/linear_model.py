@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -158,11 +159,36 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
 
-    def zeros(self) -> np.ndarray:
-        """The transmission zeros from all inputs to all outputs, complex, 1/s."""
-        from trim.linear.frequency import zeros_of
+    @property
+    def eigenvectors(self) -> np.ndarray:
+        """Eigenvectors of A, (n, n) complex, a column for each of `eigenvalues`."""
+        from trim.linear.modes import order_fastest_first
 
-        return zeros_of(self)
+        values, vectors = np.linalg.eig(self.A)
+        return np.asarray(vectors[:, order_fastest_first(values)])
+
+    @property
+    def is_stable(self) -> bool:
+        """True if every mode is stable."""
+        return all(mode.stable for mode in self.modes)
+
+    def discretize(self, dt: float) -> control.StateSpace:
+        """Return the model with inputs held over dt, s (zero-order hold), as python-control's
+        `StateSpace`."""
+        return self.to_control().sample(dt)
+
+    @property
+    def is_controllable(self) -> bool:
+        """True if the inputs reach every mode, within rounding: [A - λ I, B] has rank n."""
+        return not self.zeros(outputs=()).size
+
+    def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
+        """The transmission zeros from the named inputs to the named outputs, or all unless named,
+        complex, 1/s. Without outputs, (), the eigenvalues that no input reaches."""
+        from trim.linear.frequency import zeros_of
+        from trim.linear.responses import chosen
+
+        return zeros_of(chosen(self, inputs, outputs))
 
     def step(
         self, time: Any = None, inputs: Any = None, outputs: Any = None
@@ -241,13 +267,21 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return another attribute of `to_control()`: `damp`, `dcgain`, `sample`, `ninputs`."""
+            """Return another attribute of `to_control()`, or a function of python-control that
+            takes it first: `damp`, `dcgain`, `sample`; `c2d`, `margin`."""
             if name.startswith("_"):
                 raise AttributeError(name)
+            import control
+
             system = self.to_control()
-            if not hasattr(system, name):
+            if hasattr(system, name):
+                return getattr(system, name)
+            if not callable(getattr(control, name, None)):
                 raise no_attribute(self, name, *dir(system))
-            return getattr(system, name)
+            return partial(getattr(control, name), system)
+
+    def __dir__(self) -> list[str]:
+        return [*object.__dir__(self), *dir(self.to_control())]
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with

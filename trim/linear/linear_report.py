@@ -73,10 +73,9 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
                 unit = f"({block.row_units[i]})/({block.column_units[j]})"
                 rows.append((block.name, row, column, block.values[i, j], unit))
     unit_of = model.point.model.unit
-    for name, value in zip(model.states, model.state_offsets.tolist(), strict=True):
-        rows.append(("X0", name, "", value, unit_of(name)))
-    for name, value in zip(model.inputs, model.input_offsets.tolist(), strict=True):
-        rows.append(("U0", name, "", value, unit_of(name)))
+    for offset, names in (("X0", model.states), ("U0", model.inputs)):
+        for name in names:
+            rows.append((offset, name, "", model.point.values[name], unit_of(name)))
     return Table(("matrix", "row", "column", "value", "unit"), rows)
 
 

@@ -53,7 +53,7 @@ def response(
     inputs, N); time: (N,) or the last."""
     import control
 
-    respond = {"step": control.step_response, "impulse": control.impulse_response}[kind]
+    respond = getattr(control, f"{kind}_response")
     return respond(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
 
 

@@ -75,12 +75,9 @@ def gain_and_roots(
     return gain, static, zeros, poles
 
 
-def transmission_zeros(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """The invariant zeros of x' = A x + B u, y = C x + D u, 1/s, and the normal rank of its
-    transfer matrix."""
-    zeros, rank = _zeros_with_errors(StateSpace(A, B, C, D))
+def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
+    """The invariant zeros of a system, 1/s, and the normal rank of its transfer matrix."""
+    zeros, rank = _zeros_with_errors(system)
     return fastest_first(zeros.values), rank
 
 

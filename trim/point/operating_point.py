@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import write_text
 from hfa_support.jsonable import json_text
@@ -40,7 +41,7 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True, repr=False)
-class OperatingPoint(Result, Reported):
+class OperatingPoint(StatesAndInputs, Result, Reported):
     """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation, likewise for
     imposed outputs.
 
@@ -125,22 +126,12 @@ class OperatingPoint(Result, Reported):
         return self.model.name
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, in order."""
-        return self.model.state_names
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs, in order."""
-        return self.model.input_names
-
-    @property
-    def state_units(self) -> dict[str, str]:
+    def state_units(self) -> dict[str, str]:  # type: ignore[override]
         """Unit of each."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
-    def input_units(self) -> dict[str, str]:
+    def input_units(self) -> dict[str, str]:  # type: ignore[override]
         """Unit of each."""
         return {name: self.model.unit(name) for name in self.model.inputs}
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import pyplot_figure
-from trim.point.margins import Margin, all_margins
+from trim.point.margins import all_margins
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -33,13 +33,7 @@ def draw_point(point: OperatingPoint) -> Axes:
     rows = range(len(limited))
     axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
     axes.scatter(shares, rows, color=["C3" if each.at_limit else "C0" for each in limited])
-    axes.set_yticks(rows, [_label(each) for each in limited])
+    axes.set_yticks(rows, [" ".join(each.row()[:3]) for each in limited])
     axes.set_xlabel("share of the range between the limits, %; at a limit red")
     axes.set_title(point.title, fontsize=10)
     return axes
-
-
-def _label(margin: Margin) -> str:
-    """Return alpha 2.80000 deg."""
-    name, value, unit, *_ = margin.row()
-    return f"{name} {value} {unit}"

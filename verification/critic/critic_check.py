@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from controller.critic.critic import Critic, from_gain
+from controller.critic.critic_file import critic_in
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 @checks_arguments
 def check_critic(
     game: Game,
-    critic: Critic | ArrayLike,
+    critic: Critic | ArrayLike | str | Path,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
@@ -50,7 +52,7 @@ def check_critic(
     from it are simulated.
 
     game: the game
-    critic: the critic; an array is the gain K of u = -K z, (m, n)
+    critic: the critic, or its file; an array is the gain K of u = -K z, (m, n)
     limit: of the errors and the residual
     scope: further data for the checks
     run: the training run that ends with the critic; the rank of its data and its settling time are
@@ -66,7 +68,9 @@ def check_critic(
     """
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
-    if not isinstance(critic, Critic):
+    if isinstance(critic, (str, Path)):
+        critic = critic_in(critic, game)
+    elif not isinstance(critic, Critic):
         critic = from_gain(game, critic)
     exact = solve_game(game)
     box = scope.box or balanced_box(game)

@@ -13,7 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_flight.envelope import limits_text
 from hfa_optimal.flights import Flown
-from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
+from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
 from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
 from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.arguments import ArrayLike, checks_arguments
@@ -328,24 +328,26 @@ def limits_table(problem: FlightProblem) -> Table:
 def best_flight(
     model: Model,
     point: OperatingPoint,
-    start: Mapping[str, float] | OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint | None = None,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
     *,
+    start: Mapping[str, float] | OperatingPoint | None = None,
     seconds: float | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
 ) -> BestFlight:
-    """The flight of least ∫ z'Qz + v'Rv dt that was found from a start to a trim, z and v the
-    deviations from it: proposed by collocation, believed once the simulator has flown it.
+    """The flight of least ∫ z'Qz + v'Rv dt that was found from an initial condition to a trim, z
+    and v the deviations from it: proposed by collocation, accepted once the simulator has flown it.
 
-    start: state of the linear model -> deviation from the trim, in the units of the model; or
+    initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
     Q, R: as `hfa.game` takes them; R of the inputs that move
     seconds: the horizon; chosen so that the end costs less than .1 % unless given
     inputs: those that move, the others held at the trim, or all unless given
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
+    start: the earlier name of `initial`, for one version
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
     Raises BadInputError for unknown names, a start outside the limits and a horizon that is too
@@ -366,7 +368,7 @@ def best_flight(
     if seconds is not None:
         refuse_unless_positive("seconds", seconds, " s")
     problem = flight_problem(model, point, Q, R, inputs, limits)
-    z = problem.deviations(start)
+    z = problem.deviations(named_initial(initial, start))
     proved = None
     if bound is not None:
         from hfa_optimal.bound import lower_bound

@@ -314,3 +314,18 @@ def flight_problem(
     solution = solve_game(lqr)
     envelope = flight_envelope(model, point, limits)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
+
+
+def named_initial(
+    initial: Mapping[str, float] | OperatingPoint | None,
+    start: Mapping[str, float] | OperatingPoint | None,
+) -> Mapping[str, float] | OperatingPoint:
+    """Return the initial condition by either of its names. Raises BadInputError without one, and
+    with both."""
+    if (initial is None) == (start is None):
+        raise BadInputError(
+            "give one initial condition: initial={state: deviation from the trim}, or another trim"
+        )
+    given = start if initial is None else initial
+    assert given is not None
+    return given

@@ -13,7 +13,7 @@ from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_optimal.best_flight import envelope_pairs, limits_table
 from hfa_optimal.collocation import DEGREE, Proposal, adapted_mesh, collocation_points
 from hfa_optimal.flights import Flights, Flown
-from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem
+from hfa_optimal.problem import FlightProblem, OfProblem, flight_problem, named_initial
 from hfa_optimal.quickest_program import TimeProgram
 from hfa_optimal.search import BestFlights, difference_of_meshes
 from hfa_policy.best_costs import deviations_in_words
@@ -225,23 +225,25 @@ def not_arrived(problem: FlightProblem, flown: Flown, proposal: Proposal) -> str
 def quickest_flight(
     model: Model,
     point: OperatingPoint,
-    start: Mapping[str, float] | OperatingPoint,
+    initial: Mapping[str, float] | OperatingPoint | None = None,
     Q: Any = None,
     R: Any = None,
     *,
+    start: Mapping[str, float] | OperatingPoint | None = None,
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
 ) -> QuickestFlight:
-    """The quickest flight that was found from a start to a trim: proposed by collocation, accepted
-    where the simulator arrives too.
+    """The quickest flight that was found from an initial condition to a trim: proposed by
+    collocation, accepted where the simulator arrives too.
 
-    start: another trim, or state of the linear model -> deviation from the trim
+    initial: another trim, or state of the linear model -> deviation from the trim
     Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them
     inputs: those that move, the others held at the trim, or all unless given
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
+    start: the earlier name of `initial`, for one version
 
-    Raises BadInputError for unknown names and a start outside the limits. NoSolutionError, with the
-    reason, where no flight was found or the simulator refutes it.
+    Raises BadInputError for unknown names and an initial condition outside the limits.
+    NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -257,10 +259,11 @@ def quickest_flight(
     """
     problem = flight_problem(model, point, Q, R, inputs, limits)
     search = BestFlights(problem)
-    z = problem.deviations(start)
+    begin = named_initial(initial, start)
+    z = problem.deviations(begin)
     v = np.zeros(len(problem.inputs))
-    if isinstance(start, OperatingPoint):
-        v = (np.array(start.inputs) - np.array(point.inputs))[problem.moved]
+    if isinstance(begin, OperatingPoint):
+        v = (np.array(begin.inputs) - np.array(point.inputs))[problem.moved]
     return quickest(search.flights, z, v, search.horizon(z))
 
 

@@ -150,6 +150,20 @@ def test_no_flight_at_the_lowest_speed_falling() -> None:
         hfa.best_flight(model, point, start)
 
 
+def test_the_initial_condition_has_two_names_for_one_version() -> None:
+    """initial= is the name of `fly` too; start= answers for one version."""
+    model = cart()
+    point = hfa.find_operating_point(model)
+    costs = [
+        hfa.best_flight(model, point, **{name: {"position": 0.1}}).cost
+        for name in ("initial", "start")
+    ]
+    assert costs[0] == costs[1]
+    for wrong in ({}, {"initial": {"position": 0.1}, "start": {"position": 0.1}}):
+        with pytest.raises(hfa.BadInputError, match="give one initial condition"):
+            hfa.best_flight(model, point, **wrong)
+
+
 def test_an_input_that_does_not_move() -> None:
     model = hfa.load_model(GTM)
     point = hfa.find_operating_point(model)

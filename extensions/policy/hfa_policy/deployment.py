@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -141,6 +142,27 @@ class Deployment(Reported):
     def of(given: Deployment | str | Path) -> Deployment:
         """A deployment as it is, or that of a TOML file."""
         return given if isinstance(given, Deployment) else Deployment.load(given)
+
+    @staticmethod
+    @checks_arguments
+    def usual(model: Model, dt: float = 0.02) -> Deployment:
+        """Return a deployment for training: all linear states are observed, as deviations from the
+        trim in nominal values, and all inputs move, by a in [-1, 1] times half their range.
+
+        dt: s, between two samples
+
+        An input without two finite limits moves by its nominal value."""
+        action = {}
+        for name, signal in model.inputs.items():
+            half = (signal.max - signal.min) / 2
+            size = half if math.isfinite(half) else signal.nominal
+            action[name] = {"box": [-1.0, 1.0], "map": f"trim + {size!r} * a"}
+        return Deployment(
+            policy={},
+            observation={name: {"scale": model.states[name].nominal} for name in model.linear},
+            action=action,
+            timing={"dt": dt},
+        )
 
     def _check_policy(self) -> None:
         squash = self.policy.get("squash")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @checks_arguments
 def environment(
     model: Model,
-    deployment: Deployment | str | Path,
+    deployment: Deployment | str | Path | None = None,
     points: Iterable[Any] | None = None,
     *,
     seconds: float = SECONDS,
@@ -35,7 +35,7 @@ def environment(
 
     model: the aircraft
     deployment: observations, actions, timing and cost, or the path of a deployment file; its policy
-        may be empty
+        may be empty. Default: `Deployment.usual(model)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model; default: its own trim
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
@@ -67,7 +67,7 @@ def environment(
 @checks_arguments
 def vector_environment(
     model: Model,
-    deployment: Deployment | str | Path,
+    deployment: Deployment | str | Path | None = None,
     points: Iterable[Any] | None = None,
     *,
     count: int = 8,
@@ -91,7 +91,7 @@ def vector_environment(
 
 def _episodes(
     model: Model,
-    deployment: Deployment | str | Path,
+    deployment: Deployment | str | Path | None,
     points: Iterable[Any] | None,
     count: int,
     seconds: float,
@@ -99,7 +99,7 @@ def _episodes(
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
-    deployment = Deployment.of(deployment)
+    deployment = Deployment.usual(model) if deployment is None else Deployment.of(deployment)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:

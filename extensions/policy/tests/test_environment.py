@@ -15,6 +15,7 @@ from hfa_policy.deployment import Deployment
 from hfa_policy.environment import environment, vector_environment
 from hfa_policy.episodes import Episodes
 from hfa_policy.flown import flown_card, sampled_scenario
+from hfa_policy.trims import trims_of
 from hfa_support.errors import BadInputError
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -48,6 +49,20 @@ def test_points_are_what_assess_takes() -> None:
     ):
         with pytest.raises(BadInputError, match=said):
             environment(model, deployment, wrong)
+
+
+def test_an_environment_needs_no_deployment() -> None:
+    """Without one all linear states are observed, 0 at the trim, and all inputs move."""
+    model = aircraft("ppo_gtm")
+    env = environment(model)
+    observation, info = env.reset(seed=1)
+    x = info["X"] - np.array(trims_of(model, None)[0].states)
+    rows = [list(model.states).index(name) for name in model.linear]
+    nominal = [model.states[name].nominal for name in model.linear]
+    assert observation == pytest.approx(x[rows] / nominal, rel=1e-5, abs=1e-5)
+    assert env.action_space.shape == (len(model.inputs),)
+    _, reward, *_ = env.step(np.zeros(len(model.inputs)))
+    assert -1.0 < reward <= 0.0
 
 
 def test_an_action_that_is_no_number_is_error() -> None:

@@ -63,7 +63,7 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
         B = model.B[:, :size]
         C = model.C[:size]
         D = model.D[:size, :size]
-        zeros, rank = transmission_zeros(model.A, B, C, D)
+        zeros, rank = transmission_zeros(StateSpace(model.A, B, C, D))
         peer = control.ss(model.A, B, C, D).zeros()
         assert (rank, len(zeros)) == (size, len(peer))
         for zero in zeros:
@@ -76,10 +76,10 @@ def test_a_known_zero_is_found_and_cancels() -> None:
     B = np.array([[1.0], [1.0], [0.0]])
     C = np.array([[-4.0, 5.0, 1.0]])
     D = np.zeros((1, 1))
-    zeros, rank = transmission_zeros(A, B, C, D)
+    zeros, rank = transmission_zeros(StateSpace(A, B, C, D))
     np.testing.assert_allclose(np.sort(zeros), [-5.0, 3.0], atol=1e-12)
     assert rank == 1
-    assert transmission_zeros(A, np.zeros((3, 1)), C, D)[1] == 0
+    assert transmission_zeros(StateSpace(A, np.zeros((3, 1)), C, D))[1] == 0
 
 
 @pytest.mark.parametrize("seed", range(8))

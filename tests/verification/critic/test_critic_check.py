@@ -34,6 +34,7 @@ from hfa import (
     from_weights,
     learn,
     linearize,
+    read_critic,
 )
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
@@ -228,6 +229,22 @@ def test_wrong_shapes_and_numbers_are_named(
 def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
     assert check_critic(game, gain(game)).ok
     assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
+
+
+def test_a_file_is_read_for_its_game(game: Game) -> None:
+    """A gain is read with or without its game; a value needs it, for its policy."""
+    np.savez("K.npz", K=gain(game))
+    np.savez("P.npz", P=value(game))
+    for file in ("K.npz", "P.npz"):
+        assert check_critic(game, file).ok
+        assert check_critic(game, read_critic(file, game)).ok
+    assert np.array_equal(read_critic("K.npz").K, gain(game))
+    np.savez("in_SI.npz", K=gain(game), state_units=["m/s", *game.names.state_units[1:]])
+    for file in ("P.npz", "in_SI.npz"):
+        with pytest.raises(BadInputError, match=f"{file} needs its game"):
+            read_critic(file)
+    with pytest.raises(BadInputError, match="no such file"):
+        check_critic(game, "none.npz")
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
