@@ -149,12 +149,13 @@ def verify(request: VerifyRequest) -> int:
         verdicts[""] = check_critic(
             named.game, critic, run=run, limit=request.limit_error, scope=scope
         )
-    if paths:
+    else:
         progress(0, len(paths))
     for path in told(paths, progress):
         with named.asking_for_time():
             verdicts[str(path)] = _check_file(path, request, named, scope, len(paths))
     cost = request.limit_cost
+    judged = list(verdicts.values())
     origin = named.game.names.origin
     if len(verdicts) == 1:
         ((source, verdict),) = verdicts.items()
@@ -169,20 +170,17 @@ def verify(request: VerifyRequest) -> int:
         amount = getattr(request, section)
         if amount is not None:
             with_section = part(PARTS, f"verify.{section}", f"--{section}")
-            report = with_section(report, list(verdicts.values()), named, amount)
-    report = with_draws(report, request, (named, list(verdicts.values())[-1].critic.K))
+            report = with_section(report, judged, named, amount)
+    report = with_draws(report, request, (named, judged[-1].critic.K))
     show(report, request, figure=partial(_figure, verdicts, origin), notes=named.warnings)
-    return 0 if all(verdict.holds(cost) for verdict in verdicts.values()) else 1
+    return 0 if all(verdict.holds(cost) for verdict in judged) else 1
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     """Draw one critic with the exact solution, or the errors of several critics."""
-    from verification.critic.figures import verdict_figure, verdicts_figure
+    from verification.critic.figures import verdicts_figure
 
-    if len(verdicts) > 1:
-        return verdicts_figure(verdicts, origin)
-    (verdict,) = verdicts.values()
-    return verdict_figure(verdict)
+    return verdicts_figure(verdicts, origin)
 
 
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:

@@ -50,7 +50,7 @@ def report_as_html(report: Report, level: int) -> str:
         if isinstance(part, Report):
             shown.append(report_as_html(part, level + 1))
         elif isinstance(part, Picture):
-            shown.append(picture_as_html(part))
+            shown.append(part.html())
         else:
             shown.append(as_html(part))
     notes = [f"Note: {note}" for note in report.notes]

@@ -37,6 +37,12 @@ class Picture:
 
         return png_bytes(self.draw())
 
+    def html(self) -> str:
+        """The figure with its text below it, embedded."""
+        from hfa_support.reporting.markup import picture_as_html
+
+        return picture_as_html(self)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:

@@ -160,14 +160,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
 
     @property
-    def eigenvectors(self) -> np.ndarray:
-        """Eigenvectors of A, (n, n) complex, a column for each of `eigenvalues`."""
-        from trim.linear.modes import order_fastest_first
-
-        values, vectors = np.linalg.eig(self.A)
-        return np.asarray(vectors[:, order_fastest_first(values)])
-
-    @property
     def is_stable(self) -> bool:
         """True if every mode is stable."""
         return all(mode.stable for mode in self.modes)

@@ -20,7 +20,7 @@ from controller.riccati.gare import Solution, solve_game
 from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.normal_form import NormalForm
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.entry_points import CRITICS, PARTS, loaded, offered, part
+from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
@@ -106,7 +106,7 @@ def check_critic(
         diagnosis = rank.reason
     is_wrong = not all(check.ok for check in errors)
     if not diagnosis and critic.finite and is_wrong and "verify.reason" in offered(PARTS):
-        diagnose = loaded(offered(PARTS)["verify.reason"])
+        diagnose = part(PARTS, "verify.reason", "")
         with suppress(NoSolutionError):  # of another game, with which it would be compared
             nearby = None if scope.nearby is None else scope.nearby()
             diagnosis = diagnose(game, exact, critic, limit, nearby, box.half_widths)

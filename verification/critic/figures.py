@@ -71,7 +71,10 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 
 def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     """Errors and cost lost of several critics in their order: a learning curve, where they are
-    checkpoints."""
+    checkpoints; of one critic its `verdict_figure`."""
+    if len(verdicts) == 1:
+        (verdict,) = verdicts.values()
+        return verdict_figure(verdict)
     figure = new_figure(12.0, 4.2)
     figure.suptitle(f"Critics on {origin}, against the exact game solution")
     axes = figure.add_subplot()

@@ -22,7 +22,6 @@ from hfa_page.results import MainJobData
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.checks import verdict_text
-from hfa_support.reporting.markup import picture_as_html
 from hfa_support.reporting.report import Part, Picture, Report
 from hfa_support.reporting.text import Cell, Table
 from trim.hfa.printed import (
@@ -261,7 +260,7 @@ def any_angle(job: MainJob, drawn: Report) -> str:
         hidden = "" if i == first else " hidden"
         shown = point_report(job, point).html(3)
         sections.append(f'<section class="point" data-angle="{label}"{hidden}>{shown}</section>')
-    pictures = [picture_as_html(picture) for picture in drawn.pictures()]
+    pictures = [picture.html() for picture in drawn.pictures()]
     aircraft = "".join(pictures[:1])
     locus = "".join(pictures[1:])
     checks = Report("Verdicts", (verdicts(job),)).html(3)
