@@ -122,9 +122,10 @@ def _run(words: list[str], find: Find) -> int:
         except BadInputError as error:
             if not error.options or not hasattr(request, "reading"):
                 raise
+            name = error.options[0]
             kept = list(options)
-            if error.options[0] in kept and error.options[0] != "--set":
-                place = kept.index(error.options[0])
+            if name in kept and name != "--set":
+                place = kept.index(name)
                 del kept[place : place + 2]
             typed = shlex.join([*program.split(), *kept, *error.options])
             raise BadInputError(f"{error}; type {typed}") from error
