@@ -92,7 +92,7 @@ class Equations:
     @cached_property
     def residual_rows(self) -> RowFunction:
         """(z, c) -> r (e,) and J (m, k) row by row."""
-        parts = ca.cse([self.residual, ca.vec(self.jacobian.T)])
+        parts = [self.residual, ca.vec(self.jacobian.T)]
         return RowFunction(ca.Function("residual", [self.z, self.c], parts))
 
     @cached_property
@@ -102,7 +102,7 @@ class Equations:
         unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unmoved)
         flat = ca.vertcat(self.x, self.u, self.y, self.residual, ca.vec(derivatives.T))
-        return RowFunction(ca.Function("point", [self.z, self.c], [ca.cse(ca.densify(flat))]))
+        return RowFunction(ca.Function("point", [self.z, self.c], [ca.densify(flat)]))
 
     @cached_property
     def linear_rows(self) -> RowFunction:
@@ -114,7 +114,7 @@ class Equations:
         jacobians = ca.substitute(derivatives, [x, u], [self.x, self.u])
         A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
         flat = ca.vertcat(self.x, self.u, self.y, A, B, self.residual)
-        return RowFunction(ca.Function("linear", [self.z, self.c], [ca.cse(ca.densify(flat))]))
+        return RowFunction(ca.Function("linear", [self.z, self.c], [ca.densify(flat)]))
 
 
 @lru_cache(maxsize=32)
