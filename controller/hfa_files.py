@@ -48,7 +48,7 @@ def published_game(
         if not hasattr(A, "point"):
             raise BadInputError("B is missing; give A and B, or a linear model")
         linear: Any = A
-        return paper_game(linear.A, linear.B, plant_names(linear), linear.point.model, changes)
+        return paper_game(linear.A, linear.B, plant_names(linear), linear.model, changes)
     names = UNNAMED
     if np.shape(B) == (len(LINEAR_STATES), len(INPUTS)):
         names = PlantNames(LINEAR_STATES, INPUTS, LINEAR_UNITS, tuple(INPUT_UNITS))

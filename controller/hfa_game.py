@@ -24,7 +24,7 @@ ORDINARY_DEVIATIONS = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 
 def plant_names(linear: LinearModel) -> PlantNames:
     """Return the names and units of a linear model's states and inputs, and its condition."""
-    model = linear.point.model
+    model = linear.model
     origin = model.name
     if _is_flexible(model):
         origin = f"the aircraft {linear.point.at_scheduled}, {model.title}"

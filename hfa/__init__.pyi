@@ -10,6 +10,7 @@ from controller.critic.critic_file import read_critic as read_critic
 from controller.critic.weights import from_weights as from_weights
 from controller.game.linear_game import game as game
 from controller.game.zero_sum import Game as Game
+from controller.hfa_files import load_game as load_game
 from controller.learning.certified import learn as learn
 from controller.riccati.gare import Solution as Solution, solve_game as solve_game
 from controller.riccati.solution_report import lqr as lqr, solve as solve

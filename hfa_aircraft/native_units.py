@@ -17,10 +17,9 @@ def native_of(model: Model) -> Model:
 
 def native_values(model: Model, names: tuple[str, ...], values: Any) -> np.ndarray:
     """Values of signals of a model in the units of its declaration, which its own formulas take."""
-    native = native_of(model)
-    if native is model:
-        return np.asarray(values, dtype=float)
-    return np.asarray(values, dtype=float) / [si_factor(native.unit(name)) for name in names]
+    array = np.asarray(values, dtype=float)
+    native = model.extras.native
+    return array if native is None else array / [si_factor(native.unit(name)) for name in names]
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:

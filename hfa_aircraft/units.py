@@ -49,7 +49,7 @@ def _extras_in_si(model: Model, conversion: _Conversion) -> Extras:
         envelope=extras.envelope and _Envelope(conversion, extras.envelope),
         check=extras.check and _Check(conversion, extras.check),
         explain=None,  # its words are in the units of the declaration
-        begin=extras.begin and _Begin(extras.begin, _factors_of_all(model)),
+        begin=extras.begin and _Begin(extras.begin, _factors(model.signals)),
         native=model,
         made_by=in_si,
     )
@@ -57,14 +57,13 @@ def _extras_in_si(model: Model, conversion: _Conversion) -> Extras:
 
 def _signal_in_si(signal: Signal) -> Signal:
     factor = si_factor(signal.unit)
-    return Signal(
+    return signal._replace(
         unit=si_unit(signal.unit),
         nominal=signal.nominal * factor,
         min=signal.min * factor,
         max=signal.max * factor,
         start=signal.start * factor,
         rate=None if signal.rate is None else signal.rate * factor,
-        moving=signal.moving,
     )
 
 
@@ -82,12 +81,8 @@ class _Conversion:
     @staticmethod
     def of(model: Model) -> _Conversion:
         """The factors of a model's signals."""
-
-        def factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
-            return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())
-
-        vectors = tuple(factors(getattr(model, kind)) for kind in VECTORS.values())
-        return _Conversion(vectors, factors(model.outputs))
+        vectors = tuple(_factors(getattr(model, kind)) for kind in VECTORS.values())
+        return _Conversion(vectors, _factors(model.outputs))
 
     def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Values by state, or pairs of limits, in SI."""
@@ -166,5 +161,5 @@ class _Begin:
         return {name: value * factors.get(name, 1.0) for name, value in starts.items()}
 
 
-def _factors_of_all(model: Model) -> tuple[tuple[str, float], ...]:
-    return tuple((name, si_factor(signal.unit)) for name, signal in model.signals.items())
+def _factors(signals: Mapping[str, Signal]) -> tuple[tuple[str, float], ...]:
+    return tuple((name, si_factor(signal.unit)) for name, signal in signals.items())

@@ -9,7 +9,7 @@ import numpy as np
 
 from controller.game.names import PlantNames
 from hfa_support.errors import BadInputError, shortened
-from hfa_support.units import si_factor, si_unit
+from hfa_support.units import conversion
 
 #: The entry of a file that holds one array without a name.
 UNKNOWN = "the array"
@@ -57,11 +57,10 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
     if len(units) != len(scales):
         return scales
     for i, (unit, unit_of_plant) in enumerate(zip(units, plant.state_units, strict=True)):
-        if si_unit(unit_of_plant) == unit != unit_of_plant:
-            scales[i] = si_factor(unit_of_plant)
-        elif si_unit(unit) == unit_of_plant != unit:
-            scales[i] = 1.0 / si_factor(unit)
-        elif unit and unit_of_plant and unit != unit_of_plant:
+        factor = conversion(unit_of_plant, unit)
+        if factor is not None:
+            scales[i] = factor
+        elif unit and unit_of_plant:
             raise BadInputError(
                 f"state {i + 1} is in {shortened(unit)} and that of the plant in {unit_of_plant};"
                 " convert it, or remove state_units from the file"

@@ -58,7 +58,7 @@ def game(
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
     """The weights of these states or inputs as a matrix, 1/nominal² where none are given."""
     if given is None:
-        return nominal_weights(linear.point.model, names)
+        return nominal_weights(linear.model, names)
     if not isinstance(given, Mapping):
         return np.asarray(given)
     for name, weight in given.items():

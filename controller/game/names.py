@@ -56,5 +56,5 @@ UNNAMED = PlantNames()
 
 def names_of_linear(linear: LinearModel) -> PlantNames:
     """Return the names and units of a linear model's states and inputs, and its condition."""
-    origin = f"{linear.point.model.title} {linear.point.at_scheduled}".rstrip()
+    origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
     return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)

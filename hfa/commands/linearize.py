@@ -157,7 +157,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
 def _is_printed(model: LinearModel) -> bool:
     """Return whether bands and print are of its states and inputs: the six states and all inputs of
     the HFA."""
-    return model.point.model.name in VARIANTS and (model.states, model.inputs) == (
+    return model.model.name in VARIANTS and (model.states, model.inputs) == (
         LINEAR_STATES,
         INPUTS,
     )

@@ -30,7 +30,7 @@ from hfa.options.trims import (
 )
 from hfa.options.workers import WorkersOptions
 from hfa.output import ProgressLine, print_report, show
-from hfa_support.entry_points import PARTS, about_part, loaded, offered
+from hfa_support.entry_points import PARTS, about_part, offered, part
 from hfa_support.errors import BadInputError
 from hfa_support.files import regular_file
 from trim.point.condition import TrimCondition
@@ -172,7 +172,7 @@ def _in_memory(request: SweepRequest) -> int:
         notes.append(f"nothing to draw: {request.picture} is not written")
         figure = None
     if output is not None and output.suffix.lower() in _suffixes(FILE):
-        write = loaded(offered(PARTS)[f"{FILE}{output.suffix.lower()}"])
+        write = part(PARTS, f"{FILE}{output.suffix.lower()}", "")
         write(result, output, request.provenance)
         request = replace(request, output=None)
     # The notes go to standard error: the table on standard output stays a table.
@@ -183,7 +183,7 @@ def _in_memory(request: SweepRequest) -> int:
 def _in_store(request: SweepRequest) -> int:
     target = request.output
     assert target is not None
-    fill = loaded(offered(PARTS)[f"{STORE}{target.suffix.lower()}"])
+    fill = part(PARTS, f"{STORE}{target.suffix.lower()}", "")
     report = fill(
         request.plan(),
         target,

@@ -21,7 +21,7 @@ from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOp
 from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
-from hfa_support.entry_points import PARTS, about_part, loaded, offered, part
+from hfa_support.entry_points import PARTS, about_part, offered, part
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
@@ -81,7 +81,7 @@ class WeightOptions(Request):
         """The usual game on a linear model, with the weights that the options change."""
         changes = self.changed_weights()
         names = plant_names(linear)
-        return usual_game(linear.point.model, linear.A, linear.B, names, **changes)
+        return usual_game(linear.model, linear.A, linear.B, names, **changes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -310,7 +310,7 @@ class NamedGame(Result):
         except NoSolutionError as failure:
             question = ""
             if not self.has_time and "time.steps" in offered(PARTS):
-                question = loaded(offered(PARTS)["time.steps"])(self.game)
+                question = part(PARTS, "time.steps", "")(self.game)
             raise NoSolutionError(f"{failure}{question}") from failure
 
 

@@ -77,7 +77,12 @@ def test_other_attributes_are_those_of_python_control() -> None:
     with pytest.raises(AttributeError, match="LinearModel has no attribute 'dcgane'; did you mean"):
         linear.dcgane  # noqa: B018
     loop = linear["pitch_rate", "elevator_center"]
-    assert loop.margin() == control.margin(loop.to_control())
+    margins = control.margin(loop.to_control())
+    assert loop.margin() == margins
+    assert linear.margin(inputs="elevator_center", outputs="pitch_rate") == margins
+    assert linear.pole() == pytest.approx(linear.poles())  # a name of MATLAB
+    with pytest.raises(BadInputError, match="unknown input 'elevator'"):
+        linear.damp(inputs="elevator")
     assert {"damp", "modes", "step"} <= set(dir(linear))
     held = linear.discretize(0.1)
     assert np.array_equal(linear.c2d(0.1).A, held.A)
@@ -151,6 +156,11 @@ def test_names_index_values_and_modes() -> None:
         assert type(each.states[:, 1]) is np.ndarray
     with pytest.raises(BadInputError, match="did you mean throttle"):
         swept.inputs["throt"]
+    assert np.array_equal(swept["alpha"], swept.states["alpha"])
+    assert np.array_equal(swept["throttle"], swept.inputs["throttle"])
+    assert swept["dihedral"].tolist() == [0.1, 0.2]
+    with pytest.raises(BadInputError, match="did you mean dihedral"):
+        swept["dihedrals"]
     for index, each in enumerate(swept):
         mode = each.modes["phugoid"]
         tracked = swept.modes["phugoid"]

@@ -346,7 +346,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
     own = replace(choice.aircraft(), equations=Equations(variant_named(model.point.dynamics)))
-    shown = model.point.model
+    shown = model.model
     values = [model.point.values[name] for name in own.variables]
     at = native_values(shown, own.variables, values), np.array(parameters.values)
     free = [own.variables.index(name) for name in condition.free]

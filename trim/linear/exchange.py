@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from inspect import isfunction
+from typing import TYPE_CHECKING, Any
+
+from hfa_support.errors import no_attribute
+from trim.linear.responses import Names, chosen
 
 if TYPE_CHECKING:
     import control
@@ -24,6 +28,28 @@ def state_space(model: LinearModel) -> control.StateSpace:
         inputs=list(model.inputs),
         outputs=list(model.outputs),
     )
+
+
+def of_control(model: LinearModel, name: str) -> Any:
+    """Return an attribute of python-control's StateSpace, or a function of python-control, or of
+    its names of MATLAB, on the model from the inputs= to the outputs= of its call.
+
+    Raises AttributeError for another name."""
+    import control
+    from control import matlab
+
+    system = state_space(model)
+    places = (type(system), control, matlab)
+    function = next((getattr(each, name) for each in places if hasattr(each, name)), None)
+    if isfunction(function):
+
+        def call(*arguments: Any, inputs: Names = None, outputs: Names = None, **more: Any) -> Any:
+            return function(state_space(chosen(model, inputs, outputs)), *arguments, **more)
+
+        return call
+    if not hasattr(system, name):
+        raise no_attribute(model, name, *dir(system))
+    return getattr(system, name)
 
 
 def dataset(model: LinearModel) -> xarray.Dataset:
@@ -50,5 +76,5 @@ def dataset(model: LinearModel) -> xarray.Dataset:
             "output": outputs,
             "rate": ("rate", list(model.states)),
         },
-        attrs={"model": model.point.model.title},
+        attrs={"model": model.model.title},
     )

@@ -48,7 +48,7 @@ def transfers(model: LinearModel) -> list[Transfer]:
     """The transfer function of each output and input, outputs first."""
     system = scaled(model)
     poles = spectrum(system.A)
-    signals = model.point.model.signals
+    signals = model.model.signals
     functions = []
     for i, output in enumerate(model.outputs):
         for j, name in enumerate(model.inputs):
@@ -98,7 +98,7 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     )
     units = dict(zip(model.inputs, model.input_units, strict=True))
     labels = [name if unit == "1" else f"{name}, {unit}" for name, unit in units.items()]
-    output_units = model.point.model.units(model.outputs)
+    output_units = model.model.units(model.outputs)
     handles = {}
     for panel, i in enumerate(drawn):
         line, column = divmod(panel, columns)
@@ -168,7 +168,7 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
 
 def scaled(model: LinearModel) -> StateSpace:
     """The model in nominal values, in which one rank decision suits all rows."""
-    signals = model.point.model.signals
+    signals = model.model.signals
 
     def nominal(names: Iterable[str]) -> np.ndarray:
         return np.array([signals[name].nominal for name in names])

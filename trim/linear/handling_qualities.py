@@ -97,7 +97,7 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
     """Return the eigenvalues of a declared family of modes, one of each conjugate pair, or none
     where it is not declared."""
-    if family not in linear.point.model.modes:
+    if family not in linear.model.modes:
         return []
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]
 
@@ -138,7 +138,7 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
     """d(load factor)/d(alpha) in the steady state of the short period, 1/rad."""
-    model = linear.point.model
+    model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:
         return None

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from hfa_aircraft.states_and_inputs import StatesAndInputs
-from hfa_support.errors import BadInputError, no_attribute
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.report import Report, Reported
@@ -259,18 +258,13 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return another attribute of `to_control()`, or a function of python-control that
-            takes it first: `damp`, `dcgain`, `sample`; `c2d`, `margin`."""
+            """Return another attribute of `to_control()`, or a function of python-control on it:
+            linear.damp(), linear.c2d(dt), linear.margin(inputs="elevator", outputs="pitch")."""
             if name.startswith("_"):
                 raise AttributeError(name)
-            import control
+            from trim.linear.exchange import of_control
 
-            system = self.to_control()
-            if hasattr(system, name):
-                return getattr(system, name)
-            if not callable(getattr(control, name, None)):
-                raise no_attribute(self, name, *dir(system))
-            return partial(getattr(control, name), system)
+            return of_control(self, name)
 
     def __dir__(self) -> list[str]:
         return [*object.__dir__(self), *dir(self.to_control())]

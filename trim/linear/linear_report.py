@@ -72,7 +72,7 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
             for j, column in enumerate(block.columns):
                 unit = f"({block.row_units[i]})/({block.column_units[j]})"
                 rows.append((block.name, row, column, block.values[i, j], unit))
-    unit_of = model.point.model.unit
+    unit_of = model.model.unit
     for offset, names in (("X0", model.states), ("U0", model.inputs)):
         for name in names:
             rows.append((offset, name, "", model.point.values[name], unit_of(name)))
@@ -82,12 +82,12 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
 def units_in_words(model: LinearModel) -> str:
     """The units that the entries of the matrices are made of, and the names with other units: "rad,
     ft, s, but elevator, aileron in deg"."""
-    units = model.point.model.units
+    units = model.model.units
     length = next(
         (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
     )
     names = dict.fromkeys((*model.states, *model.inputs, *model.outputs))
-    time = model.point.model.time_unit
+    time = model.model.time_unit
     common = {"rad", length, time}
     others: dict[str, list[str]] = {}
     present = {time}
@@ -119,7 +119,7 @@ def matrices(model: LinearModel) -> tuple[Table, ...]:
 
 def _blocks(model: LinearModel) -> list[Block]:
     """The matrices of the text and of the records."""
-    signals = model.point.model
+    signals = model.model
     of_states = (model.states, model.state_units)
     of_inputs = (model.inputs, model.input_units)
     rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))

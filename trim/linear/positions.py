@@ -8,8 +8,10 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    """Return the indices of names among the known ones; None names all."""
+    """Return the indices of names, or of one name, among the known ones; None names all."""
     chosen = known if names is None else names
+    if isinstance(chosen, str):
+        chosen = (chosen,)
     positions = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
         if name not in positions:

@@ -82,7 +82,7 @@ def _reduced(
         return rates[rows], shown
     A22 = model.A[np.ix_(following, following)]
     names = [model.states[i] for i in following]
-    nominal = np.array([model.point.model.states[name].nominal for name in names])
+    nominal = np.array([model.model.states[name].nominal for name in names])
     if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
         raise BadInputError(
             f"{', '.join(names)} cannot follow the other states: their rates do not determine "

@@ -25,8 +25,7 @@ def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     """Return the model from the named inputs to the named outputs; None keeps all.
 
     Raises BadInputError when the model has no such name, or it comes twice."""
-    names = _as_names(outputs)
-    rows = positions("output", names, model.outputs)
+    rows = positions("output", outputs, model.outputs)
     shown = replace(
         model,
         outputs=tuple(model.outputs[row] for row in rows),
@@ -35,14 +34,7 @@ def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
         F=model.F[rows],
         output_offsets=model.output_offsets[rows],
     )
-    return shown.select(inputs=_as_names(inputs))
-
-
-def _as_names(names: Names) -> tuple[str, ...] | None:
-    """Return one name as a tuple of it."""
-    if names is None:
-        return None
-    return (names,) if isinstance(names, str) else tuple(names)
+    return shown.select(inputs=inputs)
 
 
 @checks_arguments

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from trim.linear.linear_model import LinearModel
-
 
 #: Of a sweep in memory.
 MOST_POINTS = 1_000_000
@@ -435,11 +433,14 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def __len__(self) -> int:
         return len(self.reasons)
 
-    def __getitem__(self, index: int) -> LinearModel:
-        """The linear model of a point; NoSolutionError with its reason where it has no trim."""
-        from trim.sweeps.sweep_points import linear_model_at
+    def __getitem__(self, index: Any) -> Any:
+        """The linear model of a point, sweep[0], or the values of a swept variable, a state or an
+        input, (N,), sweep["alpha"].
 
-        return linear_model_at(self, index)
+        NoSolutionError with its reason where the point has no trim."""
+        from trim.sweeps.sweep_points import column, linear_model_at
+
+        return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
     def to_xarray(self) -> xarray.Dataset:
         """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of

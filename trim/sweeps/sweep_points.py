@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hfa_aircraft.signals import record
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError, refuse_unknown
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint, Status
 from trim.point.problem import TrimProblem
@@ -39,3 +41,13 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     problem = TrimProblem.of(condition, found)
     point = problem.point(problem.unknowns(found.values), Status.TRIMMED)
     return point.linearize()
+
+
+def column(swept: Sweep, name: str) -> np.ndarray:
+    """Return the values of a swept variable, a state or an input at the points, (N,).
+
+    Raises BadInputError for another name."""
+    names = (*swept.variables, *swept.model.states, *swept.model.inputs)
+    refuse_unknown("unknown variable", name, names)
+    columns = np.hstack([swept.values, swept.states, swept.inputs])
+    return columns[:, names.index(name)]

@@ -52,7 +52,7 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 def box_within_limits(linear: LinearModel) -> Box | None:
     """The states between the limits that the model declares, the largest box symmetric about the
     trim, or None where a state has no limits."""
-    limits = Limits.of(linear.point.model, linear.states)
+    limits = Limits.of(linear.model, linear.states)
     trim = linear.point.states._asdict()
     at_trim = np.array([trim[name] for name in linear.states], dtype=float)
     half_widths = np.minimum(at_trim - limits.lowest, limits.highest - at_trim)

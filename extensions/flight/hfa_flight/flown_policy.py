@@ -7,12 +7,14 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.critic.critic_file import read_critic
 from hfa_flight.policies import (
     GainPolicy,
     Measurements,
@@ -23,12 +25,12 @@ from hfa_flight.policies import (
 )
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
-from hfa_support.entry_points import PARTS, loaded, offered
+from hfa_support.entry_points import PARTS, loaded, offered, part
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
-    "give a gain K, a critic, a solution, a Deployment, steps of inputs "
+    "give a gain K, a critic, a solution, a Deployment, a file of one of them, steps of inputs "
     "{name: [(time, value), ...]} or a function of (t, X)"
 )
 
@@ -41,6 +43,8 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
     Raises BadInputError for anything else.
     """
     inputs = tuple(point.model.inputs)
+    if isinstance(given, (str, Path)):
+        given = _policy_of_file(Path(given))
     if isinstance(given, Policy):
         return given, scenario
     if given is None:
@@ -63,6 +67,14 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
+
+
+def _policy_of_file(path: Path) -> Any:
+    """Return the deployment of a .toml file, or the critic of another file, which must have a gain
+    K."""
+    if path.suffix.lower() == ".toml":
+        return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
+    return read_critic(path)
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:

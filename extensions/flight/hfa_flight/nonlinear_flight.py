@@ -86,9 +86,9 @@ def fly(
 
     model: the aircraft as designed
     point: the trim X0, U0 about which it flies
-    policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, steps of inputs off
-        trim {name: [(time, value), ...]}, a function of (t, X) that returns U, called once a tick
-        (`flown_policy`), a `Policy`; None holds the inputs at trim
+    policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, the file of a gain or
+        of a deployment, steps of inputs off trim {name: [(time, value), ...]}, a function of (t, X)
+        that returns U, called once a tick (`flown_policy`), a `Policy`; None holds the trim
     seconds: duration; that of the scenario unless given, 20 s without one
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults during the flight; all of it drawn

@@ -67,7 +67,8 @@ def test_a_deployment_flies() -> None:
 @pytest.mark.parametrize(
     ("policy", "said"),
     [
-        ("K", "give a gain K, a critic"),
+        (b"K", "give a gain K, a critic"),
+        ("K", "the suffix '' is unknown"),
         (lambda t: 0.0, r"does not take \(t, X\)"),
         (lambda t, x: {"thrust": 1.0}, "unknown input 'thrust'"),
         (lambda t, x: [np.nan], "give 1 finite numbers"),

@@ -124,6 +124,10 @@ class Deployment(Reported):
     def load(path: str | Path) -> Deployment:
         """The deployment of a TOML file; BadInputError names the file, the entry and the change to
         make."""
+        if Path(path).suffix.lower() != ".toml":
+            raise BadInputError(
+                f"{path} is not a deployment file (.toml); name a policy by policy.file in one"
+            )
         try:
             entries = read_toml(path)
         except OSError as error:

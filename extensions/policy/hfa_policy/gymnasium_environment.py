@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from hfa_aircraft.model import Model
 from hfa_policy.episodes import Episodes
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
@@ -38,6 +39,16 @@ class AircraftEnvironment(gymnasium.Env):
         self._trim = 0
         self._X, self._U = episodes.states[0], episodes.inputs[0]
         self._frame, self._outcome = episodes.frames[0], episodes.outcomes[0]
+
+    @property
+    def model(self) -> Model:
+        """The aircraft."""
+        return self.episodes.deployed.model
+
+    @property
+    def dt(self) -> float:
+        """Seconds between two samples."""
+        return self.episodes.deployed.deployment.dt
 
     @checks_arguments
     def reset(

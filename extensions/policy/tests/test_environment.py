@@ -61,6 +61,7 @@ def test_an_environment_needs_no_deployment() -> None:
     nominal = [model.states[name].nominal for name in model.linear]
     assert observation == pytest.approx(x[rows] / nominal, rel=1e-5, abs=1e-5)
     assert env.action_space.shape == (len(model.inputs),)
+    assert (env.model, env.dt) == (model, 0.02)
     _, reward, *_ = env.step(np.zeros(len(model.inputs)))
     assert -1.0 < reward <= 0.0
 

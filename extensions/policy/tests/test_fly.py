@@ -120,3 +120,18 @@ def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
     where = ["--aircraft", GTM, "--hold", "speed=45", "--policy", str(path)]
     assert main([*given, *where]) == 0
     assert "note: mistake: the policy was trained with" in capsys.readouterr().err
+
+
+def test_a_file_is_flown_as_its_content(tmp_path):
+    """`fly` takes the file of a deployment or of a gain."""
+    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
+    path = FOLDER / "ppo_gtm.toml"
+    by_name = fly(model, point, path, 0.2, initial={"alpha": 0.01})
+    deployed = fly(model, point, Deployment.load(path), 0.2, initial={"alpha": 0.01})
+    assert np.array_equal(by_name.states, deployed.states)
+    K = np.full((len(model.inputs), len(model.linear)), 0.01)
+    np.savez(tmp_path / "K.npz", K=K)
+    by_name = fly(model, point, str(tmp_path / "K.npz"), 0.2, initial={"alpha": 0.01})
+    assert np.array_equal(by_name.states, fly(model, point, K, 0.2, initial={"alpha": 0.01}).states)
+    with pytest.raises(BadInputError, match=r"none\.toml cannot be read"):
+        fly(model, point, "none.toml", 0.2)
