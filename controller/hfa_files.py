@@ -60,6 +60,9 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     """The game of a plant's file, by `stored_game` with `paper_defaults`; notes become warnings.
 
     changes: of Q, R, delta.
+
+    >>> import hfa
+    >>> game = hfa.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
     """
     stored = stored_game(path, defaults=paper_defaults, **changes)
     for note in stored.notes:
