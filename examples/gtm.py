@@ -116,7 +116,7 @@ GTM = Model(
     modes={"short period": ("alpha", "pitch_rate"), "phugoid": ("speed", "pitch")},
 )
 
-#: Factors of the rates -> their terms: the rate, and the variables of which a term has all, or none.
+#: Factor -> its terms: their rate, the variables that each of them has, and those that none has.
 FACTORS = {
     "thrust_power": ("speed", "T", ""),
     "lift_slope": ("alpha", "a", "qd"),

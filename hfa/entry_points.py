@@ -149,8 +149,11 @@ def words_after(name: str) -> Mapping[str, str]:
     if name in CORE:
         return {}
     begin = f"{name} "
-    found = {each: entry.about for each, entry in commands().items() if each.startswith(begin)}
-    return {each.removeprefix(begin): about for each, about in found.items()}
+    return {
+        each.removeprefix(begin): entry.about
+        for each, entry in commands().items()
+        if each.startswith(begin)
+    }
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:

@@ -20,7 +20,8 @@ _LONGEST = 110
 
 
 def fields_report(result: Any) -> Report:
-    """The first line of the docstring, the fields, small matrices, the checks."""
+    """The first line of the docstring, the fields that are not empty, small matrices, the
+    checks."""
     held = {field.name: getattr(result, field.name) for field in fields(result)}
     lines: list[str] = []
     matrices: list[Part] = []
@@ -32,8 +33,8 @@ def fields_report(result: Any) -> Report:
             matrices.append(matrix_table(name, rows, columns, value))
         elif isinstance(value, tuple) and value and isinstance(value[0], Check):
             checks.append(checks_block(value))
-        else:
-            lines.append(f"{name}: {_on_one_line(value)}")
+        elif (text := _on_one_line(value)) != "-":
+            lines.append(f"{name}: {text}")
     kind = type(result)
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"

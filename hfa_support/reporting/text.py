@@ -125,7 +125,7 @@ def shown_value(value: float, unit: str, form: str = ".6g") -> str:
 def degrees(value: float, unit: str) -> tuple[str, str]:
     """A value with five decimals, or as 1e+08 where it is that large, and its unit, as printed in
     reports."""
-    return shown_value(value, unit, ".5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
+    return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
 def short_number(value: float, unit: str) -> str:
@@ -149,8 +149,7 @@ def _entry_text(value: float) -> str:
 
 def four_decimals(value: float) -> str:
     """Return a number as 1.2346; zeros have no sign."""
-    text = f"{value:.4f}"
-    return "0.0000" if text == "-0.0000" else text
+    return f"{value:z.4f}"
 
 
 def columns(

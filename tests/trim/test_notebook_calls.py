@@ -95,6 +95,8 @@ def test_inputs_reach_modes_or_not() -> None:
     assert linear.is_controllable
     assert linear.is_stable == bool(linear.eigenvalues.real.max() < 0.0)
     assert not replace(linear, B=0.0 * linear.B).is_controllable
+    values, vectors = linear.eigenvalues, linear.eigenvectors
+    assert linear.A @ vectors == pytest.approx(vectors * values, abs=1e-9)
     # A change of basis hides that no input reaches the mode of -3.
     basis = np.random.default_rng(0).normal(size=(6, 6))
     inverse = np.linalg.inv(basis)

@@ -50,7 +50,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     (True, (6, 6), (6, 5))
     """
 
-    how_to_make: ClassVar[str] = "linearize(model, point)"
+    how_to_make: ClassVar[str] = "linearize(model, point); of matrices hfa.Game(A, B, Q=Q, R=R)"
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
     json_keys = (
@@ -157,6 +157,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         from trim.linear.modes import fastest_first
 
         return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
+
+    @property
+    def eigenvectors(self) -> Any:
+        """Eigenvectors of A, (n, n) complex, a column for each of `eigenvalues`."""
+        from trim.linear.modes import order_fastest_first
+
+        values, vectors = np.linalg.eig(self.A)
+        return vectors[:, order_fastest_first(values)]
 
     @property
     def is_stable(self) -> bool:

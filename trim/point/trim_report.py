@@ -197,10 +197,10 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
         if with_rates:
             rate = entry["imposed"] if name in states else 0.0
             row.append(f"{rate:.6g}")
-        row.append(f"{entry['residual']:.2e}")
+        row.append(f"{entry['residual']:z.2e}")
         row.append(f"{entry['tolerance']:.2e}")
         row.append(unit)
-        row.append(f"{point.scaled_residuals[name]:.2e}")
+        row.append(f"{point.scaled_residuals[name]:z.2e}")
         row.append(Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"))
         rows.append(tuple(row))
     columns = ["equation", "residual", "tolerance", "unit", "scaled", "verdict"]

@@ -49,5 +49,4 @@ def column(swept: Sweep, name: str) -> np.ndarray:
     Raises BadInputError for another name."""
     names = (*swept.variables, *swept.model.states, *swept.model.inputs)
     refuse_unknown("unknown variable", name, names)
-    columns = np.hstack([swept.values, swept.states, swept.inputs])
-    return columns[:, names.index(name)]
+    return np.hstack([swept.values, swept.states, swept.inputs])[:, names.index(name)]
