@@ -9,8 +9,9 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.layout import components
-from hfa_identify.bands import explained
+from hfa_identify.bands import WHITE, explained, whiteness
 from hfa_identify.fit import Fit
+from hfa_identify.records import Record
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_support.errors import NoSolutionError
@@ -22,16 +23,27 @@ _EXPLAINED = 0.5
 
 
 def refuse_still(search: Search, fit: Fit | None) -> None:
-    """Raise NoSolutionError where inputs are constant and the fit explains no measured quantity.
+    """Raise NoSolutionError where the fit explains no measured quantity, and inputs are constant or
+    measured quantities are white noise about constants.
 
     fit: None where the simulation diverges"""
-    if search.moving_inputs() or (fit is not None and (explained(fit) > _EXPLAINED).any()):
+    if fit is not None and (explained(fit) > _EXPLAINED).any():
+        return
+    if search.moving_inputs() and not all(map(_is_noise, search.records)):
         return
     names = ", ".join(record.name for record in search.records)
     raise NoSolutionError(
-        f"{names}: no input moves, and the model explains no other motion, so no parameter is"
-        " excited; fly a manoeuvre"
+        f"{names}: no motion that the model explains, so no parameter is excited; fly a manoeuvre"
     )
+
+
+def _is_noise(record: Record) -> bool:
+    """Return whether every measured quantity of a record is white noise about a constant."""
+    for values in record.measured.values():
+        present = np.isfinite(values)
+        if whiteness(values - values[present].mean(), present) < WHITE:
+            return False
+    return True
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:

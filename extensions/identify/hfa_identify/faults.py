@@ -13,7 +13,7 @@ import numpy as np
 from hfa_identify.bands import BAND, covariance, unexplained, white_covariance
 from hfa_identify.column_errors import ColumnError
 from hfa_identify.fit import Fit
-from hfa_identify.records import Record
+from hfa_identify.records import Record, is_near_limits
 from hfa_identify.search import Search
 from hfa_identify.sensors import sensor_errors
 
@@ -34,6 +34,11 @@ _TRIED = 3
 _ALIKE = 0.02
 #: An error of a column explains them as well where 2 L is larger by less than this.
 _LIKELIER = 6.0
+#: Whether inputs were taken for steps -> what fits better.
+_OF_STEPS = {
+    False: "inputs are steps between their samples; add --inputs steps",
+    True: "inputs are linear between their samples; leave out --inputs steps",
+}
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
 _POUND = 4.448222  # N
@@ -57,8 +62,9 @@ _UNITS = {
     "N": {1.0 / _POUND: "is in lbf", 0.001: "is in kN"},
     "lbf": {_POUND: "is in N"},
 }
-#: Gauss-Newton steps in which each fault that is undone is tried.
+#: Gauss-Newton steps and windows in which each fault that is undone is tried.
 _TRIAL = 5
+_WINDOWS = 24
 #: Parameters that changed by a factor of 8, or in sign, are suspicious; each may change by a factor
 #: of 2.
 _USUAL_CHANGE = math.log(2.0)
@@ -114,8 +120,8 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
     """Return the bias, scale or delay of a column that explains residuals and is obvious, or moves
-    an estimate by a third of its band, or "" without one. Two that explain them alike are joined by
-    "or".
+    an estimate by a third of its band, or "" without one. Of two that explain them alike the second
+    is named too. Inputs that change otherwise between samples are no delay.
 
     errors: of the columns, by one step from 0
     """
@@ -136,12 +142,27 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
     if not found:
         return ""
     names = sorted(found, key=lambda name: found[name][1])
-    if _is_within_a_sample(search, names[0], found[names[0]][0]):
-        return "inputs are steps between their samples; add --inputs steps"
     best = found[names[0]][1]
-    alike = [name for name in names if 2.0 * (found[name][1] - best) < _LIKELIER][:2]
-    stated = " or ".join(_with_value(search, name, found[name][0]) for name in alike)
-    return f"{stated} explains residuals; add {'one' if len(alike) > 1 else alike[0]} to --free"
+    if any(name.startswith("delay") for name in names):
+        other = _other_inputs(search, fit)
+        if other.likelihood < best:
+            return _OF_STEPS[search.records[0].has_steps]
+    alike = [name for name in names if 2.0 * (found[name][1] - best) < _LIKELIER][1:2]
+    stated = _with_value(search, names[0], found[names[0]][0])
+    if alike:
+        return f"{stated}, or {alike[0]}, explains residuals"
+    return f"{stated} explains residuals; add it to --free"
+
+
+def _other_inputs(search: Search, fit: Fit) -> Fit:
+    """Return the fit with inputs that are steps where they were linear between samples, or the
+    other way round, or the fit itself where that diverges."""
+    records = [replace(record, has_steps=not record.has_steps) for record in search.records]
+    try:
+        found = Search(search.responses, records, search.held).whole(fit.theta, fit.starts)
+    except FloatingPointError:
+        return fit
+    return found if found.converged else fit
 
 
 def _with_value(search: Search, name: str, value: float) -> str:
@@ -167,15 +188,6 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
         for record in search.records
     ]
     return abs(value) < max(float(np.nanmax(np.abs(column))) for column in columns)
-
-
-def _is_within_a_sample(search: Search, name: str, delay: float) -> bool:
-    """Return whether an input seems to come early by a part of a sample: linear in the record, and
-    a step in truth."""
-    is_input = name.removeprefix("delay_") in search.responses.model.inputs
-    record = search.records[0]
-    step = float(np.median(np.diff(record.time)))
-    return is_input and name.startswith("delay_") and not record.has_steps and -step < delay < 0.0
 
 
 def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float, float]:
@@ -290,9 +302,11 @@ def _likeliest(
         if progress is not None:
             progress(number + 1, len(candidates))
         records = [undone.on(search, record) for record in search.records]
+        if not all(is_near_limits(search.responses.calm.model, record) for record in records):
+            continue
         corrected = Search(search.responses, records, search.held)
         try:
-            rough = corrected.rough(most_steps=_TRIAL)
+            rough = corrected.rough(most_steps=_TRIAL, most_windows=_WINDOWS)
         except FloatingPointError:
             continue
         level = _compared(search, undone, rough) + _change(search, rough.theta)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_identify.bands import WHITE
 from hfa_identify.column_errors import ColumnError
 from hfa_identify.parameter_spread import ParameterSpread
 from hfa_identify.plan import Manoeuvre
@@ -21,15 +22,13 @@ from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Residuals of which a smaller share of lags is white are coloured.
-_WHITE = 0.8
 #: In turbulence the residuals must be white: where a smaller share is, the air moved otherwise.
 _WHITE_ENOUGH = 0.6
 #: Error of a column -> in words.
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
-#: Columns of the first line, and of the sentence on errors that the bands assume to be 0.
+#: Columns of the first line and of sentences.
 _WIDTH = 100
 
 
@@ -241,13 +240,13 @@ class Identified(Result, Reported):
         )
         if self.turbulence:
             parts.append(self._turbulence())
-        coloured = [name for name, each in self.quantities.items() if each.white < _WHITE]
+        coloured = [name for name, each in self.quantities.items() if each.white < WHITE]
         if coloured:
             why = "" if self.turbulence else "turbulence (add --turbulence), or "
-            parts.append(
+            text = (
                 f"The residuals of {', '.join(coloured)} are coloured: {why}motion that the model"
-                " lacks."
             )
+            parts.append(wrapped(f"{text} lacks.", _WIDTH))
         title = f"{self._subject}: {self.first_line}"
         return Report(title, tuple(parts), notes=further, data=self.to_dict())
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from controller.game.array_file import read_arrays
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import Signal
 from hfa_identify.ulog import ulog_columns
 from hfa_support.errors import BadInputError, refuse_unknown, shortened, shown
 from hfa_support.files import regular_file
@@ -283,11 +284,7 @@ def _check_measured(
 def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> None:
     """Raise BadInputError where a column lies far beyond the limits of the model."""
     signal = model.signals[column]
-    half = 0.5 * (signal.max - signal.min)
-    middle = 0.5 * (signal.max + signal.min)
-    if not 0.0 < half < math.inf:
-        return
-    far = np.abs(values - middle) > _FAR * half
+    far = _far_beyond(signal, values)
     if far.any():
         unit = signal.unit
         advice = "; is it in degrees? Name the unit of the column" if unit == "rad" else ""
@@ -295,6 +292,23 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
             f"{name}: {column} reaches {values[far][0]:g} {unit}, far beyond the model's limits"
             f" {signal.min:g} to {signal.max:g}{advice or '; check its unit'}"
         )
+
+
+def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
+    """Return (N,) flags of values so far beyond the limits of a signal that they have another
+    unit."""
+    half = 0.5 * (signal.max - signal.min)
+    middle = 0.5 * (signal.max + signal.min)
+    if not 0.0 < half < math.inf:
+        return np.zeros(len(values), dtype=bool)
+    return np.asarray(np.abs(values - middle) > _FAR * half)
+
+
+def is_near_limits(model: Model, record: Record) -> bool:
+    """Return whether no column of a record lies far beyond the limits of the model."""
+    inputs = zip(model.inputs, record.inputs.T, strict=True)
+    columns = [*inputs, *record.measured.items()]
+    return not any(_far_beyond(model.signals[name], values).any() for name, values in columns)
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:

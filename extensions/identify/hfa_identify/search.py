@@ -64,10 +64,15 @@ class Search:
         progress: Callable[[float, float], None] | None = None,
         most_steps: int = 30,
         by_motion: bool = False,
+        most_windows: int = 0,
     ) -> Fit:
         """The fit of short windows in calm air, with no more samples than the integration
-        needs."""
+        needs.
+
+        most_windows: about so many of them, or all"""
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
+        if most_windows:
+            windows = windows[:: max(1, len(windows) // most_windows)]
         calm = self.responses.calm
         starts = [begin_of(calm.model, window, self.held) for window in windows]
         first = self.responses.turbulent
