@@ -62,9 +62,11 @@ _UNITS = {
     "N": {1.0 / _POUND: "is in lbf", 0.001: "is in kN"},
     "lbf": {_POUND: "is in N"},
 }
-#: Gauss-Newton steps and windows in which each fault that is undone is tried.
+#: Gauss-Newton steps and windows in which each fault that is undone is tried, and steps in which
+#: the likeliest must converge.
 _TRIAL = 5
 _WINDOWS = 24
+_STEPS = 10
 #: Parameters that changed by a factor of 8, or in sign, are suspicious; each may change by a factor
 #: of 2.
 _USUAL_CHANGE = math.log(2.0)
@@ -271,9 +273,9 @@ def fault_of_columns(
     if fit is not None and not _suspicious(search, fit, errors):
         return ""
     explained: dict[str, float] = {}
-    for undone, corrected in _likeliest(search, progress):
+    for undone, corrected, begin in _likeliest(search, progress):
         try:
-            found = corrected.fit()
+            found = corrected.whole(begin, most_steps=_STEPS)
         except FloatingPointError:
             continue
         likelihood = _compared(search, undone, found)
@@ -293,11 +295,12 @@ def fault_of_columns(
 
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
-) -> list[tuple[_Undone, Search]]:
-    """The faults that fit best once they are undone, each with the search on the corrected
-    records, by a few steps in short windows."""
+) -> list[tuple[_Undone, Search, np.ndarray]]:
+    """The faults that fit best once they are undone, by a few steps in some short windows, each
+    with the search on the corrected records, and unknowns (p,) at which it begins."""
     candidates = list(_candidates(search))
-    tried: list[tuple[float, _Undone, Search]] = []
+    turbulence = search.begin[: search.responses.turbulent]
+    tried: list[tuple[float, _Undone, Search, np.ndarray]] = []
     for number, undone in enumerate(candidates):
         if progress is not None:
             progress(number + 1, len(candidates))
@@ -310,11 +313,11 @@ def _likeliest(
         except FloatingPointError:
             continue
         level = _compared(search, undone, rough) + _change(search, rough.theta)
-        tried.append((level, undone, corrected))
+        tried.append((level, undone, corrected, np.concatenate([turbulence, rough.theta])))
     tried.sort(key=lambda each: each[0])
-    likeliest: dict[tuple[str, str], tuple[_Undone, Search]] = {}
-    for _, undone, corrected in tried:
-        likeliest.setdefault((undone.column, undone.text), (undone, corrected))
+    likeliest: dict[tuple[str, str], tuple[_Undone, Search, np.ndarray]] = {}
+    for _, undone, corrected, begin in tried:
+        likeliest.setdefault((undone.column, undone.text), (undone, corrected, begin))
     return list(likeliest.values())[:_TRIED]
 
 

@@ -35,7 +35,7 @@ _HELD = 1e-6
 SMALL = 1e-3
 #: A search that no step improves has ended at a minimum where the undamped step is smaller.
 _STUCK = 0.05
-_MOST_STEPS = 30
+MOST_STEPS = 30
 #: An unknown whose whole range is so small a part of its standard deviation is not moved.
 _LOOSE = 0.1
 #: Steps that are tried in turn: damping, and part of the step that is taken.
@@ -155,7 +155,7 @@ class OutputError:
         starts: Sequence[np.ndarray],
         progress: Callable[[float, float], None] | None = None,
         small: float = SMALL,
-        most_steps: int = _MOST_STEPS,
+        most_steps: int = MOST_STEPS,
     ) -> Fit:
         """The parameters and starts of least L, from these.
 

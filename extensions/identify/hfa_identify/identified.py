@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _WHITE_ENOUGH = 0.6
 #: Error of a column -> in words.
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
+#: Bands that are widened by less are those of white residuals.
+_WIDENED = 1.05
 #: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
 _BEYOND = 8.0
 #: Columns of the first line and of sentences.
@@ -235,8 +237,10 @@ class Identified(Result, Reported):
         parts += self._columns()
         if self.plan:
             parts.append(self._planned())
+        widened = f"widen them up to {self.coloured:.2g} times"
+        is_widened = self.coloured > _WIDENED
         parts.append(
-            f"The bands are 95 %; coloured residuals widen them up to {self.coloured:.2g} times."
+            f"The bands are 95 %; coloured residuals {widened if is_widened else 'widen none'}."
         )
         if self.turbulence:
             parts.append(self._turbulence())

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.bands import unexplained
-from hfa_identify.fit import Fit, OutputError
+from hfa_identify.fit import MOST_STEPS, Fit, OutputError
 from hfa_identify.records import FEWEST, Record
 from hfa_identify.response import Responses
 
@@ -62,7 +62,7 @@ class Search:
     def rough(
         self,
         progress: Callable[[float, float], None] | None = None,
-        most_steps: int = 30,
+        most_steps: int = MOST_STEPS,
         by_motion: bool = False,
         most_windows: int = 0,
     ) -> Fit:
@@ -121,9 +121,11 @@ class Search:
         theta: np.ndarray,
         starts: Sequence[np.ndarray] | None = None,
         progress: Callable[[float, float], None] | None = None,
+        most_steps: int = MOST_STEPS,
     ) -> Fit:
         """The fit of whole records from values of the unknowns, and starts of the records."""
-        return self._whole.fit(theta, self.guesses if starts is None else starts, progress)
+        begin = self.guesses if starts is None else starts
+        return self._whole.fit(theta, begin, progress, most_steps=most_steps)
 
 
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
