@@ -159,7 +159,8 @@ class _Files:
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
         """The narrowest range of the tables over a variable, rad; within ± widest."""
-        low, high = -widest, widest
+        low = -widest
+        high = widest
         for document in self._documents:
             variable = document.by_name(name)
             if variable is not None:

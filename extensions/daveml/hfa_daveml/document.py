@@ -117,7 +117,8 @@ class Document:
 
     def range_of_tables(self, variable: Variable) -> tuple[float, float]:
         """The least and the largest value of a variable within all tables over it."""
-        low, high = -math.inf, math.inf
+        low = -math.inf
+        high = math.inf
         for function in self.functions.values():
             for axis, (first, last) in zip(function.axes, function.table.ends, strict=True):
                 if axis.key == variable.key:

@@ -99,7 +99,8 @@ def _number(element: ElementTree.Element) -> float:
     """A number; `e-notation` writes it in two parts."""
     try:
         if element.get("type") == "e-notation":
-            mantissa, exponent = (element.text or "").strip(), (element[0].tail or "").strip()
+            mantissa = (element.text or "").strip()
+            exponent = (element[0].tail or "").strip()
             return float(f"{float(mantissa)}e{int(exponent)}")
         return float((element.text or "").strip())
     except (ValueError, IndexError) as error:

@@ -47,7 +47,8 @@ def changed_aircraft(path: str) -> Model | None:
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
     """Raise BadInputError unless [bands] has the low and high end of parameters and of errors of
     sensors, with each value between them."""
-    bands, sensors = _table(path, data, "bands"), _table(path, data, "sensors")
+    bands = _table(path, data, "bands")
+    sensors = _table(path, data, "sensors")
     values = {name: signal.start for name, signal in model.parameters.items()} | sensors
     for name, band in bands.items():
         refuse_unknown(f"{path}: [bands] has the unknown parameter", name, values)

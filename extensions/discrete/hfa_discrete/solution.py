@@ -86,18 +86,18 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     """The game of which one step is dt seconds with u and w held; a step costs dt (x'Qx + u'Ru - δ²
     w'w) at its start.
 
-    With X = [[A, B, E], [0, 0, 0]] dt the step is exp(X), of which A keeps twice the digits; its
-    weights are Q dt and R dt, its delta √dt δ. Source: Franklin, Powell and Workman, Digital
-    Control of Dynamic Systems, Section 4.3."""
+    The first n rows of exp([[A, A, B, E], [0, 0, 0, 0]] dt) are [exp(A dt), exp(A dt) - I, B_s,
+    E_s], B_s and E_s of the step. The second block has no cancellation, so A_s = I + exp(A dt) - I
+    keeps twice the digits. The weights of the step are Q dt and R dt, its delta √dt δ. Source:
+    Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3."""
     from scipy.linalg import expm
 
     refuse_unless_positive("dt", dt, " s")
     n, m = game.B.shape
-    moved = np.hstack([game.A, game.A, game.B, game.E])  # of [X, X; 0, 0] the exponential has
-    held = np.zeros((moved.shape[1] - n, moved.shape[1]))  # exp(X) - I, without cancellation
-    _, change, B, E = np.split(
-        expm(dt * np.vstack([moved, held]))[:n], [n, 2 * n, 2 * n + m], axis=1
-    )
+    rates = np.hstack([game.A, game.A, game.B, game.E])
+    held = np.zeros((rates.shape[1] - n, rates.shape[1]))
+    over_a_step = expm(dt * np.vstack([rates, held]))[:n]
+    _, change, B, E = np.split(over_a_step, [n, 2 * n, 2 * n + m], axis=1)
     A, A_low = add(exact(np.eye(n)), exact(change))
     step = Game(A=A, B=B, E=E, Q=game.Q * dt, R=game.R * dt, delta=game.delta * math.sqrt(dt))
     return DiscreteGame(step, discount, A_low=A_low)

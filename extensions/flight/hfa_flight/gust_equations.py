@@ -59,7 +59,8 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
         if added in model.disturbances
     }
     if {"gust_north", "gust_east"} <= set(model.disturbances):
-        cosine, sine = float(np.cos(heading)), float(np.sin(heading))
+        cosine = float(np.cos(heading))
+        sine = float(np.sin(heading))
         declared.setdefault("u", {"gust_north": cosine, "gust_east": sine})
         declared.setdefault("v", {"gust_north": -sine, "gust_east": cosine})
     if "headwind" in model.disturbances:

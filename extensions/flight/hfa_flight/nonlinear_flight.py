@@ -383,7 +383,8 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.weights is None:
             return None
         Q, R = self.weights
-        errors, inputs = self.flight.errors, self.flight.inputs
+        errors = self.flight.errors
+        inputs = self.flight.inputs
         return cost_of_flight(self.time, errors, inputs, Q, R, self.loop.policy.is_held)
 
     @property

@@ -37,7 +37,9 @@ _INTENSITIES = {
     "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
 }
 #: Altitudes, ft: the least, the end of the low ones and the begin of the high ones.
-_LOWEST, _LOW, _HIGH = 10.0, 1000.0, 2000.0
+_LOWEST = 10.0
+_LOW = 1000.0
+_HIGH = 2000.0
 _LENGTH = {"dryden": 1750.0, "karman": 2500.0}
 
 
@@ -198,9 +200,8 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
-            f"turbulence at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 ft: give "
-            "another"
-            " altitude"
+            f"turbulence at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 ft: give"
+            " another altitude"
         )
     high_length = _LENGTH[spectrum]
     high_intensity = float(np.interp(max(altitude, _HIGH), _ALTITUDES, _INTENSITIES[level]))
@@ -413,8 +414,10 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
     poles = [pole * tau for pole in reversed(shape.poles)]
     zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]
     n = len(poles)
-    A, b = np.zeros((n, n)), np.zeros((n, 1))
-    enters, from_noise = np.zeros(n), 1.0
+    A = np.zeros((n, n))
+    b = np.zeros((n, 1))
+    enters = np.zeros(n)
+    from_noise = 1.0
     for row, (zero, pole) in enumerate(zip(zeros, poles, strict=True)):
         A[row] = enters / pole
         A[row, row] = -1 / pole

@@ -110,23 +110,30 @@ def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
 
 
 def lost(weights: str, lag: float) -> bool:
-    """A command of one degree for 200 s behind actuators of that lag, 60 deg/s for the surfaces."""
+    """Return whether a dihedral command of one degree for 200 s leaves the envelope, behind
+    actuators of this lag (s); the surfaces move at most 60 deg/s."""
     aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point
-    lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
+    fastest = float(np.radians(60.0))
     actuators = ActuatorBank(
-        Input(*[lag] * 5), lowest, highest, Input(np.inf, *[float(np.radians(60.0))] * 4)
+        Input(*[lag] * 5),
+        Input(*(low for low, _ in CONTROL_LIMITS)),
+        Input(*(high for _, high in CONTROL_LIMITS)),
+        Input(np.inf, *[fastest] * 4),
     )
-    command = np.array([np.radians(1.0) if name == "dihedral" else 0.0 for name in LINEAR_STATES])
+    command = np.radians([float(name == "dihedral") for name in LINEAR_STATES])
     scenario = Scenario(
         duration=200.0, reference=Waveform(command, np.zeros(len(command))), actuators=actuators
     )
-    law = GainPolicy("exact", gain(weights))
-    envelope = flight_envelope(aircraft, point)
-    return (
-        fly(aircraft, point, law, scenario=scenario, envelope=envelope, predict=False).departure
-        is not None
+    flight = fly(
+        aircraft,
+        point,
+        GainPolicy("exact", gain(weights)),
+        scenario=scenario,
+        envelope=flight_envelope(aircraft, point),
+        predict=False,
     )
+    return flight.departure is not None
 
 
 def stated(row: str) -> tuple[float, ...]:

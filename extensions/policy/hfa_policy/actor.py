@@ -95,16 +95,14 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations, {frames} times those of the "
-            "deployment file; "
-            f"for a stack of frames give history = {frames} in [timing], or list all "
-            "observations"
+            f"{path} takes {stored.observations} observations, {frames} times those of the"
+            f" deployment file; for a stack of frames give history = {frames} in [timing], or list"
+            " all observations"
         )
     if rest:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations and the deployment file has "
-            f"{observations}; "
-            "list those of its training, in their order"
+            f"{path} takes {stored.observations} observations and the deployment file has"
+            f" {observations}; list those of its training, in their order"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
     return Actor(
@@ -181,17 +179,20 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
+    """Raise BadInputError unless a policy takes and gives as many numbers as the deployment file
+    lists observations and actions.
+
+    what: the policy, as the message names it
+    """
     takes = function.numel_in(0)
     gives = function.numel_out(0)
+    advice = "list those of its training, in their order"
     if takes != observations:
         raise BadInputError(
-            f"{what} takes {takes} observations and the deployment file has {observations}; list "
-            "those of "
-            "its training, in their order"
+            f"{what} takes {takes} observations and the deployment file has {observations};"
+            f" {advice}"
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} gives {gives} actions and the deployment file has {actions}; list those of "
-            "its "
-            "training, in their order"
+            f"{what} gives {gives} actions and the deployment file has {actions}; {advice}"
         )

@@ -109,7 +109,8 @@ class ChangeFlights:
         model = deployed.model
         arguments = symbols_of_a_sample(deployed, 0)
         X, _, trim, _ = arguments
-        states, inputs = list(model.states), list(model.inputs)
+        states = list(model.states)
+        inputs = list(model.inputs)
         linear = [states.index(name) for name in model.linear]
         seen = ca.vertcat(*(X[row] - trim[row] for row in linear))
         raw = ca.SX.sym("raw", self.m)
@@ -144,7 +145,8 @@ class ChangeFlights:
         linear = [list(model.states).index(name) for name in model.linear]
         moved = [list(model.inputs).index(name) for name in self.deployed.commanded]
         slopes = model.at(point.states, point.inputs)
-        A, B = slopes.A[np.ix_(linear, linear)], slopes.B[np.ix_(linear, moved)]
+        A = slopes.A[np.ix_(linear, linear)]
+        B = slopes.B[np.ix_(linear, moved)]
         Q, R = cost_weights(self.deployed)
         weights = np.diag([Q.get(name, 0.0) for name in model.linear])
         dear = np.diag([R.get(name, 0.0) for name in self.deployed.commanded])

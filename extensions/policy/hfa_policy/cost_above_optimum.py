@@ -52,10 +52,12 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
     """Return the cost above the optimum, or a sentence where no optimum exists."""
     game = lqr_at(deployed, equilibrium)
     try:
-        worst, mean = math.nan, math.nan
+        worst = math.nan
+        mean = math.nan
         if equilibrium.frames is None:
             continuous = flight_cost(game, solve_game(game), equilibrium.K)
-            worst, mean = continuous.worst, continuous.mean
+            worst = continuous.worst
+            mean = continuous.mean
         problem = sampled(game, chain.dt)
         optimum = solve_discrete(problem).P
     except NoSolutionError as error:

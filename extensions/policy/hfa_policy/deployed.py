@@ -255,7 +255,9 @@ class Deployed:
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
-        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
         past = kind.sym("past", self.past)
         frames = ca.vertcat(past, self.observe(X, U, trim))
         commanded = self.inputs(self.act(frames), X, U, trim)
@@ -270,7 +272,9 @@ class Deployed:
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
-        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
         a = self.act(ca.repmat(self.observe(X, U, trim), self.deployment.history))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
@@ -280,7 +284,9 @@ class Deployed:
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.command], 1))
-        X, U, trim = kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        X = kind.sym("X", n)
+        U = kind.sym("U", m)
+        trim = kind.sym("trim", count)
         commanded = self.command(X, U, trim)
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]

@@ -111,13 +111,15 @@ class Episodes:
 
         flown = sum(self._flight.sizes)
         self._rows = np.zeros((count, flown + _ends_size(self._flight)))
-        self._flown, self._ends = self._rows[:, :flown], self._rows[:, flown:]
+        self._flown = self._rows[:, :flown]
+        self._ends = self._rows[:, flown:]
         X, memory, *_, pushes, extra = self._flight.slices
         winds = slice(pushes.stop - len(self._flight.winds), pushes.stop)
         inputs = slice(memory.stop - len(deployed.model.inputs), memory.stop)
         self.states = self._rows[:, X]
         self.inputs = self._rows[:, inputs]
-        self._winds, self._actions = self._rows[:, winds], self._rows[:, extra]
+        self._winds = self._rows[:, winds]
+        self._actions = self._rows[:, extra]
 
         self._observe = row_code(self._observation())
         self._observed = np.zeros((count, deployed.observe.numel_out(0)))
@@ -220,7 +222,8 @@ class Episodes:
     def _sample(self) -> ca.Function:
         """row -> (row a sample later, outcome, o a sample later)."""
         flight = self._flight
-        flown, n = sum(flight.sizes), len(flight.deployed.model.states)
+        flown = sum(flight.sizes)
+        n = len(flight.deployed.model.states)
         row = ca.MX.sym("row", flown + _ends_size(flight))
         now, ends = ca.vertsplit(row, [0, flown, row.numel()])
         X, before, trim, actions = flight.observed(now)
@@ -262,7 +265,9 @@ def _outcome(changing: int, n: int) -> ca.Function:
     changing: how many numbers change, the first n of them X
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
-    least, most, left = ca.SX.sym("least", n), ca.SX.sym("most", n), ca.SX.sym("left")
+    least = ca.SX.sym("least", n)
+    most = ca.SX.sym("most", n)
+    left = ca.SX.sym("left")
     numbers = _all(ca.fabs(value) <= sys.float_info.max for value in components(after))
     kept = ca.if_else(numbers, after, before)
     limits = zip(components(least), components(kept), components(most), strict=False)

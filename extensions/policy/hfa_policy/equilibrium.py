@@ -128,7 +128,8 @@ class EquilibriumSearch:
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
         """Return the slopes (k, n) of the linear states of the equilibrium with respect to the
         states outside the linear model, by the implicit function theorem, or 0 for the others."""
-        X, U = equilibrium.states, equilibrium.inputs
+        X = equilibrium.states
+        U = equilibrium.inputs
         z = np.concatenate([X, U])
         others = [number for number in range(len(X)) if number not in self.rows]
         _, jacobian = self._system(z)

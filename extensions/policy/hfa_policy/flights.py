@@ -217,7 +217,8 @@ class SampledFlight:
         is_long = flights * seconds / self.dt >= COMPILE_FROM
         on_rows = row_code if is_long else RowFunction
         network = self.steered.rows or _first_result(on_rows(self.steered.network))
-        entering, later = on_rows(self.entering()), on_rows(self.later())
+        entering = on_rows(self.entering())
+        later = on_rows(self.later())
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:

@@ -37,8 +37,10 @@ class AircraftEnvironment(gymnasium.Env):
         self.action_space = action_space(episodes)
         self._flown: list[tuple[np.ndarray, np.ndarray]] = []
         self._trim = 0
-        self._X, self._U = episodes.states[0], episodes.inputs[0]
-        self._frame, self._outcome = episodes.frames[0], episodes.outcomes[0]
+        self._X = episodes.states[0]
+        self._U = episodes.inputs[0]
+        self._frame = episodes.frames[0]
+        self._outcome = episodes.outcomes[0]
 
     @property
     def model(self) -> Model:

@@ -36,7 +36,9 @@ def step_of_integration(
     """[X; U; push; p; h] -> X after h seconds, by a step of the classical Runge-Kutta method of
     order 4 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2) for
     X' = f(X, U, p, w) + d, (d, w) = push: on the states `linear`, and the disturbances `winds`."""
-    states, inputs, parameters = layout.names[0], layout.names[1], layout.names[2]
+    states = layout.names[0]
+    inputs = layout.names[1]
+    parameters = layout.names[2]
     sizes = (len(states), len(inputs), len(linear) + len(winds), len(parameters))
     X, U, push, p = (ca.SX.sym("x", size) for size in sizes)
     every_wind = None

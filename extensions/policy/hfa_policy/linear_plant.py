@@ -32,7 +32,8 @@ def linear_plant(path: str) -> Model:
         if is_discrete(entries):
             raise BadInputError("it is in discrete time; give A and B of x' = A x + B u")
     game = stored_game(path, found=found, defaults=_unit_weights).game
-    A, B = game.A, game.B
+    A = game.A
+    B = game.B
     names = game.names.completed(*B.shape)
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

@@ -61,7 +61,8 @@ class Normalizer:
         sample."""
         if count == 1:
             return self
-        means, variances = np.tile(self.mean, count), np.tile(self.variance, count)
+        means = np.tile(self.mean, count)
+        variances = np.tile(self.variance, count)
         return replace(self, mean=means, variance=variances, last=None)
 
     @property

@@ -31,7 +31,9 @@ PUSH = 0.5
 _CYCLE_SECONDS = 20.0
 _FLYING, _RETURNED, _LOST, _ENDED = range(4)
 #: Outcomes of a flight, in words.
-LEAVES, DOES_NOT_CONVERGE, CONVERGES = "leaves the envelope", "does not converge", "converges"
+LEAVES = "leaves the envelope"
+DOES_NOT_CONVERGE = "does not converge"
+CONVERGES = "converges"
 # A flight is flown no further where its end is known. That is measured, not proved: of 26,000
 # flights of 5 policies, with 0 to 5 samples of delay, each was judged as after all of the time.
 # With swings that are the same but for 0.05, 24 of 19,200 were not: slow decay and growth.
@@ -309,7 +311,8 @@ class FlownRows:
         blocks[0] = np.minimum(blocks[0], swings)
         cycling = np.zeros(len(flying), dtype=bool)
         if (number + 1) % _BLOCK == 0:
-            least, most = blocks.min(axis=0), blocks.max(axis=0)
+            least = blocks.min(axis=0)
+            most = blocks.max(axis=0)
             is_large = least >= _CYCLES
             is_same = most - least <= _SAME * least
             rises = (blocks[0] > blocks[1]) & (blocks[1] > blocks[2])

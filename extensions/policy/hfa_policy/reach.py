@@ -72,7 +72,8 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     coupling changes its radius (by 4e-8 for the c172p by pitch), and they would dominate a relative
     cost, since they cost nearly nothing.
     """
-    A, B = equilibrium.A, equilibrium.B
+    A = equilibrium.A
+    B = equilibrium.B
     names = np.array(deployed.model.linear)
     everything = Reach(np.ones(len(A), dtype=bool), equilibrium, (), ", ".join(names))
     values, right = np.linalg.eig(A)

@@ -172,7 +172,9 @@ def _text(function: ca.Function, one_row: bool) -> str:
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
-    memory, read, write = [], [], []
+    memory = []
+    read = []
+    write = []
     for index, name in enumerate(arguments):
         size = function.numel_in(index)
         memory.append(f"real {name}[{max(1, size)}];")
@@ -189,7 +191,8 @@ def _text(function: ca.Function, one_row: bool) -> str:
         write="\n        ".join(write),
     )
     target, lanes = _registers()
-    head, operations = _HEAD_OF_ONE, _ON_ONE
+    head = _HEAD_OF_ONE
+    operations = _ON_ONE
     if not one_row:
         from_math = [f"OF_ONE({name})" for name in _OF_ONE]
         from_math += [f"OF_TWO({name})" for name in _OF_TWO]

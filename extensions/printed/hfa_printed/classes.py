@@ -93,7 +93,8 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     if not file.plant_rounded:
         name, reason = _by_size(file, comparison)
     elif unsearched:
-        name, reason = "cannot tell", "the rounding of so many entries of the plant is not tried"
+        name = "cannot tell"
+        reason = "the rounding of so many entries of the plant is not tried"
     else:
         name, reason = _by_rounding(rounding_used(file, P, comparison))
     return Classified(name, reason, comparison, P, not_searched=unsearched)

@@ -86,9 +86,8 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
     wanted = np.array(u(points.T)).ravel()
     if not np.all(np.abs(total - wanted) <= _SAME * sizes):
         raise BadInputError(
-            f"its policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or "
-            "weights"
-            " W of polynomials"
+            f"its policy is not a polynomial of degree {HIGHEST_POLICY} or less; give K, P, or"
+            " weights W of polynomials"
         )
     if any(not any(powers) for _, powers in terms):
         raise BadInputError("its policy is not 0 at the trim; leave the linear terms of V out")
