@@ -210,7 +210,7 @@ def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
     def text_of(content: dict[str, Any]) -> str:
         statement = CostStatement.read(content, cart)
         count = len(statement.pieces)
-        witness = CostWitness(("speed",), (1,) * count, np.zeros((count, 2), dtype=int))
+        witness = CostWitness(("speed",), (1,) * count)
         verified = VerifiedCost(statement, witness, witness.boxes, WRITTEN)
         return checked_bound_report(verified, []).text()
 

@@ -1,8 +1,7 @@
 """Checks a lower bound of the cost: reads its statement, and repeats the subdivision.
 
 The theorem is in `cost.py`. The search is not trusted: the checker uses only its choice of unknown
-states and inputs at the equilibrium, the shape of its boxes, and the number of boxes after which it
-gives up."""
+states and inputs at the equilibrium, and the number of boxes after which it gives up."""
 
 from __future__ import annotations
 
@@ -23,7 +22,6 @@ from hfa_support.progress import Progress
 
 KIND = "cost-boxes"
 _MOST_BOXES = 1_000_000_000
-_LONGEST = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +30,10 @@ class CostWitness:
 
     solved: states and inputs that are unknown at the equilibrium; the others have the trim's value
     boxes: largest number of boxes of each piece
-    longer: (pieces, n), how much less often each edge of a box is halved, as `cover` has it
     """
 
     solved: tuple[str, ...]
     boxes: tuple[int, ...]
-    longer: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +76,9 @@ def check_cost(
     check_near(equilibrium, stated, plant.nominal, "the stated one")
     check_near(equilibrium, trim, plant.nominal, "the trim")
     counts = []
-    shapes = witness.longer.tolist()
-    for piece, most, longer in zip(statement.pieces, witness.boxes, shapes, strict=True):
+    for piece, most in zip(statement.pieces, witness.boxes, strict=True):
         inequality = CostInequality(plant, equilibrium, piece, statement.Q, statement.R)
-        counts.append(inequality.proved(most, progress, longer))
+        counts.append(inequality.proved(most, progress))
     return tuple(counts)
 
 
@@ -117,9 +112,9 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
     require(len(set(solved)) == len(solved), "witness: solved", list(solved))
     counts = found.array("boxes", len(statement.pieces))
     require(bool(np.all(counts <= _MOST_BOXES)), "witness: boxes", counts.tolist())
-    longer = found.array("longer", len(statement.pieces), len(statement.plant.states))
-    require(bool(np.all((longer >= 0) & (longer <= _LONGEST))), "witness: longer")
-    witness = CostWitness(solved, tuple(int(count) for count in counts), longer.astype(int))
+    if found.has("longer"):  # of earlier versions, without use
+        found.array("longer", len(statement.pieces), len(statement.plant.states))
+    witness = CostWitness(solved, tuple(int(count) for count in counts))
     found.close()
     entries.close()
     return statement, witness
@@ -132,6 +127,5 @@ def write_cost_certificate(
     evidence = {
         "solved": list(witness.solved),
         "boxes": list(witness.boxes),
-        "longer": witness.longer.tolist(),
     }
     write_sealed(path, KIND, statement.content(), evidence, origin)

@@ -1,14 +1,14 @@
 """Branch and bound: functions are positive on the part of a cube where a set is.
 
-The cube |y_i| <= 1 is halved again and again, across the widest edge (or the widest after each edge
-is divided by its own power of 2), until on each box every function is bounded from below by a
-positive number or the box is outside the set. Centres and half widths are dyadic, so that they are
-doubles without rounding. The order is fixed: who repeats it needs no tree."""
+The cube |y_i| <= 1 is halved again and again, across the widest edge or the one that the question
+names, until on each box every function is bounded from below by a positive number or the box is
+outside the set. Centres and half widths are dyadic, so that they are doubles without rounding. The
+order is fixed: who repeats it needs no tree."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -43,12 +43,10 @@ class Boxes(NamedTuple):
         """Return some of the boxes."""
         return Boxes(self.centres[which], self.depths[which])
 
-    def halves(self, longer: np.ndarray) -> Boxes:
-        """Return both halves of each box, across the first of the widest edges.
-
-        longer: (n,), how much less often each edge is halved"""
+    def halves(self, across: np.ndarray) -> Boxes:
+        """Return the lower halves of all boxes, then the upper ones; across: (N,), the edges that
+        are halved."""
         rows = np.arange(len(self.centres))
-        across = np.argmin(self.depths + longer, axis=1)
         depths = self.depths.copy()
         depths[rows, across] += 1
         step = np.ldexp(1.0, -depths[rows, across])
@@ -102,6 +100,23 @@ class Question(Protocol):
         no."""
 
 
+@runtime_checkable
+class Directed(Question, Protocol):
+    """A question that names the edges to halve."""
+
+    def edges(self, boxes: Boxes) -> np.ndarray:
+        """(N,), the edge to halve of each undecided box, -1 for the decided ones. Raises
+        RefutedError at a place where the answer is no."""
+
+
+def edges_to_halve(question: Question, boxes: Boxes) -> np.ndarray:
+    """(N,), the edge to halve of each undecided box, -1 for the decided ones: the first of the
+    widest, unless the question names it. Raises RefutedError as the question does."""
+    if isinstance(question, Directed):
+        return question.edges(boxes)
+    return np.where(question.undecided(boxes), np.argmin(boxes.depths, axis=1), -1)
+
+
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
     """RefutedError at the centre (N, n) in the set with the lowest of the values (N,) below 0."""
     refuted = np.flatnonzero(values < 0.0)
@@ -110,21 +125,14 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
             raise RefutedError("the inequality does not hold at a place of the set", centres[index])
 
 
-def cover(
-    question: Question,
-    most: int,
-    progress: Progress | None = None,
-    longer: Sequence[int] | None = None,
-) -> int:
+def cover(question: Question, most: int, progress: Progress | None = None) -> int:
     """Prove the function on the set; return the number of boxes.
 
     most: boxes after which it is given up
-    longer: (n,), how much less often each edge is halved; None: all as often
 
     RefutedError names a place where a function is not positive; OpenBoxError one that is not
     decided. Progress counts by volume."""
     n = question.n
-    shape = np.zeros(n, dtype=int) if longer is None else np.array(longer)
     waiting = cube(n)
     done = 0.0
     count = 0
@@ -138,7 +146,8 @@ def cover(
         if not len(batch.centres):
             continue
         count += len(batch.centres)
-        open_boxes = question.undecided(batch)
+        edges = edges_to_halve(question, batch)
+        open_boxes = edges >= 0
         done += _volume(batch.part(~open_boxes))
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
@@ -150,7 +159,7 @@ def cover(
             raise SmallestBoxError(
                 "the inequality is not decided on a box as small as any", wide.centres[smallest[0]]
             )
-        waiting = _joined(waiting, wide.halves(shape))
+        waiting = _joined(waiting, wide.halves(edges[open_boxes]))
         turn += 1
         if progress is not None and turn % _TOLD == 0:
             progress(done, 1.0, f"{count} boxes")

@@ -154,16 +154,14 @@ class OnPiece(Question):
     def check_limits(self) -> None:
         """Raise Rejected where limits that no box decides do not hold."""
 
-    def proved(
-        self, most: int, progress: Progress | None = None, longer: Sequence[int] | None = None
-    ) -> int:
+    def proved(self, most: int, progress: Progress | None = None) -> int:
         """Number of boxes on which it is proved. Raises Rejected where it is not.
 
-        most, progress, longer: as in `cover`
+        most, progress: as in `cover`
         """
         self.plant.check_held()
         self.check_limits()
-        return cover(self, most, progress, longer)
+        return cover(self, most, progress)
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:

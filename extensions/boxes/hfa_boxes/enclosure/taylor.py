@@ -67,6 +67,10 @@ class Models(NamedTuple):
         """Value at the centre, without the radius."""
         return self.c[:, 0]
 
+    def part(self, which: np.ndarray) -> Models:
+        """Return the models on some of the boxes."""
+        return Models(self.c[:, :, which], self.radius[:, which])
+
 
 class _Sizes(NamedTuple):
     """Bounds of |Σ c_i s_i| and of |Σ c_ij s_i s_j|, and of all parts together."""
@@ -230,18 +234,12 @@ def lowest(models: Models, n: int) -> np.ndarray:
     One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2; the remainder is
     a parabola in each s_i, whose lowest value is known."""
     i, j, _ = pairs_of(n)
-    is_square = i == j
     c = models.c
     with np.errstate(all="ignore"):
-        linear = np.abs(c[:, 1 : n + 1])
-        squares = c[:, n + 1 :][:, is_square]
-        mixed = np.abs(c[:, n + 1 :][:, ~is_square])
-        shares = np.zeros_like(squares)
-        for k, (first, second) in enumerate(zip(i[~is_square], j[~is_square], strict=True)):
-            shares[:, first] += 0.5 * mixed[:, k]
-            shares[:, second] += 0.5 * mixed[:, k]
-        one = _lowest_parabolas(linear, squares) - mixed.sum(axis=1)
-        other = _lowest_parabolas(linear, squares - shares)
+        linear, squares, shares = _parabolas(models, n)
+        mixed = np.abs(c[:, n + 1 :][:, i != j]).sum(axis=1)
+        one = _lowest_parabolas(linear, squares).sum(axis=1) - mixed
+        other = _lowest_parabolas(linear, squares - shares).sum(axis=1)
         size = np.abs(c).sum(axis=1) + models.radius
         bound = c[:, 0] + np.maximum(one, other) - models.radius
         return np.asarray(bound - 8.0 * (len(i) + n + 10) * _U * size - _TINY)
@@ -253,7 +251,28 @@ def highest(models: Models, n: int) -> np.ndarray:
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Σ of the lowest b_i s + c_i s² over |s| <= 1, b_i = -linear."""
+    """The lowest b_i s + c_i s² over |s| <= 1, b_i = -linear, of each i."""
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))
-    return np.asarray(np.where(inside, at_vertex, squares - linear).sum(axis=1))
+    return np.asarray(np.where(inside, at_vertex, squares - linear))
+
+
+def lowered_by(models: Models, n: int) -> np.ndarray:
+    """(values, n, boxes), by how much each s_i lowers the second bound of `lowest`; nothing that is
+    proved depends on it."""
+    linear, squares, shares = _parabolas(models, n)
+    return -_lowest_parabolas(linear, squares - shares)
+
+
+def _parabolas(models: Models, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(values, n, boxes) each: |c_i|, c_ii and Σ |c_ij| / 2 over the other j."""
+    i, j, _ = pairs_of(n)
+    is_square = i == j
+    second = models.c[:, n + 1 :]
+    mixed = 0.5 * np.abs(second[:, ~is_square])
+    squares = second[:, is_square]
+    shares = np.zeros_like(squares)
+    for k, pair in enumerate(zip(i[~is_square], j[~is_square], strict=True)):
+        for index in pair:
+            shares[:, index] += mixed[:, k]
+    return np.abs(models.c[:, 1 : n + 1]), squares, shares

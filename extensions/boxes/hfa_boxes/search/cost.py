@@ -16,7 +16,7 @@ import numpy as np
 from hfa_boxes.check.cost import CostInequality
 from hfa_boxes.check.cost_checker import CostWitness, VerifiedCost
 from hfa_boxes.check.cost_statement import CostStatement
-from hfa_boxes.check.cover import Boxes, OpenBoxError, RefutedError, SmallestBoxError
+from hfa_boxes.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
@@ -60,12 +60,6 @@ _MOST_BEYOND = 2.5
 _ENDLESS = 10**9
 #: Refuted places that become rows of the next fit.
 _REFUTED = 60
-#: Boxes that are tried for their shape, of which this part may be undecided; how often an edge is
-#: doubled, and the most halvings.
-_TRIED = 100
-_OPEN = 0.5
-_STRETCHED = 3
-_DEEPEST_TRIED = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +81,9 @@ class CostBound:
 
 
 class _Proved(NamedTuple):
-    """A piece, the shape of its boxes, how many, and the processor time of its fit and proof."""
+    """A piece, the number of its boxes, and the processor time of its fit and proof."""
 
     piece: Piece
-    longer: tuple[int, ...]
     boxes: int
     seconds: tuple[float, float]
 
@@ -145,8 +138,7 @@ class CostSearch:
         An interruption keeps the proved bound."""
         proved: list[_Proved] = []
         if earlier is not None:
-            shapes = [tuple(row) for row in earlier.witness.longer.tolist()]
-            for known in zip(earlier.statement.pieces, shapes, earlier.boxes, strict=True):
+            for known in zip(earlier.statement.pieces, earlier.boxes, strict=True):
                 proved.append(_Proved(*known, (0.0, 0.0)))
         stopped = ""
         try:
@@ -234,11 +226,8 @@ class CostSearch:
         pieces = tuple(each.piece for each in proved)
         statement = CostStatement(plant, at, self._problem.Q, self._problem.R, pieces)
         boxes = tuple(each.boxes for each in proved)
-        witness = CostWitness(
-            tuple(names[i] for i in self._solved),
-            tuple(2 * count for count in boxes),
-            np.array([each.longer for each in proved]),
-        )
+        solved = tuple(names[i] for i in self._solved)
+        witness = CostWitness(solved, tuple(2 * count for count in boxes))
         return CostBound(statement, witness, boxes, tuple(each.seconds for each in proved), stopped)
 
     def _left(self) -> float:
@@ -261,15 +250,14 @@ class CostSearch:
             fitted = time.process_time()
             try:
                 inequality = self._inequality(piece)
-                longer = self._longer(inequality, fit.places(_TRIED))
-                self._check_time(forecast(inequality, longer))
-                boxes = inequality.proved(_ENDLESS, self._tell, longer)
+                self._check_time(forecast(inequality))
+                boxes = inequality.proved(_ENDLESS, self._tell)
             except SmallestBoxError as error:
                 fit.open_at(error.place)
             except RefutedError as error:
                 fit.refuted(error.place)
             else:
-                return _Proved(piece, longer, boxes, (fitted - begin, time.process_time() - fitted))
+                return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))
             refuted += 1
             W = fit.fitted()
         raise OpenBoxError(f"{refuted} polynomials were refuted", np.zeros(len(fit.M)))
@@ -310,29 +298,3 @@ class CostSearch:
     def _inequality(self, piece: Piece) -> CostInequality:
         problem = self._problem
         return CostInequality(problem.plant, problem.equilibrium, piece, problem.Q, problem.R)
-
-    def _longer(self, inequality: CostInequality, places: np.ndarray) -> tuple[int, ...]:
-        """How much less often each edge is halved, so that boxes are long where that leaves most of
-        them proved; places: (N, n), centres of boxes that are tried."""
-
-        def undecided(depths: np.ndarray) -> int:
-            tried = Boxes(places, np.tile(depths, (len(places), 1)))
-            return int(inequality.undecided(tried).sum())
-
-        n = len(self._problem.Q)
-        depths = np.full(n, 3)
-        while undecided(depths) > _OPEN * len(places) and depths[0] < _DEEPEST_TRIED:
-            depths = depths + 1
-        rows = np.eye(n, dtype=int)
-        exchanges = [rows[i] - rows[j] for i in range(n) for j in range(n) if i != j]
-        for _ in range(_STRETCHED * n):
-            counts = [undecided(depths - row) for row in rows]
-            if min(counts) <= _OPEN * len(places):
-                depths = depths - rows[int(np.argmin(counts))]
-                continue
-            # as many halvings, across other edges
-            counts = [undecided(depths - each) for each in exchanges]
-            if not counts or min(counts) >= undecided(depths):
-                break
-            depths = depths - exchanges[int(np.argmin(counts))]
-        return tuple(int(depth) for depth in depths.max() - depths)

@@ -167,13 +167,6 @@ class Fit:
         worst = worst[slack[worst] < -_VIOLATED * self._problem.margin]
         return rows[worst], sides[worst]
 
-    def places(self, count: int) -> np.ndarray:
-        """Return (N, n), coordinates of at most `count` samples in the set, off the faces of the
-        cube."""
-        y = self._ball(20 * count) @ self.M.T
-        inside = (self._values(y) <= self.c) & np.all(np.abs(y) < 0.8, axis=1)
-        return y[inside][:count]
-
     def refuted(self, y: np.ndarray) -> None:
         """Add rows at and about a place where g < 0."""
         near = y + 0.02 * self._random.normal(size=(30, len(y)))

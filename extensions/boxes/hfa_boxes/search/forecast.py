@@ -6,12 +6,11 @@ Nothing that is proved depends on it."""
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from hfa_boxes.check.cover import Question, cube
+from hfa_boxes.check.cover import Question, cube, edges_to_halve
 
 _DESCENTS = 256
 #: Halvings after which a descent ends; no proof of so many boxes is tried.
@@ -25,15 +24,12 @@ class Forecast(NamedTuple):
     seconds: float
 
 
-def forecast(question: Question, longer: Sequence[int]) -> Forecast:
+def forecast(question: Question) -> Forecast:
     """Return the expected size of a proof, most often within a factor of 2.
-
-    longer: (n,), as in `cover`
 
     RefutedError where a descent meets a place at which the answer is no."""
     random = np.random.default_rng(0)
     begin = time.process_time()
-    shape = np.array(longer)
     boxes = cube(question.n).part(np.zeros(_DESCENTS, dtype=int))
     seen = 0
     expected = 0.0
@@ -43,10 +39,12 @@ def forecast(question: Question, longer: Sequence[int]) -> Forecast:
             break
         seen += len(boxes.centres)
         expected += 2.0**depth * len(boxes.centres) / _DESCENTS
-        boxes = boxes.part(question.undecided(boxes))
+        edges = edges_to_halve(question, boxes)
+        boxes = boxes.part(edges >= 0)
         if not len(boxes.centres):
             break
         count = len(boxes.centres)
-        boxes = boxes.halves(shape).part(np.arange(count) + count * random.integers(0, 2, count))
+        which = np.arange(count) + count * random.integers(0, 2, count)
+        boxes = boxes.halves(edges[edges >= 0]).part(which)
     spent = time.process_time() - begin
     return Forecast(expected, expected * spent / max(seen, 1))
