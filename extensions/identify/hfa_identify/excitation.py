@@ -11,7 +11,7 @@ import numpy as np
 from hfa_aircraft.layout import components
 from hfa_identify.bands import WHITE, explained, whiteness
 from hfa_identify.fit import Fit
-from hfa_identify.records import Record
+from hfa_identify.records import Record, columns_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search
 from hfa_support.errors import NoSolutionError
@@ -77,10 +77,9 @@ def _moves(search: Search, quantity: str, size: float) -> bool:
     model = calm.model
     begin = search.begin[search.responses.turbulent :]
     for record, start in zip(search.records, search.guesses, strict=True):
-        if quantity in model.inputs:
-            values = record.inputs[:, list(model.inputs).index(quantity)]
-        elif quantity in record.measured:
-            values = record.measured[quantity]
+        columns = columns_of(model, record)
+        if quantity in columns:
+            values = columns[quantity]
         else:
             simulated = Responses(model, calm.free, (quantity,))
             try:

@@ -10,10 +10,11 @@ from itertools import combinations
 
 import numpy as np
 
+from hfa_aircraft.model import Model
 from hfa_identify.bands import BAND, covariance, unexplained, white_covariance
 from hfa_identify.column_errors import ColumnError
 from hfa_identify.fit import Fit
-from hfa_identify.records import Record, is_near_limits
+from hfa_identify.records import Record, columns_of, is_near_limits, with_columns
 from hfa_identify.search import Search
 from hfa_identify.sensors import sensor_errors
 
@@ -182,13 +183,9 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
         return -0.5 < value < 1.0
     if error.kind == "delay":
         return True
-    inputs = list(search.responses.model.inputs)
-    columns = [
-        record.inputs[:, inputs.index(error.column)]
-        if error.column in inputs
-        else record.measured.get(error.column, np.zeros(1))
-        for record in search.records
-    ]
+    model = search.responses.calm.model
+    tables = [columns_of(model, record) for record in search.records]
+    columns = [table[error.column] for table in tables if error.column in table]
     return abs(value) < max(float(np.nanmax(np.abs(column))) for column in columns)
 
 
@@ -223,34 +220,15 @@ class _Undone:
     text: str
     other: str = ""
 
-    def on(self, search: Search, record: Record) -> Record:
+    def on(self, model: Model, record: Record) -> Record:
         """The record without the fault."""
+        columns = columns_of(model, record)
+        values = columns[self.column]
         if self.other:
-            return self._exchanged(search, record)
-        if self.column == "time":
-            return replace(record, time=self._corrected(record.time))
-        inputs = list(search.responses.model.inputs)
-        if self.column in inputs:
-            table = record.inputs.copy()
-            place = inputs.index(self.column)
-            table[:, place] = self._corrected(table[:, place])
-            return replace(record, inputs=table)
-        measured = dict(record.measured)
-        measured[self.column] = self._corrected(measured[self.column])
-        return replace(record, measured=measured)
-
-    def _exchanged(self, search: Search, record: Record) -> Record:
-        """The record with both columns exchanged, two inputs or two measured quantities."""
-        inputs = list(search.responses.model.inputs)
-        if self.column in inputs:
-            places = list(range(len(inputs)))
-            one, two = inputs.index(self.column), inputs.index(self.other)
-            places[one], places[two] = two, one
-            return replace(record, inputs=record.inputs[:, places])
-        measured = dict(record.measured)
-        measured[self.column] = record.measured[self.other]
-        measured[self.other] = record.measured[self.column]
-        return replace(record, measured=measured)
+            changed = {self.column: columns[self.other], self.other: values}
+        else:
+            changed = {self.column: self._corrected(values)}
+        return with_columns(model, record, changed)
 
     def _corrected(self, values: np.ndarray) -> np.ndarray:
         first = values[np.isfinite(values)][0] if self.is_about_first else 0.0
@@ -299,13 +277,14 @@ def _likeliest(
     """The faults that fit best once they are undone, by a few steps in some short windows, each
     with the search on the corrected records, and unknowns (p,) at which it begins."""
     candidates = list(_candidates(search))
+    model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
     tried: list[tuple[float, _Undone, Search, np.ndarray]] = []
     for number, undone in enumerate(candidates):
         if progress is not None:
             progress(number + 1, len(candidates))
-        records = [undone.on(search, record) for record in search.records]
-        if not all(is_near_limits(search.responses.calm.model, record) for record in records):
+        records = [undone.on(model, record) for record in search.records]
+        if not all(is_near_limits(model, record) for record in records):
             continue
         corrected = Search(search.responses, records, search.held)
         try:

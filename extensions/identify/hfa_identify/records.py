@@ -83,6 +83,28 @@ class Record:
         return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
 
 
+def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
+    """Return name -> (N,) of the time, every input and the measured quantities of a record."""
+    inputs = dict(zip(model.inputs, record.inputs.T, strict=True))
+    return {"time": record.time, **inputs, **record.measured}
+
+
+def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]) -> Record:
+    """Return the record with other values of some columns. changed: name -> (N,)."""
+    columns = {**columns_of(model, record), **changed}
+    return replace(
+        record,
+        time=columns["time"],
+        inputs=_stacked(columns["time"], [columns[name] for name in model.inputs]),
+        measured={name: columns[name] for name in record.measured},
+    )
+
+
+def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Return (N, m), also without any column."""
+    return np.column_stack([np.empty((len(time), 0)), *columns])
+
+
 def record_of(
     model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
 ) -> Record:
@@ -120,7 +142,7 @@ def record_of(
         _check_measured(name, each, values, [*inputs, *others])
     for each, values in (*zip(model.inputs, inputs, strict=True), *arrays.items()):
         _check_size(model, name, each, values)
-    return Record(name, time, np.column_stack([np.empty((len(time), 0)), *inputs]), arrays)
+    return Record(name, time, _stacked(time, inputs), arrays)
 
 
 def read_record(
@@ -306,9 +328,9 @@ def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
 
 def is_near_limits(model: Model, record: Record) -> bool:
     """Return whether no column of a record lies far beyond the limits of the model."""
-    inputs = zip(model.inputs, record.inputs.T, strict=True)
-    columns = [*inputs, *record.measured.items()]
-    return not any(_far_beyond(model.signals[name], values).any() for name, values in columns)
+    columns = columns_of(model, record)
+    del columns["time"]
+    return not any(_far_beyond(model.signals[name], each).any() for name, each in columns.items())
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
