@@ -25,7 +25,7 @@ from hfa_identify.excitation import refuse_still, still_quantities
 from hfa_identify.faults import fault_of_columns, faults_of
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
-from hfa_identify.minima import other_minimum, parts_disagree
+from hfa_identify.minima import AS_LIKELY, other_minimum, parts_disagree
 from hfa_identify.plan import manoeuvres
 from hfa_identify.prediction import Condition, Predictions
 from hfa_identify.records import Record, read_record, record_of
@@ -118,11 +118,11 @@ def identify(
             f"no parameters were found: {error} at the values where the search begins{reason}"
         ) from error
     refuse_still(search, fit)
-    better = other_minimum(search, fit)
-    if better is not None and better.likelihood < fit.likelihood:
-        fit, better = better, fit
+    other = other_minimum(search, fit)
+    if other is not None and other.likelihood < fit.likelihood - AS_LIKELY:
+        fit, other = other, None
     theils = _theils(search, kept_out, fit)
-    found = _identified(search, fit, better, theils, progress)
+    found = _identified(search, fit, other, theils, progress)
     if plan:
         found = replace(found, plan=tuple(manoeuvres(search, fit, found.model, found.coloured)))
     return found

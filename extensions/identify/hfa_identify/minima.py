@@ -13,7 +13,7 @@ from hfa_identify.search import Search
 
 #: Two minima are as likely as each other where L differs by less, and apart where an estimate
 #: differs by more standard deviations.
-_AS_LIKELY = 3.0
+AS_LIKELY = 3.0
 _APART = 5.0
 #: A second minimum is looked for at these multiples of an estimate, and searched where what
 #: differs has fallen to this part of its rise before, at most so often.
@@ -109,7 +109,7 @@ def _searched(
         other = search.whole(theta, starts)
     except FloatingPointError:
         return None
-    as_likely = other.likelihood < fit.likelihood + _AS_LIKELY
+    as_likely = other.likelihood < fit.likelihood + AS_LIKELY
     is_apart = _is_apart(other, fit, search.responses.turbulent)
     return other if other.converged and as_likely and is_apart else None
 

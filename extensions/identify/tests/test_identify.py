@@ -356,6 +356,7 @@ def test_a_mirrored_minimum_is_named():
     columns["x"] = columns["x"] + 0.01 * noise
     result = identify(model, columns, ["k"], inputs="steps")
     found = result.parameters["k"].value
+    assert found == pytest.approx(1.0, abs=0.02)
     assert not result.ok
     assert result.first_line == SECOND.format(-found, found)
     positive = replace(model, parameters={"k": hfa.Signal("1/s", 1.0, 0.0, start=1.2)})
