@@ -111,12 +111,16 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 class Fit:
     """One least-squares fit.
 
-    parameters: with sources and covariance. inputs: fitted trim inputs, one `Input` a printed
-    angle. sum_of_squares: Σ (difference / half unit)² over the printed entries; `entries`: how many
-    of them some parameter moves. largest: the largest |difference| / half unit. expected_sum: the
-    sum of squares that rounding alone gives on average, trace((I - H) C): C the covariance of the
-    rounding errors, H the projection onto what the parameters can fit. singular_values: of the
-    weighted Jacobian in relative parameters. directions: rows are their parameter combinations."""
+    parameters: with sources and covariance.
+    inputs: fitted trim inputs, one `Input` a printed angle.
+    sum_of_squares: Σ (difference / half unit)² over the printed entries.
+    entries: how many of them some parameter moves.
+    largest: the largest |difference| / half unit.
+    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C).
+        C is the covariance of the rounding errors, H the projection onto the weighted Jacobian.
+    singular_values: of the weighted Jacobian in relative parameters.
+    directions: rows are their parameter combinations.
+    """
 
     parameters: ParameterSet
     inputs: tuple[Input, ...]

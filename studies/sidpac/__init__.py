@@ -1,0 +1,1 @@
+"""Bands of `hfa identify` compared with those of NASA's program SIDPAC."""
