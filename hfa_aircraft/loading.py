@@ -61,7 +61,7 @@ def load_model(text: str) -> Model:
         raise BadInputError(f"{where}: {error}") from error
     except OSError as error:
         raise BadInputError(
-            f"{where}: {error.filename} cannot be read ({error.strerror}); give FILE.py:NAME"
+            f"{error.filename} cannot be read ({error.strerror}); give FILE.py:NAME"
         ) from error
     except SyntaxError as error:
         raise BadInputError(

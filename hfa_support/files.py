@@ -255,7 +255,7 @@ def read_json(path: str | Path) -> Any:
     try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise BadInputError(f"{path} is not JSON ({_reason(error)})") from error
+        raise BadInputError(f"{path} is not JSON ({_reason(error)}); correct the file") from error
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -265,7 +265,9 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise BadInputError(f"{path} is not a TOML file ({_reason(error)})") from error
+        raise BadInputError(
+            f"{path} is not a TOML file ({_reason(error)}); correct the file"
+        ) from error
 
 
 def _reason(error: Exception) -> str:

@@ -38,13 +38,13 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     except (FileNotFoundError, IsADirectoryError) as error:
         raise BadInputError(f"{path}: no such file") from error
     except OSError as error:
-        raise BadInputError(f"{path} cannot be read ({error.strerror})") from error
+        raise BadInputError(f"{path} cannot be read ({error.strerror}); give a file") from error
     except BadInputError:
         raise
     except Exception as error:  # a damaged file makes the readers raise nearly anything
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise BadInputError(
-            f"{path} cannot be read as {suffix} ({shortened(reason, 200)})"
+            f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); save it again"
         ) from error
 
 

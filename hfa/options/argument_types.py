@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, refuse_unknown, shortened
 from hfa_support.files import note_read
 from hfa_support.schema import NUMBER, POSITIVE, Number
 
@@ -98,8 +98,7 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
     def convert(text: str) -> tuple[str, ...]:
         names = tuple(text.split(","))
         for name in names:
-            if name not in known:
-                raise BadInputError(f"names {shortened(name)!r}; choose from {', '.join(known)}")
+            refuse_unknown("names", name, known)
             if names.count(name) > 1:
                 raise BadInputError(f"names {name} twice; name it once")
         return names

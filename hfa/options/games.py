@@ -22,7 +22,7 @@ from hfa.output import ProgressLine
 from hfa_aircraft.model import Model
 from hfa_model.variants import VARIANTS
 from hfa_support.entry_points import PARTS, about_part, offered, part
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError, choice_of
 from hfa_support.files import MATRIX_FILES
 from hfa_support.reporting.results import Matrix, Result
 from trim.linear.linear_model import LinearModel
@@ -121,7 +121,7 @@ def setting_option(
         kinds |= more or {}
         if name not in kinds:
             raise BadInputError(
-                f"is not a setting of law {DEFAULT_LAW!r}; choose from {', '.join(kinds)}"
+                f"is not a setting of law {DEFAULT_LAW!r}; {choice_of(name, kinds)}"
             )
         return kinds[name](text)
 

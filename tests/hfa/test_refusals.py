@@ -81,7 +81,10 @@ REFUSED = {
             "unknown dynamics 'aristotle'; choose from published, newton",
         ),
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
-        ("--dihedral 15 --outputs lift", "--outputs names 'lift'; choose from speed, alpha"),
+        (
+            "--dihedral 15 --outputs lift",
+            "--outputs names 'lift'; did you mean lift_center or lift_outer? choose from speed, alpha",
+        ),
         ("--dihedral 15 -o result.xyz", "'.xyz'"),
         ("--dihedral 15 -o folder.json", "it is a folder"),
     ],

@@ -168,6 +168,23 @@ def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
     assert run(tmp_path, tmp_path, "trim", "--dihedral", "10").code == 0
 
 
+#: Loads every command where the packages of the extras are missing.
+WITHOUT_EXTRAS = """
+import sys
+for name in "cvxpy distributed flint gymnasium jsbsim onnx plotly pyulog xarray zarr".split():
+    sys.modules[name] = None
+from hfa.entry_points import commands
+for entry in commands().values():
+    entry.load()
+"""
+
+
+def test_commands_load_without_packages_of_extras() -> None:
+    """The help of every command is printed, and what is missing is named in one line."""
+    done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
+    assert done.stderr == ""
+
+
 def test_the_page_of_parts_shows_every_part() -> None:
     """Each installed part is a function with annotations, a module that the page names, or a tuple
     of results; the page shows the signatures."""

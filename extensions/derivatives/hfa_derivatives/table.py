@@ -243,7 +243,8 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
         return entry.error(f"{name} takes two values, its limits")
-    if near := advice(name, known):
+    alike = [each for each in known if each[:2] == name[:2]]  # lift CL is not rolling moment Cl
+    if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():

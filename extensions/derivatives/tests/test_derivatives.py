@@ -435,6 +435,8 @@ def test_a_spreadsheet_is_the_same_aircraft(folder):
     ("change", "message"),
     [
         ({"Cm_aplha": -0.6}, "did you mean Cm_alpha"),
+        ({"CLalpha": 4.0}, "did you mean CL_alpha?"),
+        ({"Clbeta": 4.0}, "did you mean Cl_beta?"),
         ({"Cm_flap": 0.1}, "flap has no limits"),
         ({"CL_alpha": "steep"}, "CL_alpha is 'steep'; give a number"),
         ({"CL_alpha": math.nan}, "give a finite number"),

@@ -159,7 +159,7 @@ def stored_gain(path: Path) -> np.ndarray | None:
         try:
             arrays = tensors_in(regular_file(path).read_bytes(), ".npz")
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror})") from error
+            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         except ValueError as error:
             raise BadInputError(f"it is not an .npz of numbers ({error})") from error
         if "K" not in arrays:

@@ -131,7 +131,9 @@ class Deployment(Reported):
         try:
             entries = read_toml(path)
         except OSError as error:
-            raise BadInputError(f"{path} cannot be read ({error.strerror or error})") from error
+            raise BadInputError(
+                f"{path} cannot be read ({error.strerror or error}); give a file"
+            ) from error
         tables = ("policy", "observation", "action", "timing", "cost")
         for name in entries:
             refuse_unknown(f"{path}: unknown table", name, tables)

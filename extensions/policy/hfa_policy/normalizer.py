@@ -91,7 +91,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
         try:
             content = regular_file(path).read_bytes()
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror})") from error
+            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         stored = inert(content)
         statistics = getattr(stored, "obs_rms", None)
         if not isinstance(stored, Inert) or not {"clip_obs", "epsilon"} <= vars(stored).keys():

@@ -106,7 +106,9 @@ def read_zip(path: str | Path) -> Zip:
                     raise BadInputError("its data are not a dictionary")
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror or error})") from error
+            raise BadInputError(
+                f"cannot be read ({error.strerror or error}); give a file"
+            ) from error
         except BadInputError:
             raise
         except Exception as error:  # a damaged member makes the readers raise nearly anything

@@ -133,7 +133,7 @@ def network_in(
                 for name, sorted_tensors in found.items()
             }
         except OSError as error:
-            raise BadInputError(f"cannot be read ({error.strerror})") from error
+            raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         except BadInputError:
             raise
         except Exception as error:  # a damaged file makes the readers raise nearly anything

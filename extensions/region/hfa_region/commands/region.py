@@ -19,7 +19,6 @@ from hfa.options.request import OfModel, option
 from hfa.options.trims import OutputOptions, picture_option
 from hfa.output import ProgressLine, print_report, show
 from hfa_aircraft.model import Model
-from hfa_region.commands.policy import loop_of
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.files import forget_read
 from trim.linear.linear_model import LinearModel
@@ -168,6 +167,7 @@ def _prove(request: RegionRequest) -> int:
     from hfa_region.check.certificate import write_certificate
     from hfa_region.check.loop import refuse_curved
     from hfa_region.commands.on_boxes import better_on_boxes, prove_gain_on_boxes
+    from hfa_region.commands.policy import loop_of
     from hfa_region.report import region_report
     from hfa_region.search.invariant import invariant_region
     from hfa_region.search.level import ProvedLevel
