@@ -52,6 +52,7 @@ print(hfa.trim(model), hfa.solve, hfa.verify, hfa.optimize, hfa.prove_solution, 
 game: hfa.Game = hfa.game(linear, [1.0, 2.0], [[3.0]], delta=30.0)
 game = hfa.game(linear, {"speed": 1.0}, {"thrust": 2.0})
 game = hfa.Game([[1.0]], np.eye(1), [[1.0]], [1.0], [1.0], delta=2.0)
+game = hfa.load_game("plant.npz", delta=20.0)
 solution: hfa.Solution = hfa.solve_game(game)
 print(hfa.lqr(linear, [1.0, 2.0], [3.0]).delta_min, hfa.prove_critic)
 run = hfa.learn(game, "normalized", 0)
@@ -61,6 +62,7 @@ for critic in (
     hfa.from_value(game, solution.P),
     hfa.from_network(game, "critic.onnx"),
     hfa.read_critic("K.npz", game),
+    hfa.load_critic("K.npz", game),
 ):
     verdict: hfa.Verdict = hfa.check_critic(game, critic)
     if not verdict.ok:
