@@ -55,6 +55,8 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
+    """The annotation of a property or field of a class or of its nearest base. Raises KeyError
+    without one."""
     for ancestor in kind.__mro__:
         value = vars(ancestor).get(name)
         function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
@@ -63,8 +65,12 @@ def _annotation(kind: Any, name: str) -> Any:
         text = vars(ancestor).get("__annotations__", {}).get(name)
         if text is not None:
             alone = types.SimpleNamespace(__annotations__={name: text})
-            known = _results(Result) | vars(sys.modules[ancestor.__module__])
-            return typing.get_type_hints(alone, known, include_extras=True)[name]
+            known = vars(sys.modules[ancestor.__module__])
+            try:
+                return typing.get_type_hints(alone, known, include_extras=True)[name]
+            except NameError:  # a class that the module imports for type checkers alone
+                known = _results(Result) | known
+                return typing.get_type_hints(alone, known, include_extras=True)[name]
     raise KeyError(f"{kind.__name__} has no entry {name}")
 
 

@@ -571,15 +571,25 @@ def _refuse_more(size: int, inputs: Any) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return the requested kind, or the name of an output -> that name."""
+    """Return key -> name of an output of the graph.
+
+    outputs: requested kind ("policy") -> name of its output, or "" for all outputs of the graph
+
+    The key is the requested kind, or the name of the output where several belong to one kind.
+    BadInputError for a name that the graph does not have.
+    """
     names = [item.name for item in graph.output]
     found = {}
     for kind, output in outputs.items():
-        for name in [output] if output else names:
-            if name not in names:
-                raise BadInputError(
-                    f"it has no output {shortened(output)!r}; its outputs are "
-                    f"{shortened(', '.join(names))}"
-                )
-            found[kind if output or len(names) == 1 else name] = name
+        if output and output not in names:
+            raise BadInputError(
+                f"it has no output {shortened(output)!r}; its outputs are"
+                f" {shortened(', '.join(names))}"
+            )
+        if output:
+            found[kind] = output
+        elif len(names) == 1:
+            found[kind] = names[0]
+        else:
+            found |= {name: name for name in names}
     return found

@@ -68,11 +68,14 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """The degree of the result of an operation on polynomials of these degrees."""
+    """The degree of the result of an operation on polynomials of these degrees, inf where it is no
+    polynomial."""
     if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
         return max(degrees)
-    if operation in (ca.OP_MUL, ca.OP_SQ):
-        return 2.0 * degrees[0] if operation == ca.OP_SQ else sum(degrees)
+    if operation == ca.OP_MUL:
+        return sum(degrees)
+    if operation == ca.OP_SQ:
+        return 2.0 * degrees[0]
     if operation == ca.OP_DIV and degrees[1] == 0.0:
         return degrees[0]
     return math.inf if any(degrees) else 0.0
