@@ -195,8 +195,9 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings of the first line: the two worst, or one where the line is too long."""
-        findings = list(self.findings)[:2]
+        """The findings of the first line: the two worst, or one where the line is too long. Others
+        follow from faults of the records."""
+        findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"{self._subject}: FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]
 
