@@ -50,7 +50,7 @@ def main(words: list[str] | None = None) -> int:
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
     """The figures of these jobs; those that grow are measured in the first run alone."""
-    rows = {}
+    rows: dict[str, list[report.Row | report.Growth]] = {}
     for name in names:
         if number > 1 and name in report.SUBJECTS["scale"]:
             rows[name] = []

@@ -61,9 +61,13 @@ class FlightCase:
         game = published_game(model.A, model.B)
         # A stabilizing start: the LQR value, in the paper's basis.
         start = tuple(basis("paper", 6).weights(solve_game(game.with_delta(np.inf)).P).tolist())
-        choices = {"coordinates": "scaled", "normalisation": "root", "gains": (100.0, 100.0)}
         settings = PublishedSettings(
-            samples=50, **choices, initial_weights=start, recorded_weights=start
+            samples=50,
+            coordinates="scaled",
+            normalisation="root",
+            gains=(100.0, 100.0),
+            initial_weights=start,
+            recorded_weights=start,
         )
         self.law = published_law(game, settings, seed=0)
         nothing = np.zeros(6)
@@ -126,11 +130,13 @@ class FlightCase:
 
 def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
     """The hand-written C loop as a function () -> history."""
+    compiler = c_compiler()
+    assert compiler is not None
     folder = tempfile.mkdtemp()
     library = Path(folder) / "flight_loop.so"
     source = FOLDER / "flight_loop.c"
     subprocess.run(
-        [c_compiler(), "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"],
+        [compiler, "-O3", "-fPIC", "-shared", str(source), "-o", str(library), "-lm"],
         check=True,
     )
     code = ctypes.CDLL(str(library))

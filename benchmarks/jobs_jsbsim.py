@@ -43,7 +43,7 @@ def _sweeps(quick: bool) -> list[Row]:
     held = {"speed": 500.0, "altitude": 15000.0}
     condition = release(usual_condition(model), hold=held)
     peer = f16_peer(condition)
-    peer_speeds = np.linspace(460.0, 640.0, peer_count)
+    peer_speeds = np.linspace(460.0, 640.0, peer_count).tolist()
     comparisons = []
     for compiled, to_reach in ((False, 20.0), (True, 120.0)):
         timing = in_turn(

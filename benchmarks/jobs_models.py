@@ -27,7 +27,7 @@ from hfa_aircraft.model import Model
 from hfa_model import LINEAR_STATES, STATES, Parameters
 from hfa_model.atmosphere import density
 from hfa_model.choice import aircraft
-from hfa_support.native.bound import BoundFunction
+from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import c_compiler
 from trim.hfa.level_flight import level_flight
 from trim.point.condition import TrimCondition, usual_condition
@@ -38,7 +38,7 @@ from trim.point.system import TrimSystem
 from trim.sweeps.machine import compiled_trim
 from trim.sweeps.mode_tracking import track_modes
 from trim.sweeps.points import TRIMMED, trim_points
-from trim.sweeps.shared import SharedSystem
+from trim.sweeps.shared import SharedSystem, without_shared
 
 # python-control counts the states that it is told to hold as constraints, and warns of too many.
 warnings.filterwarnings("ignore", "number of constraints", UserWarning)
@@ -87,10 +87,10 @@ def _games(quick: bool) -> list[Row]:
     game = published_game(A[count // 2], B[count // 2])
     weights = block_diag(game.R, -(game.delta**2) * np.eye(6))
 
-    def ours():
+    def ours() -> None:
         assert solve_games(A, B, game).certified.all()
 
-    def peer():
+    def peer() -> None:
         for a, b in zip(A[::5], B[::5], strict=True):
             solve_continuous_are(a, np.hstack([b, game.E]), game.Q, weights)
 
@@ -134,7 +134,7 @@ def scipy_value(game: Game) -> np.ndarray:
     return solve_continuous_are(game.A, np.hstack([game.B, game.E]), game.Q, weights)
 
 
-def six_state_rates(p: Parameters, altitude: float):
+def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
     """(t, x (6,), u (5,), params) -> x' of the six states at a fixed altitude, in python-control's
     signature.
 
@@ -149,7 +149,14 @@ def six_state_rates(p: Parameters, altitude: float):
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + mass * span**2 / 6
 
-    def panel(forward, sideward, downward, speed, aileron, elevator):
+    def panel(
+        forward: float,
+        sideward: float,
+        downward: float,
+        speed: float,
+        aileron: float,
+        elevator: float,
+    ) -> tuple[float, ...]:
         local = sqrt(forward**2 + sideward**2 + downward**2)
         alpha = atan2(downward, forward)
         beta = asin(sideward / local)
@@ -165,7 +172,7 @@ def six_state_rates(p: Parameters, altitude: float):
         Z = -lift * cos(alpha) - along * sin(alpha)
         return X, Y, Z, -tail * cos(alpha), moment
 
-    def rates(t, x, u, params):
+    def rates(t: float, x: np.ndarray, u: np.ndarray, params: dict[str, Any]) -> np.ndarray:
         V, a, theta, q, eta, eta_rate = x.tolist()
         throttle, aileron_c, aileron_o, elevator_c, elevator_o = u.tolist()
         sa = sin(a)
@@ -205,7 +212,7 @@ def six_state_rates(p: Parameters, altitude: float):
     return rates
 
 
-def peer_system():
+def peer_system() -> Any:
     """The published dynamics as a python-control system."""
     import control
 
@@ -213,7 +220,7 @@ def peer_system():
     return control.nlsys(rates, None, inputs=5, states=6, outputs=6)
 
 
-def peer_point(system, dihedral: float):
+def peer_point(system: Any, dihedral: float) -> tuple[Any, Any]:
     """python-control: find the four free inputs by Levenberg-Marquardt, then linearize."""
     import control
 
@@ -247,15 +254,15 @@ def evaluations(
     c = TrimSystem.constants(system, len(values), columns)
     z = np.tile(system.start, (len(values), 1))
     seconds = 0.0
-    if isinstance(system, SharedSystem) and not system.is_quick:
-        shared = system._shared[0]
+    parts: Sequence[Callable[..., Any]] = system.rows
+    equations = system.equations
+    functions = (equations.residual_rows.function, equations.linear_rows.function)
+    if compile_code:
+        parts = [_compiled(functions[0], function) for function in functions]
+    elif not system.is_quick:
+        shared, *parts = map(RowFunction, without_shared(*functions))
         seconds += shortest(partial(shared, c), len(values), repeats=3)
         (c,) = shared(c)
-    parts: Sequence[Callable[..., Any]] = system.rows
-    if compile_code:
-        equations = system.equations
-        functions = (equations.residual_rows.function, equations.linear_rows.function)
-        parts = [_compiled(functions[0], function) for function in functions]
     for evaluate in parts:
         seconds += shortest(partial(evaluate, z, c), len(values), repeats=3)
     return Limit(seconds, "two evaluations of the derivatives")
@@ -277,11 +284,11 @@ def _trim(quick: bool) -> list[Row]:
 
     condition = level_flight(np.radians(10.0))
 
-    def ours():
+    def ours() -> None:
         for _ in range(100):
             linearize(flexible, find_operating_point(flexible, condition))
 
-    def peer():
+    def peer() -> None:
         for _ in range(20):
             peer_point(system, np.radians(10.0))
 
@@ -309,14 +316,14 @@ def _angles(quick: bool) -> list[Row]:
     system = peer_system()
     angles = np.radians(np.linspace(0.0, 20.0, count))
 
-    def ours(compile_code: bool, modes: bool = False):
+    def ours(compile_code: bool, modes: bool = False) -> None:
         flights = trim_points(flexible, ("dihedral",), angles[:, None], compile_code=compile_code)
         assert (flights.status == TRIMMED).all()
         if modes:
             rows = [STATES.index(name) for name in LINEAR_STATES]
             track_modes(flights.A[:, rows][:, :, rows], LINEAR_STATES, flexible)
 
-    def peer():
+    def peer() -> None:
         for angle in angles[:: count // peer_count]:
             peer_point(system, angle)
 
@@ -460,7 +467,7 @@ def _f16_flights(turning: bool, count: int, peer_count: int) -> list[Row]:
         )
     ):
         if compiled <= (c_compiler() is not None):
-            every = values[:: count // peer_count]
+            every = values[:: count // peer_count].tolist()
             timing = in_turn(partial(ours, compiled), partial(peer, name, every), count, peer_count)
             limit = evaluations(condition.model, (name,), values[:, None], condition, compiled)
             how = "generated C" if compiled else "no compiler"

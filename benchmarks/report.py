@@ -277,7 +277,7 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 
     runs: of the same jobs, but for jobs that grow, which run once.
     """
-    new = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
+    new: dict[str, Any] = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
         for kind in ("figures", "growth"):
             fresh = {each["set"] for each in new[kind]}
@@ -324,7 +324,8 @@ def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
     memory against size."""
     bars = data["figures"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
-    above, below = picture.subfigures(2, 1, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
+    parts = picture.subfigures(2, 1, squeeze=False, height_ratios=[0.42 * len(bars) + 0.6, 3.2])
+    above, below = parts[:, 0]
     _draw_bars(above.subplots(), bars)
     time_axes, memory_axes = below.subplots(1, 2)
     for each in data["growth"]:

@@ -12,11 +12,11 @@ SETTINGS = _PYPROJECT["tool"]
 COMMANDS_OF_EXTENSIONS = {
     name.partition(".")[0] for name in _PYPROJECT["project"]["entry-points"]["hfa.commands"]
 }
-#: Package -> its folder, of the core and of the extensions; mypy checks the studies too.
+#: Package -> its folder, of the core and of the extensions; mypy checks studies and benchmarks too.
 FOLDERS = {
     name: next(path for path in (ROOT / name, *ROOT.glob(f"extensions/*/{name}")) if path.is_dir())
     for name in SETTINGS["mypy"]["packages"]
-    if name != "studies"
+    if name not in ("studies", "benchmarks")
 }
 #: Those with a stub of public names.
 PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__.pyi").exists())
