@@ -174,7 +174,7 @@ def _fly_members(request: FlyRequest) -> int:
     if request.draws is not None:
         request.refuse(("samples",), "is the number of flights, as --draws is; leave it out")
     target = request.output
-    request.refuse(("picture",), "shows one flight; leave it out with --samples")
+    request.refuse(("picture",), "shows one flight; leave it out with --samples or --draws")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
     if request.resume and target is None:
