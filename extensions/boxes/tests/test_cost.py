@@ -411,8 +411,8 @@ def test_the_envelope_is_met_from_all_equilibria() -> None:
         assert inequality.is_outside(box).tolist() == [radius == 0.0]
 
 
-def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
-    """The guess runs from -0.2 to 0.2 over a box in two states; the slope of g in it is 0.75."""
+def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> CostInequality:
+    """Return the inequality of y_1' = u, y_2' = -y_2, |u| <= 1, on {W <= c}."""
     model = Model(
         "two",
         {"position": Signal(), "other": Signal()},
@@ -422,9 +422,14 @@ def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
     )
     still = {"position": 0.0, "other": 0.0}
     plant = Plant(model, {}, still, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
-    piece = Piece(np.eye(2), Polynomial(2, ((0.75, (2, 0)),)), 1.0)
     equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
-    inequality = CostInequality(plant, equilibrium, piece, np.eye(2), np.zeros((1, 1)))
+    return CostInequality(plant, equilibrium, Piece(np.eye(2), W, c), Q, R)
+
+
+def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
+    """The guess runs from -0.2 to 0.2 over a box in two states; the slope of g in it is 0.75."""
+    W = Polynomial(2, ((0.75, (2, 0)),))
+    inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
     box = Boxes(np.array([[0.5, 0.0]]), np.array([[40, 40]]))
     loss = inequality._loss(box, Guess(np.zeros((1, 1)), np.array([[[0.1, 0.1]]])))[0]
     assert loss >= 0.75 * 1.2 - 1e-9
@@ -477,21 +482,11 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 def test_the_edge_by_which_g_varies_most_is_halved() -> None:
     """g = 1.5 y_1 u + y_1² + a y_2² + u²; boxes at a face are halved by W, 0.75 y_1²."""
-    still = {"position": 0.0, "other": 0.0}
-    model = Model(
-        "two",
-        {"position": Signal(), "other": Signal()},
-        {"speed": Signal()},
-        lambda x, u, p, w: ({"position": u.speed, "other": -x.other}, {}),
-        trim={},
-    )
-    plant = Plant(model, {}, still, {"speed": 0.0}, {}, {"speed": (-1.0, 1.0)})
-    piece = Piece(np.eye(2), Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2)))), 0.5)
-    equilibrium = Equilibrium(np.zeros(3), np.zeros(3))
+    W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
     boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))
     chosen = []
     for a in (0.25, 4.0):
-        inequality = CostInequality(plant, equilibrium, piece, np.diag([1.0, a]), ONE)
+        inequality = _of_two_states(W, 0.5, np.diag([1.0, a]), ONE)
         chosen.append(
             inequality._decisive(boxes, inequality._values.of(*_still(inequality, boxes)))
         )

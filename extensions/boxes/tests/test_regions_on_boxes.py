@@ -21,6 +21,7 @@ from hfa_boxes.check.checker import BoxWitness, check_region, read_content
 from hfa_boxes.check.cover import (
     Boxes,
     OpenBoxError,
+    Question,
     RefutedError,
     SmallestBoxError,
     cover,
@@ -42,7 +43,7 @@ K = np.array([[1.97725, 0.97624]])
 
 
 @dataclass(frozen=True, eq=False)
-class Positive:
+class Positive(Question):
     """Functions of y are positive in the cube, the first but for |y_i| <= 2^-hole."""
 
     taylor: TaylorProgram

@@ -196,7 +196,10 @@ class CostInequality(OnPiece):
         return edges
 
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
-        """(N,), as `edges`, of boxes that are not outside the set."""
+        """(N,), as `edges`, of boxes that are not outside the set.
+
+        A box is decided where the lowest g at guessed inputs, less what other inputs may gain, is
+        positive and the box meets no face of the cube, or in the hole about the equilibrium."""
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
         guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
@@ -204,13 +207,13 @@ class CostInequality(OnPiece):
         refute(boxes.centres, models.value[0] + models.radius[0], self.within)
         bound = lowest(models, self.n)[0]
         may_be = np.flatnonzero((bound > 0.0) & (boxes.reach < 1.0))
-        part = Guess(guess.value[may_be], guess.slopes[may_be])
-        bound[may_be] -= self._loss(boxes.part(may_be), part)
-        proved = (bound > 0.0) & (boxes.reach < 1.0)
-        proved |= boxes.reach <= 2.0**-self.hole
+        guess_there = Guess(guess.value[may_be], guess.slopes[may_be])
+        bound[may_be] -= self._loss(boxes.part(may_be), guess_there)
+        is_positive = (bound > 0.0) & (boxes.reach < 1.0)
+        in_hole = boxes.reach <= 2.0**-self.hole
         edges = np.full(len(boxes.centres), -1)
-        left = np.flatnonzero(~proved)
-        edges[left] = self._decisive(boxes.part(left), models.part(left))
+        undecided = np.flatnonzero(~(is_positive | in_hole))
+        edges[undecided] = self._decisive(boxes.part(undecided), models.part(undecided))
         return edges
 
     def _decisive(self, boxes: Boxes, models: Models) -> np.ndarray:

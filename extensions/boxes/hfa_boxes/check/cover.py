@@ -1,14 +1,14 @@
 """Branch and bound: functions are positive on the part of a cube where a set is.
 
 The cube |y_i| <= 1 is halved again and again, across the widest edge or the one that the question
-names, until on each box every function is bounded from below by a positive number or the box is
+chooses, until on each box every function is bounded from below by a positive number or the box is
 outside the set. Centres and half widths are dyadic, so that they are doubles without rounding. The
 order is fixed: who repeats it needs no tree."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -99,22 +99,10 @@ class Question(Protocol):
         """Return the mask of the boxes to halve. Raises RefutedError at a place where the answer is
         no."""
 
-
-@runtime_checkable
-class Directed(Question, Protocol):
-    """A question that names the edges to halve."""
-
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """(N,), the edge to halve of each undecided box, -1 for the decided ones. Raises
-        RefutedError at a place where the answer is no."""
-
-
-def edges_to_halve(question: Question, boxes: Boxes) -> np.ndarray:
-    """(N,), the edge to halve of each undecided box, -1 for the decided ones: the first of the
-    widest, unless the question names it. Raises RefutedError as the question does."""
-    if isinstance(question, Directed):
-        return question.edges(boxes)
-    return np.where(question.undecided(boxes), np.argmin(boxes.depths, axis=1), -1)
+        """(N,), the edge to halve of each undecided box, the first of the widest, -1 for the
+        decided ones. Raises RefutedError at a place where the answer is no."""
+        return np.where(self.undecided(boxes), np.argmin(boxes.depths, axis=1), -1)
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
@@ -146,7 +134,7 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         if not len(batch.centres):
             continue
         count += len(batch.centres)
-        edges = edges_to_halve(question, batch)
+        edges = question.edges(batch)
         open_boxes = edges >= 0
         done += _volume(batch.part(~open_boxes))
         wide = batch.part(open_boxes)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_boxes.check.cover import Question, cube, edges_to_halve
+from hfa_boxes.check.cover import Question, cube
 
 _DESCENTS = 256
 #: Halvings after which a descent ends; no proof of so many boxes is tried.
@@ -39,7 +39,7 @@ def forecast(question: Question) -> Forecast:
             break
         seen += len(boxes.centres)
         expected += 2.0**depth * len(boxes.centres) / _DESCENTS
-        edges = edges_to_halve(question, boxes)
+        edges = question.edges(boxes)
         boxes = boxes.part(edges >= 0)
         if not len(boxes.centres):
             break
