@@ -208,7 +208,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
-            first += f", {over_bound_in_words([self.bracket])}"
+            first += f", {bracket_sentence([(self.bracket, self.cost)])}"
         elif self.found.spread_of_guesses > MESHES_AGREE:
             first += f", guesses differ by {100 * self.found.spread_of_guesses:.2g} %"
         lines = [first]
@@ -286,19 +286,6 @@ def bracket_of(
     """
     lower = float(bound.bound(z[None])[0])
     return Bracket(start, lower, cost, None, lower >= bound.level)
-
-
-def over_bound_in_words(brackets: Sequence[Bracket]) -> str:
-    """Return the costs of the best flights found over their positive lower bounds in words."""
-    inside, beyond = (
-        [
-            each.best / each.lower_bound
-            for each in brackets
-            if each.best is not None and each.beyond == is_beyond
-        ]
-        for is_beyond in (False, True)
-    )
-    return bracket_sentence(inside, beyond)
 
 
 def _saturated(flight: str, names: Sequence[str]) -> str:

@@ -15,12 +15,11 @@ from hfa_optimal.best_flight import (
     PolicyFlight,
     bracket_of,
     limits_table,
-    over_bound_in_words,
 )
 from hfa_optimal.pilots import Pilot
 from hfa_optimal.problem import FlightProblem, OfProblem
 from hfa_optimal.search import AFTER, MESHES_AGREE, BestFlights
-from hfa_policy.best_costs import Bracket, bracket_table
+from hfa_policy.best_costs import Bracket, bracket_sentence, bracket_table
 from hfa_policy.outcomes import start_box
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -148,7 +147,7 @@ class StartsTable(OfProblem, Result, Reported):
         if self.starts < self.asked:
             title += f" (interrupted; {self.asked} requested)"
         if brackets:
-            title += f", {over_bound_in_words(brackets)}"
+            title += f", {bracket_sentence((each, each.best) for each in brackets)}"
         spread = max((each.spread for each in self.flights if each.spread is not None), default=0.0)
         if spread > MESHES_AGREE:
             title += f"\nguesses differ by up to {100 * spread:.2g} %"

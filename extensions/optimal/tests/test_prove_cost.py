@@ -17,9 +17,10 @@ import hfa
 from hfa.main import main
 from hfa_boxes.check.cost_checker import check_cost_certificate
 from hfa_boxes.fields import COST_FIELDS
-from hfa_optimal.best_flight import bracket_of, over_bound_in_words
+from hfa_optimal.best_flight import bracket_of
 from hfa_optimal.bound import given_of
 from hfa_optimal.problem import flight_problem
+from hfa_policy.best_costs import bracket_sentence
 from hfa_proof.subject import compare, entries_of
 from hfa_support.errors import NoSolutionError
 
@@ -131,8 +132,9 @@ def test_an_initial_condition_beyond_level_is_named(certificate: Path) -> None:
     near, far = (bracket_of(small, z, {}, 1e3) for z in (np.full(2, 1e-3), np.full(2, 9.0)))
     assert (near.beyond, far.beyond) == (False, True)
     assert far.lower_bound == small.level
-    assert over_bound_in_words([far]) == "beyond the level of the bound"
-    assert over_bound_in_words([near, far]).endswith("of the best possible, 1 beyond the level")
+    assert bracket_sentence([(far, far.best)]) == "beyond the level of the bound"
+    both = bracket_sentence((each, each.best) for each in (near, far))
+    assert both.endswith("of the best possible, 1 beyond the level")
 
 
 def test_a_bound_within_narrower_limits_is_refused(certificate: Path) -> None:

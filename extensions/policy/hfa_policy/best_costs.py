@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -69,15 +69,6 @@ class BestCosts(Result):
     offset_rate: float | None
     brackets: Sequence[Bracket] = ()
 
-    def _over_bound(self, *, beyond: bool) -> list[float]:
-        """Return the costs of the flights of the policy that end at the trim, over the positive
-        lower bounds, where W is below the level of the certificate or beyond it."""
-        return [
-            each.policy / each.lower_bound
-            for each in self.brackets
-            if each.policy is not None and each.lower_bound > 0.0 and each.beyond == beyond
-        ]
-
     def sentence(self) -> str:
         """Return the comparison in words."""
         if self.policy_over_best is None:
@@ -95,15 +86,21 @@ class BestCosts(Result):
         bound."""
         if not self.brackets:
             return ""
-        return bracket_sentence(self._over_bound(beyond=False), self._over_bound(beyond=True))
+        return bracket_sentence((each, each.policy) for each in self.brackets)
 
 
-def bracket_sentence(inside: Sequence[float], beyond: Sequence[float]) -> str:
-    """Return the costs of flights over their lower bounds in words.
+def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
+    """Return the costs of flights over their positive lower bounds in words.
 
-    inside: where W is below its level
-    beyond: where the bound is the level
+    costs: brackets, each with the cost of a flight from its initial condition, or None without one
     """
+    inside: list[float] = []
+    beyond: list[float] = []
+    for bracket, cost in costs:
+        if cost is None or bracket.lower_bound <= 0.0:
+            continue
+        ratios_there = beyond if bracket.beyond else inside
+        ratios_there.append(cost / bracket.lower_bound)
     if not inside and not beyond:
         return "no flight with a positive lower bound ends at the trim"
     if not inside:
