@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hfa_support.files import read_json
-from hfa_support.jsonable import jsonable
+from hfa_support.files import read_json, write_text
+from hfa_support.jsonable import json_text, jsonable
 from hfa_support.version import VERSION
 
 
@@ -34,6 +34,32 @@ def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
     return data if known else None
+
+
+def row_by_row(
+    path: Path,
+    names: Iterable[str],
+    asked: Sequence[str] | None,
+    seed: int,
+    row_of: Callable[[str], dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """Return rows about aircraft, in the order of the names: those stored in a file, and new ones.
+
+    Each new row is stored at once.
+
+    names: of all aircraft
+    asked: aircraft of the new rows; None: those without a stored row
+    seed: of all rows, stored beside them
+    row_of: name -> row, with the name as "aircraft"
+    """
+    stored = read_json(path)["aircraft"] if path.exists() else []
+    done = {row["aircraft"]: row for row in stored}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for name in asked or [each for each in names if each not in done]:
+        done[name] = row_of(name)
+        in_order = [done[each] for each in names if each in done]
+        write_text(path, json_text({"seed": seed, "aircraft": in_order}))
+    return [done[each] for each in names if each in done]
 
 
 def _digest(content: Mapping[str, Any]) -> str:

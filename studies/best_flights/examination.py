@@ -6,11 +6,10 @@ Writes FOLDER/examination.json, aircraft by aircraft, and goes on where it was i
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,11 +25,10 @@ from hfa_optimal.initial_conditions import drawn_starts
 from hfa_optimal.problem import FlightProblem, flight_problem
 from hfa_optimal.search import BestFlights
 from hfa_support.errors import NoSolutionError
-from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+from studies.finished import row_by_row
 
 #: Name -> how it is loaded.
 AIRCRAFT = {
@@ -207,19 +205,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     path = options.o / "examination.json"
-    stored = json.loads(path.read_text()) if path.exists() else {"aircraft": []}
-    done = {row["aircraft"]: row for row in stored["aircraft"]}
-    options.o.mkdir(parents=True, exist_ok=True)
-    for name in options.aircraft or [each for each in AIRCRAFT if each not in done]:
-        done[name] = examined(name, AIRCRAFT[name], options.starts)
-        write_text(path, json_text({"seed": _SEED, "aircraft": in_order(done)}))
-    print(Report("Best flights from seeded starts", (table(in_order(done)),)).text())
+
+    def row_of(name: str) -> dict[str, Any]:
+        return examined(name, AIRCRAFT[name], options.starts)
+
+    rows = row_by_row(path, AIRCRAFT, options.aircraft, _SEED, row_of)
+    print(Report("Best flights from seeded starts", (table(rows),)).text())
     return 0
-
-
-def in_order(done: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of the examined aircraft, in the order of the table."""
-    return [done[name] for name in AIRCRAFT if name in done]
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ quarter of an hour of computing."""
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -22,12 +21,11 @@ from hfa_optimal.bound_search import bound_search
 from hfa_optimal.initial_conditions import drawn_starts, starts_table
 from hfa_optimal.problem import flight_problem
 from hfa_optimal.search import BestFlights
-from hfa_support.files import write_text
-from hfa_support.jsonable import json_text
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
 from studies.bounds.aircraft import VAN_DER_POL, navion_of_the_tutorial
 from studies.bounds.flights import flown_above
+from studies.finished import row_by_row
 
 _SEED = 0
 
@@ -110,15 +108,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         "-o", type=Path, default=Path("out/bounds"), metavar="FOLDER", help="default: %(default)s"
     )
     options = parser.parse_args(argv)
-    path = options.o / "bounds.json"
-    stored = json.loads(path.read_text()) if path.exists() else {"aircraft": []}
-    done = {row["aircraft"]: row for row in stored["aircraft"]}
-    options.o.mkdir(parents=True, exist_ok=True)
-    for name in options.aircraft or [each for each in AIRCRAFT if each not in done]:
-        done[name] = bounded(name, options.starts, options.flights)
-        rows = [done[each] for each in AIRCRAFT if each in done]
-        write_text(path, json_text({"seed": _SEED, "aircraft": rows}))
-    rows = [done[each] for each in AIRCRAFT if each in done]
+    row_of = partial(bounded, starts=options.starts, flights=options.flights)
+    rows = row_by_row(options.o / "bounds.json", AIRCRAFT, options.aircraft, _SEED, row_of)
     print(Report("Lower bounds of the cost, proved", (table_of(rows),)).text())
     return int(any(row["flights"]["below"] for row in rows))
 
