@@ -248,10 +248,9 @@ class Identified(Result, Reported):
         coloured = [name for name, each in self.quantities.items() if each.white < WHITE]
         if coloured:
             why = "" if self.turbulence else "turbulence (add --turbulence), or "
-            text = (
-                f"The residuals of {', '.join(coloured)} are coloured: {why}motion that the model"
-            )
-            parts.append(wrapped(f"{text} lacks.", _WIDTH))
+            causes = f"{why}motion that the model lacks"
+            sentence = f"The residuals of {', '.join(coloured)} are coloured: {causes}."
+            parts.append(wrapped(sentence, _WIDTH))
         title = f"{self._subject}: {self.first_line}"
         return Report(title, tuple(parts), notes=further, data=self.to_dict())
 

@@ -248,7 +248,7 @@ def test_a_planted_fault_is_named(column, fault, named):
 
 
 def test_bias_of_an_input_is_named_where_trim_is_given():
-    """Of two biases that explain the record alike none is named alone. A free Cm_0 absorbs that of
+    """Two biases that explain the record alike are both named. A free Cm_0 absorbs that of
     the elevator: then the first line names the assumption instead."""
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
