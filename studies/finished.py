@@ -40,25 +40,25 @@ def row_by_row(
     path: Path,
     names: Iterable[str],
     asked: Sequence[str] | None,
-    seed: int,
+    decides: Mapping[str, Any],
     row_of: Callable[[str], dict[str, Any]],
 ) -> list[dict[str, Any]]:
     """Return rows about aircraft, in the order of the names: those stored in a file, and new ones.
 
-    Each new row is stored at once.
+    Each new row is stored at once. Stored rows of other settings or another version are discarded.
 
     names: of all aircraft
     asked: aircraft of the new rows; None: those without a stored row
-    seed: of all rows, stored beside them
+    decides: settings of all rows (JSON values), stored beside them
     row_of: name -> row, with the name as "aircraft"
     """
-    stored = read_json(path)["aircraft"] if path.exists() else []
-    done = {row["aircraft"]: row for row in stored}
+    stored = finished(path, decides)
+    done = {row["aircraft"]: row for row in stored["aircraft"]} if stored else {}
     path.parent.mkdir(parents=True, exist_ok=True)
     for name in asked or [each for each in names if each not in done]:
         done[name] = row_of(name)
         in_order = [done[each] for each in names if each in done]
-        write_text(path, json_text({"seed": seed, "aircraft": in_order}))
+        write_text(path, json_text(stamped({**decides, "aircraft": in_order}, decides)))
     return [done[each] for each in names if each in done]
 
 

@@ -209,7 +209,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     def row_of(name: str) -> dict[str, Any]:
         return examined(name, AIRCRAFT[name], options.starts)
 
-    rows = row_by_row(path, AIRCRAFT, options.aircraft, _SEED, row_of)
+    decides = {"seed": _SEED, "starts": options.starts}
+    rows = row_by_row(path, AIRCRAFT, options.aircraft, decides, row_of)
     print(Report("Best flights from seeded starts", (table(rows),)).text())
     return 0
 

@@ -109,7 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     row_of = partial(bounded, starts=options.starts, flights=options.flights)
-    rows = row_by_row(options.o / "bounds.json", AIRCRAFT, options.aircraft, _SEED, row_of)
+    decides = {"seed": _SEED, "starts": options.starts, "flights": options.flights}
+    rows = row_by_row(options.o / "bounds.json", AIRCRAFT, options.aircraft, decides, row_of)
     print(Report("Lower bounds of the cost, proved", (table_of(rows),)).text())
     return int(any(row["flights"]["below"] for row in rows))
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from studies import finished as module
-from studies.finished import finished, stamped
+from studies.finished import finished, row_by_row, stamped
 
 DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 
@@ -38,3 +39,21 @@ def test_part_is_read_where_nothing_decides_it_differs(
     monkeypatch.setattr(module, "VERSION", "0.0.1")
     assert finished(path, DECIDES) is None
     assert finished(path.with_name("none.json"), DECIDES) is None
+
+
+def test_rows_of_other_settings_are_discarded(tmp_path: Path) -> None:
+    """A row is computed once for the same settings, and again for others."""
+    computed = []
+
+    def row_of(name: str) -> dict[str, Any]:
+        computed.append(name)
+        return {"aircraft": name, "row": len(computed)}
+
+    path = tmp_path / "rows.json"
+    for decides in ({"starts": 30}, {"starts": 30}, {"starts": 2}):
+        rows = row_by_row(path, ["A", "B"], None, decides, row_of)
+    assert computed == ["A", "B", "A", "B"]
+    assert [row["row"] for row in rows] == [3, 4]
+    assert json.loads(path.read_text(encoding="utf-8"))["starts"] == 2
+    again = row_by_row(path, ["A", "B"], ["A"], {"starts": 2}, row_of)
+    assert [row["row"] for row in again] == [5, 4]

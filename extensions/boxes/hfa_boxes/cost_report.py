@@ -37,7 +37,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
     header = ("level", "usual initial conditions below it", "boxes", "fit", "proof")
     lines = [_sentence(statement)]
     if found.stopped:
-        lines.append(f"No larger level is proved: {found.stopped}.")
+        lines.append(f"Further pieces: {found.stopped}.")
     data = FoundLowerBound(statement, found.boxes, found.stopped).as_data()
     parts: tuple[str | Table, ...] = (*lines, Table(header, rows), limits_of(statement))
     return Report(_title(statement, "Proved"), parts, data=data)

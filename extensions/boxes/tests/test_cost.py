@@ -20,7 +20,6 @@ from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost import CostBound, CostSearch
-from hfa_boxes.search.forecast import forecast
 from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -81,15 +80,6 @@ def proved() -> CostBound:
 
 def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
     assert check_cost(proved.statement, proved.witness) == proved.boxes
-
-
-def test_the_size_of_a_proof_is_expected(proved: CostBound) -> None:
-    statement = proved.statement
-    equilibrium = equilibrium_of(statement.plant, np.zeros(3), (0, 1))
-    weights = (statement.Q, statement.R)
-    for piece, boxes in zip(statement.pieces, proved.boxes, strict=True):
-        inequality = CostInequality(statement.plant, equilibrium, piece, *weights)
-        assert 0.4 < forecast(inequality).boxes / boxes < 2.5
 
 
 def test_no_flight_costs_less(proved: CostBound) -> None:

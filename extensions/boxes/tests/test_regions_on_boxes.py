@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
+import os
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +36,7 @@ from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.commands.region import scalars
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
+from hfa_boxes.interruption import interruptible
 from hfa_boxes.search.region import RegionSearch
 from hfa_boxes.search.shape import Shape
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -303,16 +306,20 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
 
 
 def test_an_interruption_keeps_what_is_proved() -> None:
+    """Ctrl-C, which `hfa` answers by its end, ends the search at its next step."""
     saved = []
+    before = signal.getsignal(signal.SIGINT)
 
-    def interrupt(done: float, whole: float, text: str = "") -> None:
+    def interrupt(done: float, whole: float, text: str = "", /) -> None:
         if saved:
-            raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGINT)
 
     gain = Gain(K, {})
     loop = statement_of(gain.function(("torque",)))[0].loop
-    search = RegionSearch(loop, gain, [], seconds=30.0, progress=interrupt, save=saved.append)
-    found = search.found()
+    with interruptible(interrupt) as progress:
+        search = RegionSearch(loop, gain, [], seconds=30.0, progress=progress, save=saved.append)
+        found = search.found()
+    assert signal.getsignal(signal.SIGINT) is before
     assert found.stopped == "interrupted"
     assert found.statement is saved[-1].statement
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hfa_boxes.interruption import interruption
 from hfa_optimal.best_flight import (
     PolicyFlight,
     bracket_of,
@@ -247,7 +245,7 @@ def starts_table(
     """Return the best flights from initial conditions (N, k), and those of policies. After Ctrl-C
     only the finished ones are returned."""
     done: list[StartFlights] = []
-    with _interruption() as asked:
+    with interruption() as asked:
         for start in starts:
             flights = flights_from(search, start, pilots)
             if bound is not None:
@@ -259,29 +257,6 @@ def starts_table(
             if asked.is_set():
                 break
     return StartsTable(search.problem, tuple(done), len(starts))
-
-
-@contextmanager
-def _interruption() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets in the main thread; a second Ctrl-C acts as before the block.
-
-    No exception is raised: CasADi drops one that arrives in IPOPT."""
-    asked = threading.Event()
-    before = signal.getsignal(signal.SIGINT)
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if before in (None, signal.SIG_IGN) or not in_main_thread:
-        yield asked
-        return
-
-    def ask(number: int, frame: object) -> None:
-        signal.signal(signal.SIGINT, before)
-        asked.set()
-
-    signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:

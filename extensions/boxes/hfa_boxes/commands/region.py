@@ -17,6 +17,7 @@ from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.plant import facts, model_limits, pair_of
 from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_boxes.fields import FIELDS
+from hfa_boxes.interruption import interruptible
 from hfa_boxes.report import NOT_COVERED, checked_report, found_report
 from hfa_boxes.search.region import BoxRegion, RegionSearch, flown
 from hfa_proof.subject import Given, compare, within
@@ -116,20 +117,21 @@ def prove(
             origin = request.provenance.to_dict()
             write_certificate(request.output, region.statement, region.witness, origin)
 
-    search = RegionSearch(
-        loop,
-        stated,
-        policy.known,
-        seconds=settings.seconds,
-        degree=settings.degree,
-        progress=ProgressLine("region"),
-        save=save,
-    )
     earlier = None
     if settings.resume:
         assert request.output is not None
         earlier = _earlier(request.output, loop, stated)
-    region = search.found(earlier)
+    with interruptible(ProgressLine("region")) as progress:
+        search = RegionSearch(
+            loop,
+            stated,
+            policy.known,
+            seconds=settings.seconds,
+            degree=settings.degree,
+            progress=progress,
+            save=save,
+        )
+        region = search.found(earlier)
     place = region.bound.place
     flight = None
     if place is not None and region.bound.rises:

@@ -21,7 +21,6 @@ from hfa_boxes.check.equilibrium import Equilibrium, open_rates
 from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
-from hfa_boxes.search.forecast import Forecast, forecast
 from hfa_boxes.search.kinks import kink_at
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
@@ -43,10 +42,8 @@ _OF_ALL = 2.0
 _OF_POOR = 20.0
 #: How often the first level is quartered where nothing is proved.
 _QUARTERED = 12
-#: A level is given up where so many times the expected time of its proof exceed the time left, or
-#: where its polynomials, refuted, have taken this part of what was left.
-_EXPECTED = 1.5
-_REFITTED = 0.5
+#: A level is given up where it has taken this part of the time that was left.
+_OF_TIME_LEFT = 0.5
 #: A bound is good where it is below the cost of a flight by at most so many margins.
 _GOOD = 1.5
 #: The first levels are so much above the costs of flights that they are to contain.
@@ -70,7 +67,7 @@ class CostBound:
     witness: that proves it
     boxes: of each piece
     seconds: processor time of the fit and of the proof of each piece
-    stopped: why no larger level is proved, or "" where all initial conditions are below it
+    stopped: why a further level is not proved, or "" where all that were tried are
     """
 
     statement: CostStatement
@@ -94,7 +91,7 @@ def _reached(proved: Sequence[_Proved], level: float) -> bool:
 
 
 class OutOfTimeError(NoSolutionError):
-    """The processor time was over."""
+    """A level has taken its part of the processor time."""
 
 
 class CostSearch:
@@ -127,6 +124,7 @@ class CostSearch:
         self.starts = starts
         self._seconds = seconds
         self._begin = time.process_time()
+        self._least_left = 0.0
         self._progress = progress
         self._save = save
 
@@ -143,15 +141,19 @@ class CostSearch:
         stopped = ""
         try:
             for c, least in self._levels(proved):
+                if self._left() < 0.0:
+                    stopped = stopped or "the time was over"
+                    break
+                self._least_left = (1.0 - _OF_TIME_LEFT) * self._left()
                 try:
                     proved.append(self._proved(c, self._wanted(proved, c, least)))
-                except (OpenBoxError, Rejected) as error:
-                    stopped = f"at the level {c:.4g}: {error}"
+                except (OpenBoxError, Rejected, OutOfTimeError) as error:
+                    stopped = f"the level {c:.4g} is not proved: {error}"
                     continue
                 if self._save is not None:
                     self._save(self._bound(proved, ""))
-        except (OutOfTimeError, KeyboardInterrupt) as error:
-            stopped = str(error) or "interrupted"
+        except KeyboardInterrupt:
+            stopped = "interrupted"
         if not proved:
             plant = self._problem.plant
             kink = kink_at(plant, open_rates(plant), self._problem.equilibrium)
@@ -234,8 +236,8 @@ class CostSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _tell(self, done: float, whole: float, text: str = "") -> None:
-        if self._left() < 0.0:
-            raise OutOfTimeError(f"the time was over, {done:.0%} of the next cube decided")
+        if self._left() < self._least_left:
+            raise OutOfTimeError(f"half of the time left was over, {done:.0%} of its cube decided")
         if self._progress is not None:
             self._progress(done, whole, text)
 
@@ -243,32 +245,19 @@ class CostSearch:
         """The bound of one level."""
         begin = time.process_time()
         fit, W = self._fitted(c, wanted)
-        least_left = (1.0 - _REFITTED) * self._left()
-        refuted = 0
-        while refuted < _REFUTED and (not refuted or self._left() > least_left):
+        for _ in range(_REFUTED):
             piece = Piece(fit.M, W, c)
             fitted = time.process_time()
             try:
-                inequality = self._inequality(piece)
-                self._check_time(forecast(inequality))
-                boxes = inequality.proved(_ENDLESS, self._tell)
+                boxes = self._inequality(piece).proved(_ENDLESS, self._tell)
             except SmallestBoxError as error:
                 fit.open_at(error.place)
             except RefutedError as error:
                 fit.refuted(error.place)
             else:
                 return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))
-            refuted += 1
             W = fit.fitted()
-        raise OpenBoxError(f"{refuted} polynomials were refuted", np.zeros(len(fit.M)))
-
-    def _check_time(self, expected: Forecast) -> None:
-        """OpenBoxError where a proof will probably take longer than the time that is left."""
-        boxes, seconds = expected
-        if _EXPECTED * seconds > self._left():
-            raise OpenBoxError(
-                f"about {boxes:.1g} boxes, {seconds:.0f} s, are expected", np.zeros(0)
-            )
+        raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
         """A fit of one level and its first polynomial, on the smallest set that has one."""

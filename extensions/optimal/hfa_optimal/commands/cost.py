@@ -137,6 +137,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
 def _prove(request: CostRequest) -> int:
     from hfa_boxes.check.cost_checker import write_cost_certificate
     from hfa_boxes.cost_report import found_bound_report
+    from hfa_boxes.interruption import interruptible
     from hfa_optimal.bound_search import bound_search
 
     problem = request.problem()
@@ -146,15 +147,17 @@ def _prove(request: CostRequest) -> int:
         if request.output is not None:
             write_cost_certificate(request.output, found.statement, found.witness, origin)
 
-    search = bound_search(
-        problem,
-        degree=request.degree,
-        margin=request.margin,
-        seconds=request.seconds,
-        progress=ProgressLine("cost"),
-        save=save,
-    )
-    found = search.found(_earlier(request, problem))
+    earlier = _earlier(request, problem)
+    with interruptible(ProgressLine("cost")) as progress:
+        search = bound_search(
+            problem,
+            degree=request.degree,
+            margin=request.margin,
+            seconds=request.seconds,
+            progress=progress,
+            save=save,
+        )
+        found = search.found(earlier)
     print_report(found_bound_report(found, search.starts), request)
     return 0
 
