@@ -234,9 +234,11 @@ class Deployment(Reported):
     @cached_property
     def actor(self) -> Actor:
         """The network, read; Raises BadInputError like `read_actor`."""
-        with said_of(self.origin):
-            sizes = (len(self.observation), self.history, len(self.action))
+        sizes = (len(self.observation), self.history, len(self.action))
+        try:
             return read_actor(self.policy, self.folder, *sizes)
+        except BadInputError as error:  # its missing settings are given in this file, not typed
+            raise BadInputError(f"{self.origin}: {error}") from error
 
     @cached_property
     def normalizer(self) -> Normalizer | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,3 +52,18 @@ def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_an_observed_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(card(tmp_path, observed="torque")) == 2
     assert "observation.torque depends on an input" in capsys.readouterr().err
+
+
+def test_a_missing_activation_is_given_in_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No option is suggested, for --set does not go with --policy."""
+    np.savez(tmp_path / "pi.npz", **{"0.weight": np.ones((3, 2)), "2.weight": np.ones((1, 3))})
+    words = card(tmp_path)
+    file = Path(words[-1])
+    text = file.read_text(encoding="utf-8")
+    file.write_text(re.sub(r'file = ".*?"', 'file = "pi.npz"', text), encoding="utf-8")
+    assert main(words) == 2
+    message = capsys.readouterr().err
+    assert 'give activation="tanh"' in message
+    assert "--set" not in message
