@@ -1,5 +1,4 @@
-"""Start of the process of `hfa`: Ctrl-C, SIGTERM and SIGHUP end it in one line, from here to its
-end."""
+"""Entry point of the process `hfa`. Ctrl-C, SIGTERM and SIGHUP end the process with one line."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ _ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
 
 
 def main() -> int:
-    """Run `hfa` in this process; its exit code."""
+    """Run `hfa` in this process and return its exit code."""
     for name in _ENDING:
         number = getattr(signal, name, None)  # not every system has each
         # Who began us with a signal ignored (nohup) wants it ignored.
@@ -39,9 +38,9 @@ def main() -> int:
 
 
 def _end(number: int, _: object) -> None:
-    """Remove temporary files, print one line and end at once; workers end with this process.
+    """Remove temporary files, print one line and end the process and its workers at once.
 
-    No exception is raised: libraries drop one, or make another of it, where they call Python.
+    No exception is raised, because libraries suppress or replace exceptions where they call Python.
     """
     code = _ENDING[signal.Signals(number).name]
     try:

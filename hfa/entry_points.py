@@ -1,4 +1,4 @@
-"""Commands by their words: those of the core, and those that installed packages offer."""
+"""Commands of the core and of installed packages, by their words."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ if TYPE_CHECKING:
 
 
 class CommandEntry(NamedTuple):
-    """A command in `hfa --help`; its module is imported when it is called.
+    """A command in `hfa --help`, whose module is imported when the command is called.
 
-    group: its heading, one of those of the core or a new one.
-    about: summary of the command in one line.
-    command: place of its `Command`, "package.module:name".
-    example: the last line of its help.
-    install: extra to install where a package is missing, ".[proof]".
-    results: for each written result its class and those added to it, with ? if optional,
-        "module:Class module:Class?". "hfa.trim/1 module:Class": optional keys that the package adds
-        to the results of other commands."""
+    group: heading in the help, one of those of the core or a new one
+    about: summary of the command in one line
+    command: location of its `Command`, "package.module:name"
+    example: last line of its help
+    install: extra to install where a package is missing, ".[proof]"
+    results: each written result, "module:Class module:Class?": its class, then the classes that add
+        keys, with ? if optional. "hfa.trim/1 module:Class" adds optional keys to the results of
+        other commands.
+    """
 
     group: str
     about: str
@@ -35,7 +36,7 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """The command."""
+        """Import the command and return it."""
         module, _, name = self.command.partition(":")
         from hfa.options.command import Command
 
@@ -117,9 +118,10 @@ CORE = {
 
 
 def commands() -> dict[str, CommandEntry]:
-    """Words -> command, "prove region" for `hfa prove region`: of the core and of all packages.
+    """Return words -> command for the core and all packages, for example "prove region".
 
-    One that cannot be loaded is left out, with a warning."""
+    A command that cannot be loaded is left out with a warning.
+    """
     found = dict(CORE)
     for offer in offered(COMMANDS):
         name = offer.replace(".", " ")
@@ -131,8 +133,10 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def command_named(name: str) -> CommandEntry:
-    """The command of these words. Raises BadInputError where a package offers something else by
-    them."""
+    """Return the command with these words.
+
+    Raises BadInputError where a package offers another kind of object under them.
+    """
     if name in CORE:
         return CORE[name]
     offer = offered(COMMANDS)[name.replace(" ", ".")]
@@ -145,7 +149,7 @@ def command_named(name: str) -> CommandEntry:
 
 
 def words_after(name: str) -> Mapping[str, str]:
-    """Return second words of a command -> summary of the command of both words."""
+    """Return second word -> summary, for the commands of two words that begin with this name."""
     if name in CORE:
         return {}
     begin = f"{name} "
@@ -157,10 +161,10 @@ def words_after(name: str) -> Mapping[str, str]:
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
-    """Return the name of the command at the beginning of a command line, and the words of its
-    options, or "" where the first word is not a command.
+    """Split a command line into the name of the command and the words of its options.
 
-    Raises BadInputError for an unknown word after the first, and where an option comes first.
+    The name is "" where the first word is not a command. Raises BadInputError for an unknown second
+    word, and where an option precedes the second word.
     """
     first = words[0] if words else ""
     if first in CORE:

@@ -1,5 +1,4 @@
-"""Entry point of `hfa`: find the command, import only its modules, report failures in one
-line."""
+"""Find the command of `hfa`, import only its modules, and report failures in one line."""
 
 from __future__ import annotations
 
@@ -42,8 +41,11 @@ _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns 0 done, 1 a check failed or no solution exists, 2 bad usage or
-    input."""
+    """Run one command and return its exit code.
+
+    The code is 0 when the command is done, 1 when a check failed or no solution exists, and 2 for
+    bad usage or input.
+    """
     return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
 
 
@@ -103,7 +105,7 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 
 def _run(words: list[str], find: Find) -> int:
-    """Make the request that the words state, and answer it."""
+    """Run the command that the words request, and return its exit code."""
     from hfa_support.files import inputs_kept
 
     _refuse_small_address_space()
@@ -143,7 +145,7 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _refuse_small_address_space() -> None:
-    """Raise BadInputError where the process may have less than `_ADDRESS_SPACE`."""
+    """Raise BadInputError where the limit of the process's memory is below `_ADDRESS_SPACE`."""
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -158,9 +160,10 @@ def _refuse_small_address_space() -> None:
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:
-    """The request that the words state.
+    """Return the request that the words describe.
 
-    The model is loaded first, because the other options are typed in its names and units."""
+    The model is loaded first, because the other options are typed in its names and units.
+    """
     from hfa.options.trims import named_model
     from hfa_support.provenance import now
 
@@ -183,8 +186,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
 
 def _refuse_to_overwrite(request: Request) -> None:
-    """Raise BadInputError when a file that the run writes was read, or is named for two
-    outputs."""
+    """Raise BadInputError when an output file was read as input, or is named for two outputs."""
     from hfa_support.files import refuse_read
 
     outputs = [getattr(request, name, None) for name in _WRITTEN]
@@ -229,7 +231,7 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 
 
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
-    """A parser with the options of a command, in the names and units of a model."""
+    """Return the parser with the options of a command, in the names and units of a model."""
     from hfa.options.trims import is_own
 
     parser.description = inspect.cleandoc(command.run.__doc__ or "")

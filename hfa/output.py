@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 
 def stated(report: Report, request: Request) -> Report:
-    """The report in the units that --units names, where the command has it, with the provenance of
-    the run as its last line and in its data."""
+    """Return the report in the units of --units, with the provenance of the run."""
     units = getattr(request, "units", None)
     if units is not None:
         report = report.with_data(units=units)
@@ -46,12 +45,15 @@ def show(
     only_in_files: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
 ) -> None:
-    """Write the files of --picture and -o, both or none; print the report or, with --json, its
-    data; then the notes.
+    """Write the files of --picture and -o, then print the report or, with --json, its data.
 
-    figure: draws the picture, or None where there is nothing to draw.
-    printed: text for a terminal in place of the whole report.
-    only_in_files: data that would drown the rest on a terminal."""
+    Either both files are written or none. Notes are printed last.
+
+    figure: function that draws the picture, or None where there is nothing to draw
+    printed: text for a terminal in place of the whole report
+    only_in_files: data too long for a terminal
+    notes: notes on the result
+    """
     from hfa_support.files import all_or_none
 
     picture = None if figure is None else request.picture
@@ -81,7 +83,7 @@ def _write(report: Report, path: Path) -> None:
 
 
 def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
-    """Print the report or, with --json, its data; then the notes."""
+    """Print the report or, with --json, its data, then the notes."""
     report = stated(report, request)
     if request.json:
         say(report.json())
@@ -95,8 +97,11 @@ def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = 
 
 
 def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
-    """The trim of the options; with --json a trim that fails is printed as data too: the nearest
-    point within the limits, which limits bind, and the reason."""
+    """Return the trim of the options.
+
+    With --json a failed trim is printed as data too: the nearest point within the limits, the
+    binding limits and the reason.
+    """
     from trim.point.solve import TrimError
     from trim.point.trim_report import trim_report
 
@@ -124,8 +129,10 @@ _LONG = 300.0
 
 
 class ProgressLine:
-    """A `Progress` in one line of standard error, only when that is a terminal. The line is removed
-    at the end."""
+    """`Progress` on one line of standard error, removed at the end.
+
+    Nothing is printed unless standard error is a terminal.
+    """
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -145,8 +152,7 @@ class ProgressLine:
             say_aside(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
-        """Report once, terminal or not, that a run will take long, by the pace of the first
-        `_TRIAL` seconds."""
+        """Report once that a run will take long, estimated from the first `_TRIAL` seconds."""
         now = time.monotonic()
         is_next = self._first is not None and done < self._first[1]  # of several
         if self._first is None or is_next or not done:  # before the first part all is preparation

@@ -1,4 +1,4 @@
-"""`hfa` without a command: its commands by groups, and its version."""
+"""The overview that `hfa` prints without a command."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
-    """The commands of a group, in the help of `hfa`."""
+    """Return the commands of a group, for the overview."""
     examples = [entry.example for entry in entries.values() if entry.example]
     title = f"{name}, for example {examples[0]}" if examples else name
     return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
 
 
 def overview() -> Parser:
-    """`hfa` without a command: --help and --version."""
+    """Return the parser of `hfa` without a command, for --help and --version."""
     by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
     for name, entry in commands().items():
         by_group.setdefault(entry.group, {})[name] = entry

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameRequest(GameOptions, OutputOptions):
-    """A game."""
+    """Request of a command on one game."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveRequest(GameRequest):
-    """A game to be solved."""
+    """Request of `hfa solve`."""
 
     draws: int | None = draws_option()
 
@@ -70,7 +70,7 @@ def solve(request: SolveRequest) -> int:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearnRequest(GameRequest, LearningOptions):
-    """A critic to be learned on a game."""
+    """Request of `hfa learn`."""
 
 
 @command(LearnRequest)
@@ -95,7 +95,7 @@ def learn(request: LearnRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Judged(Result):
-    """Judgement of a learned critic.
+    """Judgement of a learned critic by the exact solution.
 
     certificates: the checks of the judge.
     converged: whether every check of the judge holds.
@@ -111,9 +111,9 @@ class Judged(Result):
 def show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
-    """Report the learned critic and its verdict; the exit code.
+    """Report the learned critic with its verdict, and return the exit code.
 
-    H: the Q-function that was learned
+    H: the learned Q-function of a plant in discrete time, or None
     """
     from hfa_support.reporting.checks import checks_block
 

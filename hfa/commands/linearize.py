@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def _names_of(*kinds: str) -> OfModel:
-    """The kind of names of "states", "inputs" or "outputs" of the model."""
+    """Return the kind of option that accepts names of these "states", "inputs" or "outputs"."""
 
     def convert(model: Model, text: str) -> tuple[str, ...]:
         return some_of(*(name for kind in kinds for name in getattr(model, kind)))(text)
@@ -50,7 +50,7 @@ def _about_states(model: Model) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearizeRequest(OneTrimRequest):
-    """A linear model at one trim."""
+    """Request of `hfa linearize`."""
 
     states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))
     inputs: tuple[str, ...] | None = option(
@@ -118,15 +118,16 @@ def _with_winds(
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
-    """The linear model of all states at a point, with the winds of the aircraft as disturbances.
+    """Return the linear model of all states at a point, with the winds of the aircraft as
+    disturbances.
 
     aircraft: the model
     point: its trim
-    outputs: of the linear model
-    kept: the requested states
+    outputs: names of the outputs of the linear model
+    kept: names of the requested states
 
-    Without winds where one of them moves a state that is not kept but acts on one that is: a model
-    of the kept states has no column for that. The HFA always has its winds.
+    The model has no winds where one of them moves a state that is omitted but acts on a kept one: a
+    model of the kept states has no column for this effect. The HFA always has its winds.
     """
     winds = tuple(aircraft.disturbances)
     linear = point.linearize(full=True, outputs=outputs, disturbances=winds)
@@ -140,7 +141,11 @@ def _with_winds(
 
 
 def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
-    """The report with the bands of the entries and the other dynamics, where they exist."""
+    """Return the report of a linear model of the HFA.
+
+    It contains the error bands of the entries and the comparison with the other dynamics, where
+    these exist.
+    """
     parameters = request.parameter_set
     condition = request.trim_condition
     bands = None
@@ -155,8 +160,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
 
 
 def _is_printed(model: LinearModel) -> bool:
-    """Return whether bands and print are of its states and inputs: the six states and all inputs of
-    the HFA."""
+    """Return whether the paper prints A and B of these states and inputs of the HFA."""
     return model.model.name in VARIANTS and (model.states, model.inputs) == (
         LINEAR_STATES,
         INPUTS,

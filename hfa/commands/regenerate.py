@@ -12,7 +12,7 @@ from hfa.output import show
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegenerateRequest(HfaOptions, OutputOptions):
-    """The printed pairs, from one aircraft."""
+    """Request of `hfa regenerate`."""
 
     all: bool = option("print every entry, the matrices and the spectra")
 

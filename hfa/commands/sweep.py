@@ -49,13 +49,16 @@ STORE = "sweep.store"
 
 
 def _suffixes(kind: str) -> tuple[str, ...]:
-    """Suffixes that installed packages write. kind: FILE or STORE"""
+    """Return the suffixes of the files or stores that installed packages write.
+
+    kind: FILE or STORE
+    """
     names = (name for name in offered(PARTS) if name.startswith(f"{kind}."))
     return tuple(name.removeprefix(kind) for name in names)
 
 
 def _purpose() -> str:
-    """Return the use of these suffixes."""
+    """Return the purpose of these suffixes, for the help."""
     said = [
         f"{suffix}: {about_part(f'{kind}{suffix}')}"
         for kind in (FILE, STORE)
@@ -66,7 +69,7 @@ def _purpose() -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
-    """Trims over a grid or a list."""
+    """Request of `hfa sweep`: trims over a grid or a list."""
 
     at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
     hold: Mapping[str, Range] = option(
@@ -94,13 +97,16 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """Return the condition shared by all points; for a list, without the list's columns."""
+        """Return the condition shared by all points, without the variables of a list."""
         if isinstance(self.condition, Path):
             return replace(self, condition=None).common_condition
         return super().common_condition
 
     def plan(self) -> SweepPlan:
-        """Return the plan of the sweep; fixed variables come first, because they are not drawn."""
+        """Return the plan of the sweep.
+
+        Variables with one value come first, because pictures omit them.
+        """
         listing = self.condition if isinstance(self.condition, Path) else None
         condition = self.common_condition
         by = self.model.schedule
@@ -133,7 +139,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return the columns of a list, and one for each value common to all rows."""
+        """Return the columns of a list, with one more for each value common to all rows."""
         axes: dict[str, Any] = _listed(listing, condition)
         rows = len(next(iter(axes.values())))
         for name, values in {**self.hold, **ranges}.items():
@@ -197,10 +203,10 @@ def _in_store(request: SweepRequest) -> int:
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """The columns of a CSV file of conditions: a header of names, then one row for each point,
-    typed as in --hold (degrees).
+    """Return name -> values of a CSV file of conditions.
 
-    BadInputError names the row, the header being row 1, and the column.
+    The first row is a header of names. Each further row is one point, with values as in --hold
+    (degrees). Raises BadInputError that names the row, counted from the header, and the column.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

@@ -48,8 +48,10 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """Return a file, or for a folder the files with a known suffix, in the order of the numbers in
-    their names."""
+    """Return the path of a file, or the paths of all critics in a folder.
+
+    The files of a folder are ordered by the numbers in their names.
+    """
     folder = Path(text)
     if not folder.is_dir():
         return [critic_path(text)]
@@ -62,7 +64,7 @@ def _critics(text: str) -> list[Path]:
 
 
 def _about_weights(_: Model) -> str:
-    """Help of --weights."""
+    """Return the help of --weights."""
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
     networks = f", or a network of V, dV/dx or u ({' '.join(others)})" if others else ""
     return (
@@ -73,7 +75,7 @@ def _about_weights(_: Model) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions):
-    """Critics to be judged."""
+    """Request of `hfa verify`."""
 
     weights: tuple[list[Path], ...] = option(
         _about_weights,
@@ -184,7 +186,7 @@ def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
 
 
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """The lines of a report on Q, R and delta, and on the option that accepts a near critic."""
+    """Return the lines on Q, R and delta, and on the option that accepts a critic graded NEAR."""
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
@@ -248,8 +250,10 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
 def _check_file(
     path: Path, request: VerifyRequest, named: NamedGame, scope: Scope, files: int
 ) -> Verdict:
-    """The verdict on the critic in a file, or on the last of a history, the only one of `files`
-    files."""
+    """Return the verdict on the critic in a file, or on the last critic of a history.
+
+    files: number of files in the request; a history must be the only one
+    """
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
     if request.discount is not None:
@@ -281,7 +285,7 @@ def _check_history(
     named: NamedGame,
     scope: Scope,
 ) -> Verdict:
-    """The verdict on the last critic of a history."""
+    """Return the verdict on the last critic of a history."""
     from verification.critic.history import check_history
 
     with said_of(path):

@@ -1,1 +1,1 @@
-"""Options of the commands and the objects that they make; each command adds its own."""
+"""Options that several commands share, and the objects made of them."""

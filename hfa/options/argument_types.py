@@ -1,8 +1,9 @@
-"""Kinds of options: one word of a command line becomes a value in internal units, or BadInputError
-states why not.
+"""Kinds of options: functions that convert one word of a command line to a value in internal units.
 
-Its message is the rest of a sentence that begins with the option: "--delay" and "is 'short'; give a
-finite number". `quantity` converts degrees; no other module converts typed numbers."""
+They raise BadInputError for a wrong word. The message continues a sentence that begins with the
+option: "--delay" and "is 'short'; give a finite number". `quantity` converts degrees; no other
+    module converts typed numbers.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ _LARGEST_WHOLE = 10**18
 
 
 def number(text: str, declared: Number = NUMBER) -> float:
-    """A number as declared."""
+    """Return the number in a word, within the declared limits."""
     try:
         value = declared.of(float(text))
     except ValueError:
@@ -35,16 +36,21 @@ positive = partial(number, declared=POSITIVE)
 
 
 def quantity(model: Model, name: str, text: str) -> float:
-    """Return the value typed for a name of the model, converted from the shown unit to the declared
-    one (degrees to rad), or a number without unit where none is declared."""
+    """Return the value typed for a name of the model, in the unit that the model declares.
+
+    An angle is typed in degrees and returned in radians. A name without a declared unit is a plain
+    number.
+    """
     signals = {**model.rates, **model.signals}
     unit = signals[name].unit if name in signals else "1"
     return math.radians(number(text)) if unit.startswith("rad") else number(text)
 
 
 def breakpoint_value(model: Model, text: str) -> float:
-    """The value of the scheduling variable of one trim; a list or range is refused with the command
-    that takes it."""
+    """Return the scheduling variable at one trim.
+
+    Raises BadInputError for a list or a range, which names the command that accepts it.
+    """
     if "," in text or ":" in text:
         raise BadInputError(
             f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges"
@@ -53,7 +59,7 @@ def breakpoint_value(model: Model, text: str) -> float:
 
 
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
-    """`LOW:HIGH` of a named variable, low < high."""
+    """Return (low, high) from `LOW:HIGH` of a named variable, with low < high."""
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH")
@@ -65,7 +71,7 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
 
 
 def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
-    """The kind of whole numbers from `lowest` to `highest`."""
+    """Return the kind of option that accepts whole numbers from `lowest` to `highest`."""
 
     def convert(text: str) -> int:
         value = number(text)
@@ -81,7 +87,7 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """The kind of a word among those named, in lower case."""
+    """Return the kind of option that accepts one of these words, in lower case."""
 
     def convert(text: str) -> str:
         word = text.lower()
@@ -93,7 +99,7 @@ def one_of(*words: str) -> Callable[[str], str]:
 
 
 def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
-    """The kind of names with commas between them, each one known and named once."""
+    """Return the kind of option that accepts known names separated by commas, each at most once."""
 
     def convert(text: str) -> tuple[str, ...]:
         names = tuple(text.split(","))
@@ -107,12 +113,9 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
 
 
 def input_file(*suffixes: str) -> Callable[[str], Path]:
-    """A function that turns a typed word into the path of an existing file.
+    """Return the kind of option that accepts the path of an existing file.
 
-    suffixes: that the file may have, such as ".json"
-
-    The function raises BadInputError for another suffix and for a file that is not there, and
-    notes that the file is read.
+    suffixes: the accepted suffixes, such as ".json"; any suffix without them
     """
 
     def convert(text: str) -> Path:

@@ -1,5 +1,4 @@
-"""The option --draws: the spread of a result over the aircraft that its uncertain parameters
-allow."""
+"""The option --draws: the spread of a result over the uncertain parameters of the aircraft."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from hfa_support.reporting.report import Report
 
 
 def draws_option() -> Any:
-    """The field `draws` of a request."""
+    """Return the field `draws` of a request."""
     return option(
         "add the spread over N aircraft, drawn from uncertain parameters",
         "N",
@@ -22,7 +21,7 @@ def draws_option() -> Any:
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """The report, with the spread of its subject where --draws is typed.
+    """Add the spread of a result to its report where --draws is given.
 
     subject: an operating point, a linear model, or (game, gain)
     """

@@ -1,4 +1,4 @@
-"""Options of a game and of learning on it: the aircraft at a trim, or a plant of the user's own."""
+"""Options of a game and of learning: the aircraft at a trim, or a plant from a file."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def diagonal(text: str) -> np.ndarray:
 
 
 def _diagonal_option(name: str) -> Any:
-    """The field of a diagonal weight."""
+    """Return the field of a diagonal weight."""
     about = f"diagonal of {name}; default"
     help_text = of_hfa(f"{about}: that of the paper", f"{about} {USUAL_WEIGHTS[name]}")
     return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
@@ -59,7 +59,7 @@ def _diagonal_option(name: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOptions(Request):
-    """The weights of the game."""
+    """Options of the weights of the game."""
 
     delta: float | None = option(
         of_hfa(
@@ -73,12 +73,12 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Changes of the usual game that the options name, in the units of the model."""
+        """Weights given by the options, in the units of the model."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
     def game_on(self, linear: LinearModel) -> Game:
-        """The usual game on a linear model, with the weights that the options change."""
+        """Return the default game on a linear model, with the weights given by the options."""
         changes = self.changed_weights()
         names = plant_names(linear)
         return usual_game(linear.model, linear.A, linear.B, names, **changes)
@@ -86,7 +86,7 @@ class WeightOptions(Request):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedOption(Request):
-    """Seed of random numbers."""
+    """Option of the seed of random numbers."""
 
     seed: int = option(
         "seed of all random numbers; default 0",
@@ -110,7 +110,10 @@ def setting_option(
     about: str = "a setting of the law, for example predefined_time=2",
     more: Mapping[str, Callable[[str], Any]] | None = None,
 ) -> Any:
-    """The field `set`. more: further settings, each with the function from a word to its value."""
+    """Return the field `set`.
+
+    more: further settings, name -> function that converts the word to the value
+    """
 
     def setting(name: str, text: str) -> Any:
         from controller.learning.certified import CertifiedSettings
@@ -147,18 +150,18 @@ def _design(model: Model, name: str) -> Any:
 
 
 def _about_design(model: Model) -> str:
-    """Help of --design, whose names are designs of the HFA."""
+    """Return the help of --design for a model; the names of designs exist for the HFA alone."""
     names = of_hfa(about_part("design"))(model)
     return f"actuators, integrals, sensors, weights: {f'{names}, or ' if names else ''}a .toml file"
 
 
 def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
-    """The field `design`: of the HFA or the user's own aircraft."""
+    """Return the field `design`, for the HFA or the user's own aircraft."""
     return option(about, "NAME", OfModel(_design), part="design")
 
 
 def plant_option() -> Any:
-    """The field `plant`, typed by --model: a plant of the user's own."""
+    """Return the field `plant` (--model), a plant from the user's file."""
     return option(
         f"your plant: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
@@ -169,22 +172,23 @@ def plant_option() -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
-    """A game on the aircraft at a trim, with a design or without, or on a plant of the user's."""
+    """Options of a game on the aircraft at a trim, with or without a design, or on a plant from a
+    file."""
 
     plant: Path | None = plant_option()
     design: Any = None
 
     def origin(self) -> Mapping[str, Any]:
-        """File of the plant, or the aircraft."""
+        """Provenance of the game: the file of the plant, or the aircraft."""
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
     def game(
         self, read: dict[str, Any] | None = None, *, may_be_discrete: bool = False
     ) -> NamedGame:
-        """The game that the options name.
+        """Return the game that the options specify.
 
-        read: what has been read of --model already
-        may_be_discrete: whether the command takes a plant in discrete time
+        read: entries already read from the file of --model
+        may_be_discrete: whether the command accepts a plant in discrete time
         """
         if self.plant is not None:
             named = self._game_of_file(self.plant, read)
@@ -211,7 +215,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
     def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Origin of Q, R and delta: an option, a file, or the default."""
+        """Return "Q", "R", "delta" -> source: "given", "file", or `else_from`."""
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
         whose |= {name: "file" for name in of_file if name in whose}
         return whose | dict.fromkeys(self.changed_weights(), "given")
@@ -232,7 +236,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         )
 
     def refuse_of_the_aircraft(self) -> None:
-        """Raise BadInputError where an option of the aircraft comes with --model."""
+        """Raise BadInputError where an option of the aircraft is combined with --model."""
         if self.at is not None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
@@ -241,7 +245,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameOptions(UnitsOption, PlantOptions):
-    """A game, with a design or without."""
+    """Options of one game, in the chosen units."""
 
     design: Any = design_option()
 
@@ -315,8 +319,11 @@ class NamedGame(Result):
 
 
 def _converted(kind: str, text: str) -> Any:
-    """The value of a setting whose field is annotated with `kind`, for example "float |
-    tuple[float, ...]"."""
+    """Return the value of a setting.
+
+    kind: annotation of the setting's field, for example "float | tuple[float, ...]"
+    text: the typed value
+    """
     if kind.startswith("str"):
         return text
     if kind.startswith("int"):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def help_text(parser: Parser, more: bool) -> str:
-    """Usage, description, options (without `more` the rare ones by name only), example."""
+    """Return usage, description, options and example; rare options only with `more`."""
     texts = [_options_text(parser, more)]
     if parser.words:
         lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
@@ -24,7 +24,7 @@ def help_text(parser: Parser, more: bool) -> str:
 
 
 def _options_text(parser: Parser, more: bool) -> str:
-    """Usage, description and options."""
+    """Return the usage, the description and the options."""
     declared = []
     for action in parser._actions:
         option = parser.options.get(action.dest)

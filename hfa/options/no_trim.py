@@ -1,4 +1,4 @@
-"""Suggestions for options that name no trim."""
+"""Suggested options where a trim does not exist."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 def advised(
     failure: TrimError, request: TrimOptions, aircraft: Model, condition: TrimCondition
 ) -> TrimError:
-    """Return the failure with its reason, and the words to type where a held angle of attack
-    prevents the trim."""
+    """Return the error with the options to type where a held angle of attack prevents the trim."""
     error = explained(failure, aircraft, condition)
     if "alpha" not in condition.imposed:
         return error

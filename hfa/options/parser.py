@@ -1,4 +1,4 @@
-"""argparse as `hfa` wants it: options declared as data, and one line for each complaint."""
+"""Parsers of command lines: options are declared as data, and each error is one line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MEANT = {"--angle": "--dihedral"}
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises BadInputError.
+    """Argument parser that raises BadInputError.
 
     with_help: whether it takes --help."""
 
@@ -37,7 +37,10 @@ class Parser(argparse.ArgumentParser):
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
-        """Add options, name of the value -> option."""
+        """Add options.
+
+        options: name of the value -> option
+        """
         self.options.update(options)
         for name, option in options.items():
             names = option.flags
@@ -61,17 +64,17 @@ class Parser(argparse.ArgumentParser):
         self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
-        """Usage, description, options (without `more` the rare ones by name only), example."""
+        """Return usage, description, options and example; rare options only with `more`."""
         from hfa.options.help_text import help_text
 
         return help_text(self, more)
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
-        """Name of the option -> value, of the options that were typed.
+        """Return name of the option -> value, for the options that were typed.
 
-        words: of the command line, behind the command
+        words: the words of the command line after the command
 
-        Unknown options, stray words and missing required options end in BadInputError.
+        Raises BadInputError for unknown options, stray words and missing required options.
         """
         actions = self._option_string_actions
         option_words = words
@@ -96,7 +99,7 @@ class Parser(argparse.ArgumentParser):
         return typed
 
     def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """Parse the words of a parser with only some of the options; ignore other words."""
+        """Parse the known options among the words, and ignore all other words."""
         return self._typed(self.parse_known_args(words)[0])
 
     @staticmethod
@@ -128,7 +131,7 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
-        """Raise argparse's error about one option, or about all words."""
+        """Raise BadInputError with argparse's message."""
         complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
@@ -136,7 +139,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """`--help`, `--help more`."""
+    """Action of `--help` and `--help more`."""
 
     def __call__(
         self, parser: Any, _: argparse.Namespace, values: Any, option_string: str | None = None
@@ -146,7 +149,7 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """`NAME=VALUE,NAME=VALUE` words of a repeatable option, as name -> kind(name, text)."""
+    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, stored as name -> kind(name, text)."""
 
     def __init__(
         self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any

@@ -1,4 +1,4 @@
-"""The words `start:stop:step`, `a,b,c` or one number: many values of a named variable."""
+"""Values of a named variable from `start:stop:step`, `a,b,c` or one number."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ Range = tuple[float, ...] | Steps
 
 
 def value_range(model: Model, name: str, text: str) -> Range:
-    """`a,b,c`, one number or `start:stop:step` of a name; the last value is at or before stop."""
+    """Return the values of a variable from `a,b,c`, one number or `start:stop:step`.
+
+    The last value of a range is at or before stop.
+    """
     parts = text.split(":")
     if len(parts) == 1:
         return tuple(quantity(model, name, word) for word in text.split(","))
@@ -45,12 +48,12 @@ def value_range(model: Model, name: str, text: str) -> Range:
 
 
 def scheduled_range(model: Model, text: str) -> Range:
-    """A range of the scheduling variable."""
+    """Return a range of the scheduling variable."""
     return value_range(model, model.schedule, text)
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
-    """A range as one array, (N,). Raises BadInputError when there are more than `most`."""
+    """Return a range as an array, (N,). Raises BadInputError for more than `most` values."""
     if len(values) > most:
         raise BadInputError(
             f"{name} has {len(values):,} points; at most {most:,} are allowed, take fewer"

@@ -1,7 +1,8 @@
 """Requests: the input of a run, each field declared with its option.
 
-A command has one class of requests. The parser makes one from the command line, and nothing else of
-the command line is seen by the rest of the program."""
+A command has one class of requests. The parser makes one from the command line; no other part of
+the program reads the command line.
+"""
 
 from __future__ import annotations
 
@@ -19,28 +20,30 @@ if TYPE_CHECKING:
 
 
 class OfModel(NamedTuple):
-    """A kind of option whose first argument is the model, whose names and units are typed."""
+    """Kind of option whose function takes the model first, because words are in its names and
+    units."""
 
     kind: Callable[..., Any]
 
 
 @dataclass(frozen=True)
 class Option:
-    """The option that types a field.
+    """Option of the command line that sets a field.
 
-    about: its help; "" hides it.
-    form: how help shows its value, or "" for a switch.
-    kind: word -> value; its BadInputError is the rest of a sentence that begins with the option.
-    names: as in "-o --output"; a name without dashes is a positional argument.
-    named: its words are NAME=VALUE[,NAME=VALUE...], repeatable; kind takes the name and the value.
-    repeated: it may be repeated; the field has all values.
-    count: how many words it has, as argparse's nargs, or None for one.
-    required: whether it must be typed.
-    aliases: other names of a model's names, of those that are `named`.
-    rare: `--help` lists it by name only; `--help more` explains it.
-    part: name in `hfa.parts` of the part that answers it; without that part it is not in the help.
+    about: its help; "" hides it
+    form: the value as shown in the help, or "" for a switch
+    kind: word -> value; its BadInputError continues a sentence that begins with the option
+    names: as in "-o --output"; a name without dashes is a positional argument
+    named: whether the words are NAME=VALUE[,NAME=VALUE...], repeatable; kind then takes both
+    repeated: whether it may be repeated; the field then contains all values
+    count: number of its words, as argparse's nargs, or None for one
+    required: whether it must be typed
+    aliases: other names of a model's names, for an option that is `named`
+    rare: whether only `--help more` explains it; `--help` lists its name
+    part: name in `hfa.parts` of the part that implements it; without that part the help omits it
 
-    about, form, names and required may also be functions of the model that return these."""
+    about, form, names and required may also be functions of the model that return these.
+    """
 
     about: str | Callable[..., str]
     form: str | Callable[[Model], str] = ""
@@ -55,11 +58,10 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """Return this option for a model: each function of the model is replaced by its value, in
-        the help where it is shown.
+        """Return this option for a model, with the functions of the model replaced by their values.
 
         model: None for an option that does not depend on one
-        name: of the field, from which the option has its name unless it declares another
+        name: name of the field, from which the option has its name unless it declares another
         """
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
@@ -90,7 +92,10 @@ def option(
     default: Any = None,
     **more: Any,
 ) -> Any:
-    """A field of a request that is typed by an option. more: further entries of `Option`."""
+    """Return a field of a request that an option sets.
+
+    more: further fields of `Option`
+    """
     declared = Option(about, form, kind, **more)
     metadata = {"option": declared}
     if declared.named:
@@ -106,11 +111,12 @@ def option(
 class Request:
     """Input of one run.
 
-    model: the aircraft, in whose names and units the other fields are.
-    line: the command line, as typed.
-    date: beginning of the run, UTC, as printed in outputs.
-    typed: the names of the fields that were typed; the others have their default values.
-    quiet: no notes and no progress."""
+    model: the aircraft, whose names and units the other fields use
+    line: the command line, as typed
+    date: beginning of the run, UTC, as printed in outputs
+    typed: names of the fields that were typed; the others have their defaults
+    quiet: whether notes and progress are suppressed
+    """
 
     model: Model
     line: str = ""
@@ -120,7 +126,7 @@ class Request:
 
     @classmethod
     def declared(cls) -> dict[str, Option]:
-        """Field -> its option: those of its bases first, then those of this class."""
+        """Return field -> option, the fields of the bases first."""
         options = {field.name: field.metadata["option"] for field in fields(cls) if field.metadata}
         classes = (*cls.__mro__[1:], cls)
         names = [name for field in classes for name in inspect.get_annotations(field)]
@@ -128,12 +134,12 @@ class Request:
 
     @classmethod
     def options(cls, model: Model) -> dict[str, Option]:
-        """Field -> its option, in the names and units of a model."""
+        """Return field -> option, in the names and units of a model."""
         return {name: option.of(model, name) for name, option in cls.declared().items()}
 
     @cached_property
     def provenance(self) -> Provenance:
-        """Provenance of the outputs of this run."""
+        """Return the provenance of the outputs of this run."""
         from hfa_support.provenance import Provenance
 
         return Provenance(self.line, date=self.date, **self.origin())
@@ -143,8 +149,11 @@ class Request:
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
-        """Raise BadInputError for the first of these options that was typed: it would change
-        nothing."""
+        """Raise BadInputError where one of these options was typed but has no effect.
+
+        names: fields of the options
+        reason: why they have no effect
+        """
         options = self.options(self.model)
         for name in names:
             if name in self.typed:

@@ -1,4 +1,4 @@
-"""Options of the aircraft, of a trim and of outputs; the model and the condition that they name."""
+"""Options of the aircraft, of a trim and of outputs, and the model and condition made of them."""
 
 from __future__ import annotations
 
@@ -44,18 +44,19 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 
 
 def is_own(model: Model | None) -> bool:
-    """Return whether a model is the user's own, and not the HFA."""
+    """Return whether a model is the user's own aircraft and not the HFA."""
     return model is not None and model.extras.source[0] != ""
 
 
 def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
-    """The help of an option for the HFA, and for the user's own aircraft; "" hides the option."""
+    """Return the help of an option, for the HFA and for the user's own aircraft; "" hides the
+    option."""
     return lambda model: otherwise if is_own(model) else about
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnitsOption(Request):
-    """In which units the model is."""
+    """Option of the units of the model."""
 
     units: str = option(
         of_hfa(
@@ -70,7 +71,7 @@ class UnitsOption(Request):
 
 
 def _dynamics_help(model: Model | None) -> str:
-    """The dynamics that can be chosen: those of the core, and those that packages offer."""
+    """Return the help of --dynamics: the choices of the core and of installed packages."""
     if is_own(model):
         return ""
     core = (
@@ -82,7 +83,7 @@ def _dynamics_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
-    """Equations and parameters of the HFA."""
+    """Options of the equations and parameters of the HFA."""
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
@@ -94,22 +95,22 @@ class HfaOptions(Request):
 
     @property
     def own(self) -> bool:
-        """True if the model is the user's own, and not the HFA."""
+        """True if the model is the user's own aircraft and not the HFA."""
         return is_own(self.model)
 
     @property
     def parameter_set(self) -> ParameterSet:
-        """The parameters of the HFA."""
+        """Parameters of the HFA, from --parameters or the default."""
         return default_parameters() if self.parameters is None else self.parameters
 
     @property
     def hfa(self) -> Model:
-        """Return the identified HFA, `published` or `newton`."""
+        """Return the HFA of the chosen dynamics and parameters."""
         variant_named(self.dynamics)
         return self.model
 
     def origin(self) -> Mapping[str, Any]:
-        """The aircraft."""
+        """Provenance of the aircraft."""
         if self.own:
             return self._origin_of_file({})
         return self._origin(self.model, condition={})
@@ -140,7 +141,7 @@ class HfaOptions(Request):
 
 
 def aircraft_help(model: Model | None) -> str:
-    """Return the forms of an aircraft's name: Python, and the formats of packages."""
+    """Return the help of --aircraft: Python files and the formats of packages."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("a file that is executed (or package.module:NAME)", *forms_of_packages())
@@ -149,15 +150,16 @@ def aircraft_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions(HfaOptions):
-    """The HFA, or an aircraft of the user's own."""
+    """Options of the aircraft: the HFA or the user's own."""
 
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
 
 
 def named_model(typed: Mapping[str, Any]) -> Model:
-    """The model that --aircraft names, or the HFA with the --dynamics and --parameters.
+    """Return the model that --aircraft names, or the HFA with its --dynamics and --parameters.
 
-    typed: the fields of `AircraftOptions` that were typed."""
+    typed: the fields of `AircraftOptions` that were typed
+    """
     if "steps" in typed:
         model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
         return model
@@ -179,7 +181,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 def called_at(model: Model) -> str:
-    """Return the name of --at for this model."""
+    """Return the name of the option --at for this model."""
     return model.schedule if model.extras.names_schedule else "at"
 
 
@@ -190,12 +192,12 @@ def scheduled(
     *,
     required: bool = False,
 ) -> Any:
-    """The field `at`, typed by --at, of the HFA also by --dihedral: the scheduling variable.
+    """Return the field `at` (--at, for the HFA also --dihedral), the scheduling variable.
 
     kind: (model, word) -> value
     form: the value in the help
     about: further words of the help
-    required: whether the HFA needs it
+    required: whether it must be typed for the HFA
     """
 
     def convert(model: Model, text: str) -> Any:
@@ -233,7 +235,7 @@ def _usual(model: Model) -> str:
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
-    """A condition, or the path of a list of them."""
+    """Return a condition, or the path of a list of conditions."""
     from trim.hfa.level_flight import load_condition
 
     if text.lower().endswith(".csv"):
@@ -242,12 +244,12 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
 
 
 def _name(model: Model, text: str) -> str:
-    """A name of the model, or another name of it."""
+    """Return the model's name for a name or one of its aliases."""
     return model.extras.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
-    """A saved operating point, or the values of some variables."""
+    """Return a saved operating point, or variable -> value."""
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
     values = {}
@@ -260,7 +262,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
 
 
 def condition_help(model: Model | None) -> str:
-    """Help of --condition."""
+    """Return the help of --condition."""
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
@@ -269,7 +271,7 @@ def condition_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimOptions(HfaOptions):
-    """Condition of the trim."""
+    """Options of the condition of a trim."""
 
     at: Any = scheduled(breakpoint_value)
     condition: TrimCondition | Path | None = option(
@@ -295,7 +297,7 @@ class TrimOptions(HfaOptions):
     )
 
     def held_parameters(self) -> dict[str, float]:
-        """The parameters of the model that the options hold at one value."""
+        """Parameter -> value, for those that the options hold at one value."""
         held = {**self.hold, self.model.schedule: self.at}
         return {
             name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
@@ -307,10 +309,9 @@ class TrimOptions(HfaOptions):
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """The condition that all trims of the options share: --condition, or the usual one, changed
-        by --hold, --free, --limit, --glide and --start. It does not contain the value of the
-        scheduling variable.
+        """Return the condition shared by all trims, without the value of the scheduling variable.
 
+        It is --condition, or the default, changed by --hold, --free, --limit, --glide and --start.
         Raises BadInputError when a variable is named twice, or --condition is a list of points.
         """
         self._refuse_doubles()
@@ -337,8 +338,7 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError when two of --free, --hold and the option of the scheduling variable
-        name the same variable."""
+        """Raise BadInputError when two of --free, --hold and --at name one variable."""
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(f"{name} is both set free and held; name it once")
@@ -358,27 +358,30 @@ class TrimOptions(HfaOptions):
             )
 
     def is_constant(self, name: str) -> bool:
-        """Return whether --hold of a sweep imposes one value on a trim variable; a parameter is
-        always one of its axes."""
+        """Return whether --hold of a sweep imposes one value on a trim variable.
+
+        A parameter is always an axis of the sweep.
+        """
         values = self.hold[name]
         one_value = isinstance(values, tuple) and len(values) == 1
         return one_value and name not in self.model.parameters
 
     @cached_property
     def trim_condition(self) -> TrimCondition:
-        """The condition of the one trim that the options name."""
+        """Return the condition of the single trim that the options specify."""
         is_parameter = self.model.schedule in self.model.parameters
         return self.common_condition.at(None if is_parameter else self.at)
 
     @property
     def start_point(self) -> OperatingPoint | None:
-        """The saved point that --start names."""
+        """Return the saved point of --start, or None."""
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """Return the trim of the options, with the initial point of --start.
+        """Return the trim of the options, searched from the point of --start.
 
-        Raises TrimError, which names a held angle of attack where that prevents a trim."""
+        Raises TrimError, which names a held angle of attack where that prevents a trim.
+        """
         condition = self.trim_condition
         by = self.model.schedule
         if self.at is not None and by in condition.free:
@@ -393,7 +396,7 @@ class TrimOptions(HfaOptions):
             raise advised(failure, self, aircraft, condition) from None
 
     def origin(self) -> Mapping[str, Any]:
-        """The aircraft, and the condition of its trims."""
+        """Provenance of the aircraft and of the condition of its trims."""
         common = self.common_condition
         condition: dict[str, Any] = common.changes
         if self.own:
@@ -413,7 +416,7 @@ class TrimOptions(HfaOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
-    """One trim of any aircraft."""
+    """Options of one trim of any aircraft."""
 
     at: float | None = scheduled(breakpoint_value, required=True)
 
@@ -423,7 +426,7 @@ class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JsonOption(Request):
-    """Output of data in place of text."""
+    """Option of output as JSON."""
 
     json: bool = option("print JSON (angles in radians) instead of text")
 
@@ -431,16 +434,16 @@ class JsonOption(Request):
 def output_option(
     *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
 ) -> Any:
-    """The field `output` of a request: the file that a command also writes.
+    """Return the field `output` of a request, the file that a command also writes.
 
-    more: suffixes that the command accepts besides those of a report
-    stores: those of folders
-    purpose: use of these suffixes, for the help
+    more: accepted suffixes besides those of a report
+    stores: accepted suffixes of folders
+    purpose: purpose of these suffixes, for the help
     """
     suffixes = (*SUFFIXES, *REPORTS, *more)
 
     def about(_: Model) -> str:
-        """The suffixes and the use of some."""
+        """Return the help: the suffixes, and the purpose of some."""
         use = purpose() if callable(purpose) else purpose
         return f"also write {', '.join((*suffixes, *stores))}{use}"
 
@@ -449,7 +452,7 @@ def output_option(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutputOptions(JsonOption):
-    """Files of the report."""
+    """Options of the files of the report."""
 
     output: Path | None = output_option()
     picture: Path | None = None
@@ -457,10 +460,14 @@ class OutputOptions(JsonOption):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneTrimRequest(OneTrimOptions, OutputOptions):
-    """One trim and the files of its report."""
+    """Request of one trim with the files of its report."""
 
 
 def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
-    """The field `picture`. shows: content of the picture, for the help. only_hfa: of the HFA."""
+    """Return the field `picture`.
+
+    shows: content of the picture, for the help
+    only_hfa: whether only the HFA has the picture
+    """
     about = f"draw {shows} ({', '.join(PICTURES)})"
     return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))

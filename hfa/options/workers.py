@@ -1,4 +1,4 @@
-"""Options of the processes that work at many points or members."""
+"""Options of processes that compute many points in parallel."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ MOST_WORKERS = 1000
 
 
 def _workers(text: str) -> int | str:
-    """A number of processes, or the address of a Dask scheduler."""
+    """Return a number of processes, or the address of a Dask scheduler."""
     return text if "://" in text else whole(1, MOST_WORKERS)(text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorkersOptions(Request):
-    """Workers for many points."""
+    """Options of the worker processes."""
 
     workers: int | str = option(
         "processes, or a Dask scheduler, tcp://host:port; default 1",
