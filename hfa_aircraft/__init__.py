@@ -1,1 +1,1 @@
-"""The aircraft for every package: the declaration of a model, its loading and conversion."""
+"""Declaration, loading and conversion of aircraft models, used by every package."""

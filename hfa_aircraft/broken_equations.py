@@ -1,4 +1,4 @@
-"""Reasons why the equations of a model fail, in one line; loaded when they do."""
+"""Messages for models whose equations fail, loaded only when they do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
-    """Return the error for equations that raised `error` when called with x, u, p and w."""
+    """Return the error for equations that raised `error` at x, u, p and w."""
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

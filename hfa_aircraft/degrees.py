@@ -1,4 +1,4 @@
-"""Signals in degrees whose sine, cosine or tangent the equations take as if they were radians."""
+"""Detection of signals in degrees whose sine, cosine or tangent the equations compute."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
 def notes_on_degrees(model: Model) -> list[str]:
-    """Return a sentence for each signal that is declared in deg and whose sine, cosine or tangent
-    the equations compute: they receive the declared unit, so that the angle is wrong by 180/π.
+    """Return a warning for each signal in deg whose sine, cosine or tangent the equations compute.
 
-    Sums and differences of such signals count too. A signal that is multiplied first is regarded as
+    The equations receive values in the declared unit, so that such an angle is wrong by 180/π. Sums
+    and differences of such signals count too. A signal that is multiplied first is regarded as
     converted.
     """
     model = model.extras.native or model
@@ -35,7 +35,8 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """(signal, function) of every sine, cosine and tangent of the signals with these names."""
+    """Return (signal, function) for every sine, cosine and tangent of the signals with these
+    names."""
     vectors = layout.symbols("x", "u", "p")
     f, y = layout.expressions([components(vector) for vector in vectors], layout.names[4])
     program = ca.Function("equations", vectors, [f, y])

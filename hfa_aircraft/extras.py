@@ -1,4 +1,4 @@
-"""Additions of a reader of files, or of the paper's aircraft, to a model's declaration."""
+"""Optional data of a model, set by readers of files and by the paper's aircraft."""
 
 from __future__ import annotations
 
@@ -13,35 +13,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """Names, validity, hints of the trim and origin of a model; a user's declaration has none.
+    """Names, validity, trim advice and origin of a model. A user's declaration has none.
 
-    called: how reports name it; its name unless given.
-    names_schedule: whether options and data call the scheduling variable by its own name,
-        --dihedral and dihedral_deg, and not --at and scheduled.
-    aliases: name in another program -> name here.
-    notes: sentences for every report.
-    parts: ending -> linear states. OUTPUT_ending names the part of an output that these states, the
-        inputs and the disturbances cause, for controllers.
-    variants: names of its other equations, which a design may treat differently.
+    called: name in reports, or "" for the name of the model
+    names_schedule: whether options and data use the name of the scheduling variable (--dihedral,
+        dihedral_deg) in place of --at and scheduled
+    aliases: name in another program -> name here
+    notes: sentences for every report
+    parts: ending -> linear states. OUTPUT_ending names the part of an output caused by these
+        states, the inputs and the disturbances, for controllers.
+    variants: names of its other equations, which a design may treat differently
 
-    range: state -> (largest absolute value, whose). Beyond it models come with a warning.
-    envelope: (x, p) of a trim, by name -> limits of the states that a flight about it keeps where
-        they are not min and max: state -> (lowest, highest).
-    check: raises BadInputError for a state, by name, where the equations mean nothing whatever the
-        limits.
+    range: state -> (largest absolute value, source). Larger values give a warning.
+    envelope: (x, p) of a trim, by name -> limits of the states in flights about it, where they
+        differ from min and max: state -> (lowest, highest)
+    check: function that raises BadInputError for a state, by name, outside the domain of the
+        equations
 
-    alternatives: groups of names of which a trim imposes one: to impose another sets it free.
-    begin: imposed values by name, numbers or arrays -> where a search for others begins. The value
-        of the first of a group of alternatives is exact.
-    explain: (imposed values, solve) -> why there is no trim, in the words of its field
-        (`trim.point.reasons`).
-    describe_trim: (operating point, report of it) -> the report with what this aircraft says of a
-        trim in place of its outputs.
+    alternatives: groups of names of which a trim imposes one. Imposing another name of the group
+        sets it free.
+    begin: imposed values by name, numbers or arrays -> initial values of the search for the others.
+        The value of the first name of a group of alternatives is exact.
+    explain: (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
+        (`trim.point.reasons`)
+    describe_trim: (operating point, its report) -> the report with the aircraft's own description
+        of the trim in place of its outputs
 
-    source: the file and name that it was loaded from, and a hash.
-    native: the model that `hfa_aircraft.units.in_si` converted into this one.
-    made_by: what makes it again in another process: of `native`, else of `source` and the values of
-        the parameters, or None where it is sent as it is.
+    source: file and name that the model was loaded from, and a hash
+    native: the model that `hfa_aircraft.units.in_si` converted into this one
+    made_by: function that makes the model in another process from `native`, or from `source` and
+        the parameters. With None the model itself is sent.
     """
 
     called: str = ""

@@ -1,4 +1,5 @@
-"""The equations of a model as CasADi expressions, compiled once for all models that share them."""
+"""The equations of a model as CasADi expressions, compiled once for all models with these
+equations."""
 
 from __future__ import annotations
 
@@ -28,12 +29,12 @@ _FAILURES = (
 
 
 class Layout(NamedTuple):
-    """The equations and names of a model, on which its Functions depend, without numbers.
+    """Equations and names of a model, without numbers. Its Functions depend on nothing else.
 
-    name: of the model.
-    equations: of the `Model`.
-    names: of states, inputs, parameters, disturbances and outputs.
-    replaced: (state, output) pairs of the `Model`.
+    name: name of the model
+    equations: equations of the `Model`
+    names: names of the states, inputs, parameters, disturbances and outputs
+    replaced: (state, output) pairs of the `Model`
     """
 
     name: str
@@ -43,13 +44,13 @@ class Layout(NamedTuple):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """The variables of a trim, imposed or free."""
+        """Names of the variables of a trim, imposed or free."""
         instead = dict(self.replaced)
         return (*(instead.get(name, name) for name in self.names[0]), *self.names[1])
 
     @property
     def has_nan(self) -> bool:
-        """True if a constant of the equations is not a number: math.sin makes one of a symbol."""
+        """True if a constant of the equations is nan, for example after math.sin of a symbol."""
         vectors = self.symbols("x", "u", "p")
         rates, _ = self.expressions([components(vector) for vector in vectors], ())
         function = ca.Function("f", vectors, [rates])
@@ -61,12 +62,16 @@ class Layout(NamedTuple):
         return any(math.isnan(constant) for constant in constants)
 
     def refuse_broken(self) -> None:
-        """Raise BadInputError where the equations are wrong (`_symbolic`)."""
+        """Raise BadInputError where the equations are faulty."""
         _symbolic(self, True)
 
     def refuse_steps(self, jacobian: ca.SX, names: Sequence[str]) -> None:
-        """Raise BadInputError for a variable (column) that acts in steps only: every slope is 0,
-        though equations have it."""
+        """Raise BadInputError for a variable that acts on the equations only in steps.
+
+        All its derivatives are 0, although equations depend on it.
+
+        jacobian: (m, k), a column for each of `names`
+        """
         has_entry = ca.DM(jacobian.sparsity(), 1).full().any(axis=0)
         has_slope = ca.DM(ca.sparsify(jacobian).sparsity(), 1).full().any(axis=0)
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
@@ -77,11 +82,11 @@ class Layout(NamedTuple):
                 )
 
     def record(self, vector: str, values: Any) -> Any:
-        """The values of x, u, p or w by name."""
+        """Return the values of a vector ("x", "u", "p" or "w") as a named tuple."""
         return record(self._names_of(vector))(*values)
 
     def symbols(self, *vectors: str) -> list[ca.SX]:
-        """New symbols, a column for each of "x", "u", "p", "w"."""
+        """Return new symbols, one column for each of "x", "u", "p" and "w" that is named."""
         return [ca.SX.sym(vector, len(self._names_of(vector))) for vector in vectors]
 
     def _names_of(self, vector: str) -> tuple[str, ...]:
@@ -90,11 +95,13 @@ class Layout(NamedTuple):
     def expressions(
         self, vectors: Sequence[Any], outputs: Sequence[str], w: Any = None
     ) -> tuple[ca.SX, ca.SX]:
-        """f (n,) and the named outputs or states (k,).
+        """Return f (n,) and the named outputs or states (k,) as expressions.
 
-        vectors: components of x, u, p.
-        w: components of the disturbances, none of them unless given.
-        Raises BadInputError where the equations are wrong (`_symbolic`).
+        vectors: components of x, u and p
+        outputs: names of outputs or states
+        w: components of the disturbances; by default 0
+
+        Raises BadInputError where the equations are faulty.
         """
         symbols, f, output_expressions = _symbolic(self, w is None)
         states = self.names[0]
@@ -111,10 +118,15 @@ class Layout(NamedTuple):
     def in_variables(
         self, values: Mapping[str, Any], p: ca.SX, outputs: Sequence[str]
     ) -> list[ca.SX]:
-        """x, u, f and the named outputs, where `values` has each variable of a trim, in still air.
+        """Return x, u, f and the named outputs in still air, as functions of the variables of a
+        trim.
+
+        values: value of each variable of a trim
+        p: parameters
+        outputs: names of outputs or states
 
         A state in `replaced` follows from the output in its place: x = (value - y(0)) / (dy/dx).
-        Raises BadInputError where that output is not affine in it.
+        Raises BadInputError where that output is not affine in the state.
         """
         unknown = {state: ca.SX.sym(state) for state, _ in self.replaced}
         x: list[Any] = [unknown.get(name, values.get(name)) for name in self.names[0]]
@@ -142,17 +154,19 @@ class Layout(NamedTuple):
 
 
 def components(vector: Any) -> list[Any]:
-    """Return the entries of a CasADi column, none for an empty one."""
+    """Return the entries of a CasADi column as a list."""
     return ca.vertsplit(vector) if vector.numel() else []
 
 
 @lru_cache(maxsize=16)
 def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[str, Any]]:
-    """Return symbols x, u, p, w, and f and the outputs by name in these symbols.
+    """Return the symbols [x, u, p, w], f, and the outputs by name, in these symbols.
 
-    They are kept, because building them takes longer than all functions of them.
-    still: whether the disturbances are 0; then w has no symbols. BadInputError names the fault of
-        the equations.
+    The result is cached, because its construction takes longer than all functions of it.
+
+    still: whether the disturbances are 0; w then has no symbols
+
+    Raises BadInputError that names the fault of the equations.
     """
     if still and not layout.names[3]:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)
@@ -171,7 +185,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
 
 def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> None:
-    """Raise BadInputError where an expression holds a symbol of the user's own, which has no
+    """Raise BadInputError where an expression contains a symbol of the user's own, without a
     value."""
     own = {symbol.element_hash() for symbol in ca.symvar(ca.SX(symbols))}
     for symbol in ca.symvar(ca.SX(expressions)):
@@ -183,7 +197,7 @@ def _refuse_other_symbols(layout: Layout, expressions: Any, symbols: Any) -> Non
 
 
 def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Return the results of the equations, with exactly the declared names."""
+    """Return the rates and outputs of the equations, with exactly the declared names."""
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi warns of functions of NumPy.
@@ -217,8 +231,10 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
 
 
 def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as one expression. Raises BadInputError for a vector and for
-    something other than a number."""
+    """Return a rate or an output as one expression.
+
+    Raises BadInputError for a vector, and for anything that is not a number.
+    """
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError, ValueError) as error:

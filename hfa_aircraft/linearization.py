@@ -1,4 +1,4 @@
-"""The values of a model's equations at a point with their exact derivatives."""
+"""Values of a model's equations at a point, with their exact derivatives."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from hfa_support.native.bound import RowFunction
 
 
 class Linearization(NamedTuple):
-    """f and y at a point, and their derivatives by x, u and w.
+    """Values and derivatives of f and y at a point.
 
-    f: (n,). y: (k,).
-    A: (n, n), B: (n, m), E: (n, d), of f.
-    C: (k, n), D: (k, m), F: (k, d), of y.
+    f: (n,), rates
+    y: (k,), outputs
+    A, B, E: (n, n), (n, m) and (n, d), derivatives of f by x, u and w
+    C, D, F: (k, n), (k, m) and (k, d), derivatives of y by x, u and w
     """
 
     f: np.ndarray
@@ -36,7 +37,7 @@ class Linearization(NamedTuple):
 def linearized(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> ca.Function:
-    """(x, u, p) -> the parts of a `Linearization` at w = 0."""
+    """Return the Function (x, u, p) -> fields of a `Linearization`, at w = 0."""
     x, u, p = layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", len(disturbances))
     for name in disturbances:
@@ -67,7 +68,7 @@ def linearized(
 def linearized_rows(
     layout: Layout, outputs: tuple[str, ...], disturbances: tuple[str, ...]
 ) -> RowFunction:
-    """(x, u, p) -> the parts of `linearized`, row by row, in one column."""
+    """Return the Function (x, u, p) -> fields of `linearized` row by row, in one column."""
     function = linearized(layout, outputs, disturbances)
     vectors = layout.symbols("x", "u", "p")
     flat = ca.vertcat(*(ca.vec(part.T) for part in function(*vectors)))
@@ -76,7 +77,7 @@ def linearized_rows(
 
 @lru_cache(maxsize=64)
 def places_of_parts(n: int, m: int, k: int, d: int) -> list[tuple[slice, tuple[int, ...]]]:
-    """Return the slices and shapes of the parts of a `Linearization` in a row of `linearized_rows`.
+    """Return the slice and shape of each field of a `Linearization` in a row of `linearized_rows`.
 
     n, m, k, d: numbers of states, inputs, outputs and disturbances
     """

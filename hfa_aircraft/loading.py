@@ -1,4 +1,4 @@
-"""Models from files: a Python file of the user's, or a module."""
+"""Loading of models from Python files, modules and the formats of packages."""
 
 from __future__ import annotations
 
@@ -22,17 +22,21 @@ if TYPE_CHECKING:
 
 
 class AircraftReader(Protocol):
-    """An entry point of `hfa.aircraft`."""
+    """Entry point of `hfa.aircraft`: a function that reads an aircraft."""
 
     def __call__(self, text: str) -> Model:
-        """Read the aircraft that the text after --aircraft names. Raises BadInputError for a wrong
-        one."""
+        """Return the aircraft that the text after --aircraft names.
+
+        Raises BadInputError for an invalid text or file.
+        """
 
 
 @checks_arguments
 def load_model(text: str) -> Model:
-    """The Model of `FILE.py:NAME` or `package.module:NAME`, which is executed, or of a scheme or
-    suffix that a package reads (`hfa_support.entry_points.AIRCRAFT`), as `scheme:NAME`.
+    """Return the model of `FILE.py:NAME`, `package.module:NAME`, or `scheme:NAME` of a package.
+
+    Python files and modules are executed. A package reads other schemes and suffixes
+    (`hfa_support.entry_points.AIRCRAFT`).
 
     BadInputError names the file and its fault.
 
@@ -82,21 +86,22 @@ def load_model(text: str) -> Model:
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:
-    """Return the model, which another process can load from the same text."""
+    """Return the model with its source, from which another process can load it."""
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     return replace(model, extras=extras)
 
 
 def forms_of_packages() -> list[str]:
-    """The forms in which packages read aircraft: schemes first, then suffixes."""
+    """Return the forms of an aircraft's name that packages read, schemes before suffixes."""
     names = sorted(offered(AIRCRAFT), key=lambda name: name.startswith("."))
     return [f"FILE{name}" if name.startswith(".") else f"{name}:NAME" for name in names]
 
 
 def _format_of(text: str) -> EntryPoint | None:
-    """Return the reader of this scheme, or of the longest suffix, or None for Python.
+    """Return the reader of a scheme or of the longest suffix, or None for Python.
 
-    The text after a "?" belongs to the reader."""
+    The text after a "?" is an argument of the reader.
+    """
     scheme = text.partition(":")[0]
     suffixes = "".join(Path(text.partition("?")[0]).suffixes)
     names = [scheme, *(suffixes[at:] for at, each in enumerate(suffixes) if each == ".")]
@@ -105,8 +110,10 @@ def _format_of(text: str) -> EntryPoint | None:
 
 
 def _read(offer: EntryPoint, text: str) -> Model:
-    """Return the model that a reader of another package makes of a text. Raises BadInputError where
-    the result is not a Model."""
+    """Return the model that the reader of a package makes of a text.
+
+    Raises BadInputError where the result is not a Model.
+    """
     read: AircraftReader = loaded(offer)
     with file_faults(text):
         model = read(text)
@@ -119,7 +126,7 @@ def _read(offer: EntryPoint, text: str) -> Model:
 
 
 def _digest(model: Model, text: str) -> str:
-    """Return the hash of a reader's input: its own, or a hash of the file and of the model."""
+    """Return a hash of the reader's input: the reader's own, or one of the file and the model."""
     if model.extras.source[1]:
         return model.extras.source[1]
     path = Path(text.partition("?")[0])
@@ -128,7 +135,7 @@ def _digest(model: Model, text: str) -> str:
 
 
 def _executed(file: str) -> types.ModuleType:
-    """The module of a file."""
+    """Execute a file and return it as a module."""
     content = regular_file(file).read_bytes()
     module = types.ModuleType(f"aircraft_{Path(file).stem}")
     module.__file__ = file  # with which it finds its tables
@@ -138,14 +145,14 @@ def _executed(file: str) -> types.ModuleType:
 
 
 def _imported(name: str) -> types.ModuleType:
-    """A module of the working folder or of the installed packages."""
+    """Import a module from the working folder or the installed packages."""
     if "" not in sys.path:
         sys.path.insert(0, "")
     return importlib.import_module(name)
 
 
 def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
-    """Return a message: a name is not a model, and the names of models."""
+    """Return the message for a name that is not a model; it lists the models of the module."""
     what = "has no name" if value is None else f"holds {shown(value)}, not a Model, under"
     models = [other for other, held in vars(module).items() if isinstance(held, Model)]
     advice = f"use {', '.join(models)}" if models else "define a Model"
@@ -153,8 +160,10 @@ def _what_is_there(module: types.ModuleType, name: str, value: Any) -> str:
 
 
 def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
-    """The model of a file in another process. Raises BadInputError when the file has changed
-    since."""
+    """Return the model of a source in another process.
+
+    Raises BadInputError when the file has changed since it was loaded.
+    """
     model = load_model(source[0])
     if model.extras.source != source:
         raise BadInputError(f"{source[0]} has changed since the work began; start again")

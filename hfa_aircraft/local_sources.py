@@ -1,5 +1,5 @@
-"""The source files of a model: its own and those in its folder that it imports; the fingerprint of
-a model."""
+"""Source files of a model, with the local modules that they import, and the fingerprint of a
+model."""
 
 from __future__ import annotations
 
@@ -31,8 +31,11 @@ _EXTENSIONS = Path(__file__).resolve().parents[1] / "extensions"
 
 
 def fingerprint(model: Model, sources: str) -> str:
-    """SHA-256 of a model: the hash of its source files, its signals, its trim, and its equations
-    instruction by instruction, with the numbers that they read from other files."""
+    """Return a SHA-256 of a model.
+
+    It covers the hash of its source files, its signals, its trim and its equations instruction by
+    instruction, with the numbers that they read from other files.
+    """
     vectors = model.layout.symbols(*VECTORS)
     *given, w = map(components, vectors)
     f, y = model.layout.expressions(given, tuple(model.outputs), w)
@@ -52,11 +55,12 @@ def fingerprint(model: Model, sources: str) -> str:
 
 
 def hash_of_sources(file: Path, package: str = "") -> str:
-    """SHA-256 of a Python file that was executedand of the local modules that it imports.
+    """Return a SHA-256 of an executed Python file and of the local modules that it imports.
 
-    Local are the modules in the folder of the file, or below the folder of the outermost package
-    that it belongs to, and not those of an installed package. Those that they import count too.
-    file: what was executed
+    Modules are local in the folder of the file, or below the folder of its outermost package,
+    unless they belong to an installed package. Modules that these import count too.
+
+    file: the executed file
     package: its package, for relative imports
     """
     outer_packages = package.count(".")
@@ -74,7 +78,8 @@ def hash_of_sources(file: Path, package: str = "") -> str:
 def _local_sources(
     file: Path, package: str, folder: Path, sources: dict[Path, bytes]
 ) -> dict[Path, bytes]:
-    """Return path -> text of a file and its imports, added to the known ones."""
+    """Add the text of a file and of the local files that it imports to `sources`, and return
+    them."""
     sources[file] = file.read_bytes()
     for name in _imported_names(sources[file], package):
         module = sys.modules.get(name)
@@ -90,7 +95,7 @@ def _local_sources(
 
 
 def _imported_names(text: bytes, package: str) -> set[str]:
-    """Modules that import statements may name, with their packages."""
+    """Return the modules that import statements may name, with their packages."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):

@@ -1,5 +1,5 @@
-"""One declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w): all packages take equations and
-names from it."""
+"""Declaration of a model x' = f(x, u, p, w), y = h(x, u, p, w), the only source of equations and
+names."""
 
 from __future__ import annotations
 
@@ -29,22 +29,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
-    """x' = f(x, u, p, w), y = h(x, u, p, w), declared once.
+    """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
 
-    name: of the model.
-    states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the
-        vectors.
+    name: name of the model states, inputs, parameters, disturbances, outputs: name -> `Signal`, in
+        the order of the vectors
     equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name), for numbers
-        and for CasADi expressions, with every declared output.
-    trim: state, input or output -> the value that a trim imposes by default.
-    steady: the states whose rates a trim balances; all of them unless given.
-    linear: the states of the linear model; all of them unless given.
-    schedule: the state, input or parameter that sweeps, gain schedules and proofs run over.
-    modes: name of a mode -> the states that take part most; unless given, those of states that are
-        named as in textbooks (`usual_modes`).
-    replaced: state -> the output, affine in it, that people name in its place in a trim:
-        pitch -> gamma.
-    extras: additions of a reader of files, or of the paper's aircraft.
+        and for CasADi expressions, with every declared output
+    trim: state, input or output -> value that a trim imposes by default
+    steady: states whose rates a trim balances; by default all
+    linear: states of the linear model; by default all
+    schedule: state, input or parameter over which sweeps, gain schedules and proofs run
+    modes: name of a mode -> states that take part most; by default found from usual names of states
+        (`usual_modes`)
+    replaced: state -> output, affine in it, that replaces it as a variable of a trim: pitch ->
+        gamma
+    extras: additional data set by a reader of files, or by the paper's aircraft
 
     Raises BadInputError when a name is not an identifier, is declared twice or is unknown, a number
     is invalid, or the equations fail.
@@ -74,7 +73,7 @@ class Model(Reported):
     extras: Extras = field(default_factory=Extras)
 
     def __post_init__(self) -> None:
-        """Check the declaration before anything is compiled."""
+        """Check the declaration before the equations are compiled."""
         self._check_signals()
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; a model needs at least one")
@@ -94,7 +93,7 @@ class Model(Reported):
             self.layout.refuse_broken()
 
     def _check_signals(self) -> None:
-        """Make each kind of signals a dictionary, and refuse names and numbers that cannot be."""
+        """Convert each kind of signals to a dictionary, and refuse invalid names and numbers."""
         seen: set[str] = set()
         for kind in (*VECTORS.values(), "outputs"):
             signals: Any = getattr(self, kind)
@@ -115,7 +114,7 @@ class Model(Reported):
                 _check_signal(f"{self.name}: {name}", signal)
 
     def _check_names(self) -> None:
-        """Refuse names that are not declared."""
+        """Raise BadInputError for names that are not declared."""
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         in_modes = self._names_of_groups("modes", self.modes)
@@ -133,7 +132,7 @@ class Model(Reported):
                 refuse_unknown(f"{self.name}: {meaning}", name, declared)
 
     def _names_of_groups(self, kind: str, groups: Mapping[str, tuple[str, ...]]) -> list[str]:
-        """The names of all groups of `modes` or `parts`."""
+        """Return the names in all groups of `modes` or `parts`."""
         names: list[str] = []
         for group, members in groups.items():
             names += _names(f"{self.name}: {kind} {shown(group)}", members)
@@ -152,7 +151,7 @@ class Model(Reported):
         return signals_report(self)
 
     def __reduce__(self) -> Any:
-        """Return the arguments for a pickle: a model loaded from a file is loaded again."""
+        """Return the arguments of a pickle; a model from a file is loaded from it again."""
         extras = self.extras
         if extras.made_by is None:
             return super().__reduce__()
@@ -180,12 +179,12 @@ class Model(Reported):
 
     @property
     def schedule_unit(self) -> str:
-        """Unit in which people write the scheduling variable: of an angle degrees."""
+        """Unit of the scheduling variable in reports: degrees for an angle."""
         return "deg" if self.unit(self.schedule) == "rad" else self.unit(self.schedule)
 
     @property
     def schedule_key(self) -> str:
-        """The name of its values in that unit, in files and data: dihedral_deg, speed."""
+        """Key of the scheduling variable in that unit, in files and data: dihedral_deg, speed."""
         if self.schedule_unit == "deg":
             return f"{self.schedule}_deg"
         return self.schedule
@@ -203,24 +202,23 @@ class Model(Reported):
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """The variables of a trim, imposed or free: states, some replaced by outputs, and
-        inputs."""
+        """Names of the variables of a trim: states, some replaced by outputs, and inputs."""
         return self.layout.variables
 
     @cached_property
     def holdable(self) -> tuple[str, ...]:
-        """The names that a trim can impose: variables and outputs."""
+        """Names that a trim can impose: variables and outputs."""
         return tuple(dict.fromkeys((*self.variables, *self.outputs)))
 
     @cached_property
     def measurable(self) -> tuple[str, ...]:
-        """Signals that a controller can measure: states, outputs and the parts of outputs."""
+        """Names that a controller can measure: states, outputs and the parts of outputs."""
         parts = [f"{output}_{ending}" for ending in self.extras.parts for output in self.outputs]
         return (*self.states, *self.outputs, *parts)
 
     def part(self, name: str) -> tuple[str, tuple[str, ...]]:
-        """Return the output or state of a name of `measurable`, and the linear states whose effect
-        is included."""
+        """Return the output or state of a name in `measurable`, and the linear states that it
+        includes."""
         for ending, states in self.extras.parts.items():
             whole = name.removesuffix(f"_{ending}")
             if whole != name and whole in self.outputs:
@@ -229,8 +227,10 @@ class Model(Reported):
 
     @cached_property
     def rates(self) -> dict[str, Signal]:
-        """The rates of the states, which a trim can impose too: speed_dot of speed, unless that
-        name is declared."""
+        """Signals of the rates of the states, which a trim can also impose: speed_dot for speed.
+
+        A rate whose name is already declared is left out.
+        """
         return {
             f"{name}_dot": Signal(self.rate_unit(name), self.rate_scale(name))
             for name in self.states
@@ -238,8 +238,12 @@ class Model(Reported):
         }
 
     def refuse_unheld(self, meaning: str, name: str, also: Sequence[str] = ()) -> None:
-        """Raise BadInputError unless a trim can impose the name: `holdable`, the rate of a state,
-        or one of the others."""
+        """Raise BadInputError unless a trim can impose the name.
+
+        meaning: subject of the message
+        name: the name
+        also: further allowed names, besides `holdable` and the rates of states
+        """
         if name in self.rates or name in also:
             return
         if name in self.parameters:
@@ -260,7 +264,8 @@ class Model(Reported):
         }
 
     def unit(self, name: str) -> str:
-        """Unit of a signal, a parameter or a rate. Raises BadInputError for another name."""
+        """Return the unit of a signal, a parameter or a rate. Raises BadInputError for another
+        name."""
         if name in self.signals:
             return self.signals[name].unit
         refuse_unknown("unknown name", name, (*self.signals, *self.rates))
@@ -272,7 +277,7 @@ class Model(Reported):
 
     @cached_property
     def time_unit(self) -> str:
-        """ "s"; "min", "h" or "day" where units contain it and none contains s."""
+        """Unit of time: "min", "h" or "day" where the units contain it and not s; else "s"."""
         bases = set()
         for signal in self.signals.values():
             bases.update(re.findall("[a-z]+", signal.unit))
@@ -280,7 +285,7 @@ class Model(Reported):
         return longer[0] if longer and "s" not in bases else "s"
 
     def rate_unit(self, name: str) -> str:
-        """Unit of a state's rate: ft/s of ft, ft/s^2 of ft/s."""
+        """Return the unit of a state's rate: ft/s for ft, ft/s^2 for ft/s."""
         per_time = f"/{self.time_unit}"
         head, slash, power = self.unit(name).rpartition(per_time)
         if slash and (not power or power[1:].isdigit()):
@@ -288,16 +293,19 @@ class Model(Reported):
         return f"{self.unit(name)}{per_time}"
 
     def rate_scale(self, name: str) -> float:
-        """Typical size of a state's rate."""
+        """Return the typical size of a state's rate."""
         return self.states[name].rate or self.states[name].nominal
 
     def entry_unit(self, row: str, column: str) -> str:
-        """Unit of the entry of A or B that the rate of a state (row) has per state or input
-        (column), as text."""
+        """Return the unit of an entry of A or B.
+
+        row: state whose rate is differentiated
+        column: state or input
+        """
         return f"({self.rate_unit(row)})/({self.unit(column)})"
 
     def describe(self, name: str, value: float) -> str:
-        """Return a value with its unit in words, angles in degrees."""
+        """Return a value with its unit as text, angles in degrees."""
         unit = self.unit(name)
         text = shown_value(value, unit)
         return text if unit == "1" else f"{text} {shown_unit(unit)}"
@@ -305,7 +313,10 @@ class Model(Reported):
     # Parameters.
 
     def with_parameters(self, **values: float) -> Model:
-        """Return the model with other values of parameters. BadInputError beyond their limits."""
+        """Return the model with other values of parameters.
+
+        Raises BadInputError for an unknown parameter, and for a value beyond its limits.
+        """
         changed = dict(self.parameters)
         native = self.extras.native
         native_values = {}
@@ -325,22 +336,25 @@ class Model(Reported):
 
     @cached_property
     def p(self) -> np.ndarray:
-        """The values of the parameters, in order."""
+        """Values of the parameters, in order."""
         return np.array([signal.start for signal in self.parameters.values()], dtype=float)
 
     # Values and derivatives.
 
     @cached_property
     def layout(self) -> Layout:
-        """The equations and names of the model, without numbers."""
+        """Equations and names of the model, without numbers."""
         names = tuple(tuple(getattr(self, kind)) for kind in (*VECTORS.values(), "outputs"))
         return Layout(self.name, self.equations, names, tuple(self.replaced.items()))
 
     def functions(
         self, outputs: Sequence[str] | None = None, disturbances: Sequence[str] = ()
     ) -> ca.Function:
-        """(x, u, p) -> the parts of a `Linearization` at w = 0, of these outputs (all unless
-        given)."""
+        """Return the Function (x, u, p) -> fields of a `Linearization`, at w = 0.
+
+        outputs: names of outputs or states; by default all outputs
+        disturbances: names
+        """
         from hfa_aircraft.linearization import linearized
 
         chosen = tuple(self.outputs if outputs is None else outputs)
@@ -349,14 +363,14 @@ class Model(Reported):
     def at(
         self, x: Any, u: Any, outputs: Sequence[str] = (), disturbances: Sequence[str] = ()
     ) -> Linearization:
-        """f, y and their derivatives, exact to rounding.
+        """Return f, y and their derivatives at a state and an input, exact to rounding.
 
-        x: (n,)
-        u: (m,)
-        outputs: names
+        x: (n,), state
+        u: (m,), input
+        outputs: names of outputs or states
         disturbances: names
 
-        Raises FloatingPointError where one is not finite.
+        Raises FloatingPointError where a result is not finite.
         """
         from hfa_aircraft.linearization import Linearization, linearized_rows, places_of_parts
 
@@ -374,10 +388,10 @@ class Model(Reported):
     def not_finite(
         self, rates: np.ndarray, values: Mapping[str, float], names: Sequence[str]
     ) -> str:
-        """Return the rate that is not a number, and the place.
+        """Return the message that names a rate that is not finite, and the point.
 
-        rates: of the states `names`.
-        values: of states and inputs there.
+        rates: rates of the states `names`
+        values: name -> value of the states and inputs at the point
         """
         wrong = [name for name, rate in zip(names, rates, strict=True) if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
@@ -392,19 +406,19 @@ class Model(Reported):
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
-        """Outputs, all unless named, at a state and an input."""
+        """Return output -> value at a state and an input, for all outputs or those named."""
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
-        """The rate of every state at a state and an input."""
+        """Return state -> rate at a state and an input."""
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 
     def _numbers_at(
         self, x: Sequence[float], u: Sequence[float]
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Rates and outputs by name."""
+        """Return the rates and outputs by name."""
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
         records = map(self.layout.record, VECTORS, (*numbers, still_air))
@@ -419,22 +433,24 @@ class Model(Reported):
 
 
 def _is_identifier(name: Any) -> bool:
-    """Return whether a name can be a field, in Python and in C."""
+    """Return whether a name can be a field in Python and in C."""
     if not isinstance(name, str) or keyword.iskeyword(name):
         return False
     return name.isidentifier() and name.isascii() and name[0] != "_"
 
 
 def _names(what: str, names: Any) -> tuple[str, ...]:
-    """Names in a tuple. Raises BadInputError for one text, which is no tuple of names, and for
-    others."""
+    """Return names as a tuple.
+
+    Raises BadInputError for a single text, and for items that are no texts.
+    """
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")
     return tuple(names)
 
 
 def _check_signal(where: str, signal: Signal) -> None:
-    """Raise BadInputError for a signal whose numbers cannot be."""
+    """Raise BadInputError for a signal with an invalid number."""
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):

@@ -1,4 +1,4 @@
-"""The signals of a model, and named tuples of their values."""
+"""Signals of a model, and named tuples of their values."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
 class Signal(NamedTuple):
     """Unit, size and limits of a state, input, parameter, disturbance or output.
 
-    The terms are those of FMI 3 and casadi.DaeBuilder.
+    The names of the fields are those of FMI 3 and casadi.DaeBuilder.
 
-    unit: as text, "1" for none.
-    nominal: typical size, > 0; it weighs unknowns and residuals of different units.
-    min, max: where the equations hold; limits of a trim.
-    start: value of a parameter; where a search for a state or an input begins.
-    rate: typical size of a state's rate; the nominal unless given.
-    moving: note on an input: dynamics between it and the motion that the equations leave out.
+    unit: text, "1" for none
+    nominal: typical size, > 0; it scales unknowns and residuals of different units
+    min, max: domain of the equations; limits of a trim
+    start: value of a parameter; initial value of the search for a state or an input
+    rate: typical size of a state's rate; by default the nominal
+    moving: note on an input, about omitted dynamics between it and the motion
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -44,15 +44,15 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 
 
 def record(names: tuple[str, ...]) -> Any:
-    """The class of named tuples with these fields: that of the declaration, or a new one."""
+    """Return the class of named tuples with these fields: the registered one, or a new one."""
     if names not in _RECORDS:
         remember_record(namedtuple("Values", names))
     return _RECORDS[names]
 
 
 def remember_record(kind: Any) -> None:
-    """Let `record` return a class of named tuples for its names, also with values["alpha"] and
-    dict(values)."""
+    """Register a class of named tuples for its names, and add values["alpha"] and dict(values) to
+    it."""
 
     def item(values: Any, name: Any) -> Any:
         if not isinstance(name, str):

@@ -1,4 +1,4 @@
-"""The named quantities of a model as a table."""
+"""Signals of a model as tables."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ _KINDS = ("states", "inputs", "outputs", "parameters", "disturbances")
 
 
 def signals_report(model: Model) -> Report:
-    """Return one table for each kind: names, units, limits, and the value that a trim imposes, or
-    of a parameter its own; angles in degrees."""
+    """Return one table for each kind of signal: names, units, limits and values, angles in degrees.
+
+    The value is the one that a trim imposes, or that of a parameter.
+    """
     parts = []
     records: list[tuple[Any, ...]] = []
     for kind in _KINDS:

@@ -1,4 +1,4 @@
-"""Names and units of the states and inputs, for values that belong to one aircraft."""
+"""Names and units of states and inputs, shared by all results that belong to one aircraft."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class StatesAndInputs:
-    """Names and units of the states and inputs, for values with a `model`."""
+    """Base class with the names and units of states and inputs, for results with a `model`."""
 
     if TYPE_CHECKING:
 

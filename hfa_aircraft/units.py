@@ -1,7 +1,7 @@
-"""A model in SI units: the same aircraft, whose signals are metres, kilograms and newtons.
+"""Conversion of a model to SI units.
 
-The declaration and the equations are converted, so that everything after the model is in SI
-without knowing of it.
+Declaration and equations are converted, so that all later steps work in SI without further
+conversions.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from hfa_support.units import si_factor, si_unit
 
 
 def in_si(model: Model) -> Model:
-    """Return the aircraft with all signals in SI units; a model without English units is returned
-    itself.
+    """Return the aircraft with all signals in SI units.
 
-    `extras.native` of the result is the model that was converted.
+    The result has the original model in `extras.native`. A model without English units is returned
+    unchanged.
     """
     if all(si_unit(signal.unit) == signal.unit for signal in model.signals.values()):
         return model
@@ -69,10 +69,10 @@ def _signal_in_si(signal: Signal) -> Signal:
 
 @dataclass(frozen=True)
 class _Conversion:
-    """Factors from the units of a declaration to SI.
+    """Factors from the declared units to SI.
 
-    vectors: of x, u, p, w the (name, factor) of each component.
-    outputs: (name, factor) of each output.
+    vectors: "x", "u", "p", "w" -> (name, factor) of each component
+    outputs: (name, factor) of each output
     """
 
     vectors: tuple[tuple[tuple[str, float], ...], ...]
@@ -80,12 +80,12 @@ class _Conversion:
 
     @staticmethod
     def of(model: Model) -> _Conversion:
-        """The factors of a model's signals."""
+        """Return the factors of a model's signals."""
         vectors = tuple(_factors(getattr(model, kind)) for kind in VECTORS.values())
         return _Conversion(vectors, _factors(model.outputs))
 
     def states_in_si(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Values by state, or pairs of limits, in SI."""
+        """Return values by state, or pairs of limits, in SI."""
         converted = {}
         for name, factor in self.vectors[0]:
             if name in values:
@@ -95,7 +95,7 @@ class _Conversion:
         return converted
 
     def native(self, kind: str, vector: Any) -> Any:
-        """The vector (x, u, p or w) in the units of the declaration, with its names."""
+        """Return a vector (x, u, p or w) in the declared units, with its names."""
         factors = dict(self.vectors[list(VECTORS).index(kind)])
         values = [value / factor for value, factor in zip(vector, factors.values(), strict=True)]
         return record(tuple(factors))(*values)
@@ -103,13 +103,13 @@ class _Conversion:
 
 @dataclass(frozen=True)
 class _Equations:
-    """The equations of a converted model."""
+    """Equations of a converted model."""
 
     conversion: _Conversion
     equations: Callable[[Any, Any, Any, Any], tuple[Mapping[str, Any], Mapping[str, Any]]]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates by state and outputs by name, in SI."""
+        """Return rates by state and outputs by name, in SI."""
         vectors = zip(VECTORS, (x, u, p, w), strict=True)
         native = [self.conversion.native(kind, vector) for kind, vector in vectors]
         rates, outputs = self.equations(*native)
@@ -119,13 +119,13 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _Envelope:
-    """The limits about a trim of a converted model."""
+    """Limits of flights about a trim of a converted model."""
 
     conversion: _Conversion
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]]
 
     def __call__(self, x: Any, p: Any) -> Mapping[str, tuple[float, float]]:
-        """Limits of states by name, in SI."""
+        """Return state -> limits, in SI."""
         state = self.conversion.native("x", x)
         parameters = self.conversion.native("p", p)
         return self.conversion.states_in_si(self.envelope(state, parameters))
@@ -133,28 +133,28 @@ class _Envelope:
 
 @dataclass(frozen=True)
 class _Check:
-    """The check of a state of a converted model."""
+    """Check of a state of a converted model."""
 
     conversion: _Conversion
     check: Callable[[Any], None]
 
     def __call__(self, x: Any) -> None:
-        """BadInputError, in the units of the declaration, where the equations mean nothing."""
+        """Raise BadInputError, in the declared units, outside the domain of the equations."""
         self.check(self.conversion.native("x", x))
 
 
 @dataclass(frozen=True)
 class _Begin:
-    """Start of the searches of a converted model.
+    """Initial values of the searches of a converted model.
 
-    factors: (name, factor to SI) of every signal.
+    factors: (name, factor to SI) of every signal
     """
 
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]]
     factors: tuple[tuple[str, float], ...]
 
     def __call__(self, imposed: Mapping[str, Any]) -> dict[str, Any]:
-        """Starts by name, in SI."""
+        """Return name -> initial value, in SI."""
         factors = dict(self.factors)
         native = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
         starts = self.begin(native)

@@ -1,4 +1,4 @@
-"""Names of modes for models that declare none, from the names and units of their states."""
+"""Names of the modes of a model that declares none, from the names and units of its states."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ _MODES = {
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     """Return name of a mode -> the states that take part most, for the states of an aircraft.
 
-    Short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p), spiral (phi).
-    A mode is left out where one of its states is not recognized; the phugoid also without alpha
-    and q, roll and spiral without beta and r, since then it may be no aircraft.
+    The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
+    and spiral (phi). A mode is left out where one of its states is not recognized. Without alpha
+    and q the model may not be an aircraft, so the phugoid is left out; without beta and r so are
+    roll and spiral.
 
-    states: name -> signal.
+    states: name -> signal
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():

@@ -1,5 +1,5 @@
-"""The aircraft: three rigid panels on two hinges, seven states, five inputs, written
-symbolically."""
+"""The flexible aircraft of the paper: three rigid panels on two hinges, seven states, five
+inputs."""
 
 from hfa_support.public_names import public_names
 

@@ -1,4 +1,5 @@
-"""Loads on one panel, and their sums on the aircraft: lift, drag, pitching moment, hinge moment."""
+"""Loads on each panel, and their sums on the aircraft: lift, drag, pitching moment, hinge
+moment."""
 
 from __future__ import annotations
 
@@ -28,8 +29,8 @@ class PanelLoads(NamedTuple, Generic[T]):
     forward: force at the reference point, lbf
     sideward: force at the reference point, lbf
     downward: force at the reference point, lbf
-    tail_downward: the tail's share of `downward`, lbf, which acts at the end of the boom
-    moment: of the wing section about the quarter chord, ft lbf
+    tail_downward: part of `downward` due to the tail, lbf, acting at the end of the boom
+    moment: moment of the wing section about the quarter chord, ft lbf
     """
 
     lift: T
@@ -70,20 +71,20 @@ def panel_loads(
     density: Quantity,
     p: Parameters[Quantity],
 ) -> PanelLoads[Quantity]:
-    """The loads on one panel:
+    """Return the loads on one panel.
 
     L_w = q_i S (C_Lα α_i + C_Lδ δ_a),  L_t = q_i S_t C_Lα (α_i + δ_e),
     D = q S (C_D0 + κ C_Lw²),  M = q_i c S (C_M0 + C_Mδ δ_a).
 
-    flow: of the air at the panel: V_i, α_i, sideslip
+    flow: air relative to the panel: V_i, α_i, sideslip
     speed: V of the aircraft, ft/s
     aileron: δ_a, rad
     elevator: δ_e, rad
     density: ρ, slug/ft^3
     p: parameters
 
-    q_i = ½ρV_i² takes the local speed; the drag takes q = ½ρV² with the aircraft's speed, and the
-    tail makes none: that is how the published matrices were made.
+    q_i = ½ρV_i² uses the local speed. The drag uses q = ½ρV² with the aircraft's speed, and the
+    tail has none, as in the published matrices.
     Source: Gibson et al. 2011, Eqs. 36-43.
     """
     area = p.panel_span * p.chord
@@ -116,15 +117,15 @@ def aircraft_loads(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Loads[Quantity]:
-    """The loads on the panels (`panel_loads`) and their sums (`sum_of_panels`).
+    """Return the loads on the panels (`panel_loads`) and their sums (`sum_of_panels`).
 
     x: states
     u: inputs
     density: slug/ft^3
     p: parameters
-    variant: of the equations
-    winds: at the panels. The drag of a panel takes the speed of the aircraft through the panel's
-        air, or over ground with `winds.ground_drag`
+    variant: variant of the equations
+    winds: winds at the panels. The drag of a panel uses the airspeed, or the speed over ground with
+        `winds.ground_drag`.
     """
     center_speed = x.speed if winds.ground_drag else airspeed(x, winds.center)
     outer_speed = x.speed if winds.ground_drag else airspeed(x, winds.outer)
@@ -143,7 +144,7 @@ def sum_of_panels(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Loads[Quantity]:
-    """The loads on the aircraft, sums over its panels (c: center, o: one outer, t: tail):
+    """Return the loads on the aircraft, summed over its panels (c: center, o: one outer, t: tail).
 
     X = X_c + 2 X_o,  Z = Z_c + 2 (Z_o cos η + Y_o sin η),
     D = -(X cos α + Z sin α),  L = X sin α - Z cos α,
@@ -151,7 +152,7 @@ def sum_of_panels(
     H = -(s/2) Z_o - (s/2) m g cos η cos θ.
 
     x: states
-    u: inputs; the throttle makes the thrust
+    u: inputs; the throttle determines the thrust
     center: loads on the center panel
     outer: loads on one outer panel
     p: parameters

@@ -23,12 +23,12 @@ _KILOGRAM_PER_SLUG = 14.593902937206364
 
 
 def density(altitude: Quantity) -> Quantity:
-    """ρ(h) = p(H) / (R T(H)) with the geopotential altitude H = r h / (r + h).
+    """Return the density ρ(h) = p(H) / (R T(H)), slug/ft^3, with H = r h / (r + h).
 
     altitude: geometric, ft, 0 to `HIGHEST_ALTITUDE`; a number or a CasADi expression
 
-    Returns the density in slug/ft^3. Raises BadInputError for a number outside of that range.
-    Source: U.S. Standard Atmosphere, 1976, Eqs. 18, 23, 33a, 33b, 42.
+    Raises BadInputError for a number outside of that range. Source: U.S. Standard Atmosphere, 1976,
+    Eqs. 18, 23, 33a, 33b, 42.
     """
     geopotential = _geopotential(altitude)
     kelvin = _temperature(geopotential)
@@ -58,17 +58,27 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
 
 
 def temperature(altitude: Quantity) -> Quantity:
-    """T(h) = T_0 - λ min(H, 11 km), K; altitude as for `density`. Source: the same, Eq. 23."""
+    """Return the temperature T(h) = T_0 - λ min(H, 11 km), K.
+
+    altitude: as for `density`
+
+    Source: U.S. Standard Atmosphere, 1976, Eq. 23.
+    """
     return _temperature(_geopotential(altitude))
 
 
 def speed_of_sound(altitude: Quantity) -> Quantity:
-    """a(h) = sqrt(1.4 R T(h)), ft/s; altitude as for `density`. Source: the same, Eq. 50."""
+    """Return the speed of sound a(h) = sqrt(1.4 R T(h)), ft/s.
+
+    altitude: as for `density`
+
+    Source: U.S. Standard Atmosphere, 1976, Eq. 50.
+    """
     return ca.sqrt(_HEAT_CAPACITY_RATIO * _GAS_CONSTANT * temperature(altitude)) / _METRE_PER_FOOT
 
 
 def _geopotential(altitude: Quantity) -> Quantity:
-    """H = r h / (r + h), m, of a geometric altitude in ft."""
+    """Return the geopotential altitude H = r h / (r + h), m, of a geometric altitude in ft."""
     if not isinstance(altitude, (ca.SX, ca.MX)):
         refuse_beyond_the_atmosphere(altitude)
     height = altitude * _METRE_PER_FOOT
@@ -76,5 +86,5 @@ def _geopotential(altitude: Quantity) -> Quantity:
 
 
 def _temperature(geopotential: Quantity) -> Quantity:
-    """T_0 - λ min(H, 11 km), K, of a geopotential altitude H in m."""
+    """Return T_0 - λ min(H, 11 km), K, for a geopotential altitude H in m."""
     return _SEA_LEVEL_TEMPERATURE - _LAPSE_RATE * ca.fmin(geopotential, _TROPOPAUSE)

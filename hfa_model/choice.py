@@ -1,4 +1,4 @@
-"""The paper's aircraft by its dynamics: the one function that makes a `Model` of it."""
+"""Construction of the paper's aircraft as a `Model`, by its dynamics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SIZES = ("panel_mass", "panel_span", "chord")
 
 @checks_arguments
 def aircraft(dynamics: str | Variant = "published", parameters: Parameters | None = None) -> Model:
-    """The highly flexible aircraft as a `Model`.
+    """Return the highly flexible aircraft as a `Model`.
 
     dynamics: "published" or "newton", one of other packages ("unsteady"), or a variant of the
         equations; the file of another aircraft is loaded as by `hfa.load_model`
@@ -43,7 +43,7 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
 
 
 def _checked_parameters(parameters: Parameters) -> Parameters:
-    """The parameters. Raises BadInputError when one is not finite, or a size is negative."""
+    """Return the parameters. Raises BadInputError when one is not finite, or a size is negative."""
     if not isinstance(parameters, Parameters):
         raise TypeError("parameters must be Parameters, as in default_parameters().values")
     for name, value in parameters._asdict().items():

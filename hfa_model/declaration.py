@@ -1,5 +1,5 @@
-"""The aircraft as a `Model`, and with its parameters by name: single points are checked for shape
-and range."""
+"""Declaration of the paper's aircraft as a `Model`, with checks of the shape and range of
+points."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations of a variant in the form of a `Model`.
+    """Equations of a variant, in the form that a `Model` requires.
 
-    variant: of the equations
-    ground_drag: whether in wind the drag takes the speed over ground, not that through the air
+    variant: variant of the equations
+    ground_drag: whether the drag in wind uses the speed over ground in place of the airspeed
     """
 
     variant: Variant
@@ -48,12 +48,12 @@ class Equations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Rates by state, outputs by name.
+        """Return rates by state and outputs by name.
 
         x: states
         u: inputs
         p: parameters
-        w: disturbances, of `DISTURBANCES`
+        w: disturbances, in the order of `DISTURBANCES`
         """
         winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
         moment = moment_of(x, u, p, self.variant, winds)
@@ -61,8 +61,11 @@ class Equations:
 
 
 def check_in_range(x: State) -> None:
-    """Raise BadInputError unless the speed is positive, the altitude within the atmosphere and the
-    dihedral angle within 90 degrees: elsewhere the equations mean nothing."""
+    """Raise BadInputError for a state outside the domain of the equations.
+
+    The speed must be positive, the altitude within the atmosphere and the dihedral angle within 90
+    degrees.
+    """
     if x.speed <= 0.0:
         raise BadInputError(f"speed is {x.speed:g} ft/s; it must be positive")
     refuse_beyond_the_atmosphere(x.altitude)
@@ -73,20 +76,19 @@ def check_in_range(x: State) -> None:
 
 
 def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
-    """State -> (lowest, highest) within which the equations are meant to hold about a trim; alpha,
-    pitch and dihedral have their own limits (`STATE_SIGNALS`).
+    """Return state -> (lowest, highest), the domain of the equations in flights about a trim.
 
     x: the trimmed state
     p: parameters
 
     speed: half to double the trimmed one, ft/s
     altitude: within 1000 ft
-    pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the tail, a boom behind, meets the air at
+    pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the tail, one boom length behind, reaches
         the largest α
-    dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the hinges do
+    dihedral_rate: up to V tan(α_max)/(s/3), rad/s, at which the hinges reach it
 
-    The equations leave out both angles or grow by them, so that beyond these rates they mean
-    little.
+    alpha, pitch and dihedral have their own limits (`STATE_SIGNALS`). The equations neglect both
+    angles or grow with them, so that they are not valid beyond these rates.
     """
     steepest_descent = x.speed * math.tan(STATE_SIGNALS.alpha.max)
     pitch_rate = steepest_descent / p.boom_length
@@ -112,8 +114,10 @@ _PAPER = published_data()["trim"]
 
 
 def _with_loads(point: Any, report: Report) -> Report:
-    """The report of a trim with loads and performance (`hfa_model.trim_loads`, loaded when a trim
-    is reported)."""
+    """Return the report of a trim with loads and performance.
+
+    `hfa_model.trim_loads` is loaded only when a trim is reported.
+    """
     from hfa_model.trim_loads import with_loads
 
     return with_loads(point, report)
@@ -167,7 +171,7 @@ _DECLARED = Model(
 
 @lru_cache(maxsize=64)
 def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
-    """The aircraft with these equations and parameters, without lags of the air."""
+    """Return the aircraft with these equations and parameters, in quasi-steady air."""
     # Any numbers: a fit of the print tries those that no aircraft has.
     values = {
         name: signal._replace(start=float(getattr(parameters, name)))
@@ -183,17 +187,20 @@ def rigid_panels(variant: Variant, parameters: Parameters) -> Model:
 
 
 def is_hfa(model: Model) -> bool:
-    """Return whether a model is this aircraft with the `published` or the `newton` dynamics."""
+    """Return whether a model is the paper's aircraft with the `published` or the `newton`
+    dynamics."""
     return isinstance(native_of(model).equations, Equations)
 
 
 def parameters_of(model: Model) -> Parameters:
-    """The parameters of a model of this aircraft, in the units of the model; without the further
-    ones of the unsteady dynamics."""
+    """Return the parameters of a model of this aircraft, in the units of the model.
+
+    The further parameters of the unsteady dynamics are left out.
+    """
     return Parameters(*(model.parameters[name].start for name in Parameters._fields))
 
 
 def variant_of(model: Model) -> Variant:
-    """The variant of the equations of a model for which `is_hfa` holds."""
+    """Return the variant of the equations of a model for which `is_hfa` holds."""
     equations: Equations = native_of(model).equations  # type: ignore[assignment]
     return equations.variant

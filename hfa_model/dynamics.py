@@ -1,4 +1,4 @@
-"""The seven equations of motion as one pure function of state, loads and parameters."""
+"""Seven equations of motion, as one pure function of state, loads and parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_model.vectors import Quantity, State
 def rates_from_loads(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity], variant: Variant
 ) -> State[Quantity]:
-    """dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m):
+    """Return dX/dt for X = [V, α, h, θ, q, η, η'] (paper Section 2.2; γ = θ - α, m_tot = 3 m).
 
     V'  = (T cos α - D)/m_tot - g sin γ,
     α'  = -(T sin α + L)/(m_tot V) + q + g cos γ / V,
@@ -24,12 +24,12 @@ def rates_from_loads(
     η'' = (H - k_c η' - k_k η + (m s/2) cos η (V' sin α + V cos α α') + coupling - d2) / d3,
     d2  = (I_yy - I_zz - m s²/12) sin η cos η q².
 
-    x: states; V is over ground
+    x: states; V is the speed over ground
     loads: L, D, M, H and T; moving air acts through them alone
     p: parameters
     variant: gives `coupling` and d3 (`variants.py`)
 
-    Numbers or CasADi expressions in, the same out.
+    Arguments and result are numbers or CasADi expressions.
     """
     gamma = x.pitch - x.alpha
     total_mass = 3 * p.panel_mass
@@ -55,7 +55,7 @@ def rates_from_loads(
 def _pitch_acceleration(
     x: State[Quantity], loads: Loads[Quantity], p: Parameters[Quantity]
 ) -> Quantity:
-    """q', rad/s^2."""
+    """Return q', rad/s^2."""
     c1 = 3 * p.inertia_pitch
     c2 = 2 * p.inertia_yaw - 2 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6
     sin_eta = ca.sin(x.dihedral)
@@ -72,7 +72,7 @@ def _dihedral_acceleration(
     p: Parameters[Quantity],
     variant: Variant,
 ) -> Quantity:
-    """η'', rad/s^2, from V' and α'."""
+    """Return η'', rad/s^2, from V' and α'."""
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
     descent_rate = speed_rate * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * alpha_rate

@@ -24,7 +24,7 @@ from hfa_model.vectors import Quantity, State
 
 
 class Wind(NamedTuple):
-    """Velocity of the air at a panel over ground.
+    """Velocity of the air at a panel, over ground.
 
     updraft: upward, ft/s
     headwind: from ahead, ft/s
@@ -37,12 +37,12 @@ class Wind(NamedTuple):
 
 
 class Winds(NamedTuple):
-    """The wind at the panels.
+    """Winds at the panels.
 
-    center: at the center panel
-    outer: at each outer panel
-    ground_drag: whether the drag takes the speed over ground, as the simulation released with
-        Gibson et al. 2011 has it; else it takes that of the aircraft through the air of the panel
+    center: wind at the center panel
+    outer: wind at each outer panel
+    ground_drag: whether the drag uses the speed over ground, as in the simulation released with
+        Gibson et al. 2011, in place of the speed of the aircraft relative to the air at the panel
     """
 
     center: Wind
@@ -62,9 +62,9 @@ DISTURBANCES = (
 def winds_named(
     names: Sequence[str], values: Sequence[Quantity], *, ground_drag: bool = False
 ) -> Winds:
-    """The wind at the panels, the sum of disturbances.
+    """Return the winds at the panels, summed over the disturbances.
 
-    names: of `DISTURBANCES`
+    names: names in `DISTURBANCES`
     values: one for each name, ft/s
     ground_drag: as in `Winds`
     """
@@ -82,7 +82,7 @@ Velocity: TypeAlias = tuple[Quantity, Quantity, Quantity]
 
 
 class Flow(NamedTuple):
-    """Air relative to one panel, in panel axes.
+    """Air relative to one panel, in the axes of the panel.
 
     speed: ft/s
     alpha: angle of attack, rad
@@ -95,19 +95,22 @@ class Flow(NamedTuple):
 
 
 def center_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """z_c = (s/3) sin η, ft: how far the center panel lies below the center of mass."""
+    """Return z_c = (s/3) sin η, ft, the distance of the center panel below the center of mass."""
     return p.panel_span / 3 * ca.sin(dihedral)
 
 
 def outer_height(dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-    """z_o = -(s/6) sin η, ft: how far an outer panel lies below the center of mass; negative where
-    it is above."""
+    """Return z_o = -(s/6) sin η, ft, the distance of an outer panel below the center of mass.
+
+    It is negative where the panel is above the center of mass.
+    """
     return -p.panel_span / 6 * ca.sin(dihedral)
 
 
 def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
-    """V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), ft/s: the speed of the center of
-    mass relative to the air at a panel; V in still air.
+    """Return the speed of the center of mass relative to the air at a panel, ft/s.
+
+    V_a = sqrt(V² + w² - 2 V w sin γ + 2 V h cos γ + h² + o²), which is V in still air.
 
     x: states
     wind: w, h, o at the panel
@@ -122,8 +125,10 @@ def airspeed(x: State[Quantity], wind: Wind) -> Quantity:
 
 
 def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
-    """α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), rad: the angle of
-    attack of the center of mass in the air at the center panel; α in still air."""
+    """Return the angle of attack of the center of mass in the air at the center panel, rad.
+
+    α_a = atan2(V sin α + w cos θ + h sin θ, V cos α - w sin θ + h cos θ), which is α in still air.
+    """
     wind = winds.center
     if _is_still(wind):
         return x.alpha
@@ -131,17 +136,17 @@ def angle_of_attack(x: State[Quantity], winds: Winds) -> Quantity:
 
 
 def center_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """The flow at the center panel."""
+    """Return the flow at the center panel."""
     return flow_of(*center_velocity(x, p, winds))
 
 
 def outer_flow(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Flow:
-    """The flow at an outer panel."""
+    """Return the flow at an outer panel."""
     return flow_of(*outer_velocity(x, p, winds))
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """The velocity (u, v, w_c) of the center panel through its air, ft/s:
+    """Return the velocity (u, v, w_c) of the center panel relative to its air, ft/s.
 
     u = V cos α + q z_c - w sin θ + h cos θ,
     v = 0,
@@ -155,15 +160,15 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -
 
 
 def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) -> Velocity:
-    """The velocity (u, v, w_o) of an outer panel through its air, in panel axes, ft/s:
+    """Return the velocity (u, v, w_o) of an outer panel relative to its air, in panel axes, ft/s.
 
     u = V cos α + q z_o - w sin θ + h cos θ,
     v = w_h sin η + o cos η,
     w_o = w_h cos η - o sin η - (s/2) η',
     w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ,
 
-    with the wind w, h, o at the outer panels. w_h is the descent of the hinge through the air.
-    Source: Gibson et al. 2011, Eqs. 69, 77-78.
+    with the wind w, h, o at the outer panels. w_h is the velocity of descent of the hinge relative
+    to the air. Source: Gibson et al. 2011, Eqs. 69, 77-78.
     """
     wind = winds.outer
     hinge = _hinge_descent(x, p, wind)
@@ -175,33 +180,37 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], winds: Winds) ->
 
 
 def flow_of(forward: Quantity, sideward: Quantity, downward: Quantity) -> Flow:
-    """The flow at a panel with the velocity (u, v, w), ft/s: V = |(u, v, w)|, α = atan2(w, u),
-    β = asin(v / V). Source: Gibson et al. 2011, Eq. 14."""
+    """Return the flow at a panel with the velocity (u, v, w), ft/s.
+
+    V = |(u, v, w)|, α = atan2(w, u), β = asin(v / V). Source: Gibson et al. 2011, Eq. 14.
+    """
     speed = ca.sqrt(forward**2 + sideward**2 + downward**2)
     return Flow(speed, ca.atan2(downward, forward), ca.asin(sideward / speed))
 
 
 def _is_still(wind: Wind) -> bool:
-    """Return whether the wind is the number 0; an expression may be another one."""
+    """Return whether every component of a wind is the number 0; an expression counts as wind."""
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
 def _forward(x: State[Quantity], wind: Wind) -> Quantity:
-    """V cos α - w sin θ + h cos θ, ft/s: forward speed of the center of mass through the air."""
+    """Return V cos α - w sin θ + h cos θ, ft/s, the forward airspeed of the center of mass."""
     return (
         x.speed * ca.cos(x.alpha) - wind.updraft * ca.sin(x.pitch) + wind.headwind * ca.cos(x.pitch)
     )
 
 
 def _downward(x: State[Quantity], wind: Wind) -> Quantity:
-    """V sin α + w cos θ + h sin θ, ft/s: descent of the center of mass through the air."""
+    """Return V sin α + w cos θ + h sin θ, ft/s, the downward airspeed of the center of mass."""
     return (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
 
 
 def _hinge_descent(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Quantity:
-    """w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ, ft/s: descent of a hinge through the
-    air."""
+    """Return the downward airspeed of a hinge, ft/s.
+
+    w_h = V sin α + (s/3) cos η η' + w cos θ + h sin θ.
+    """
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     return descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)

@@ -1,7 +1,7 @@
 """Outputs of a flight besides its states, as functions of state, input and air.
 
 Axes as in `kinematics.py`: x forward, y to the right, z down. Accelerations and load factors are
-those of an accelerometer fixed to the panel, so that steady level flight has a load factor of 1.
+those of an accelerometer fixed to the panel, so that the load factor in steady level flight is 1.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Moment(NamedTuple):
-    """Everything that an output may depend on, at one instant: numbers or CasADi expressions.
+    """All quantities on which outputs depend, at one instant: numbers or CasADi expressions.
 
     x: states
     u: inputs
     p: parameters
-    winds: at the panels
-    loads: on the aircraft
+    winds: winds at the panels
+    loads: loads on the aircraft
     rates: dx/dt
     """
 
@@ -54,42 +54,43 @@ def moment_of(
     variant: Variant,
     winds: Winds = STILL_AIR,
 ) -> Moment:
-    """The moment with the loads and rates of the variant's equations at (x, u).
+    """Return the `Moment` at (x, u), with the loads and rates of the equations.
 
     x: states
     u: inputs
     p: parameters
-    variant: of the equations
-    winds: at the panels
+    variant: variant of the equations
+    winds: winds at the panels
     """
     loads = aircraft_loads(x, u, density(x.altitude), p, variant, winds)
     return Moment(x, u, p, winds, loads, rates_from_loads(x, loads, p, variant))
 
 
 def outputs_of(moment: Moment) -> dict[str, Quantity]:
-    """Every output of `OUTPUTS` at a moment, by name."""
+    """Return name -> value for every output in `OUTPUTS`."""
     return {name: output(moment) for name, (_, output) in OUTPUTS.items()}
 
 
 def _vertical_acceleration(m: Moment) -> Quantity:
-    """V (α' - q), ft/s^2: acceleration of the center of mass across its path, positive
-    downward."""
+    """Return V (α' - q), ft/s^2, the acceleration of the center of mass across its path, down
+    positive."""
     return m.x.speed * (m.rates.alpha - m.x.pitch_rate)
 
 
 def _load_factor(m: Moment) -> Quantity:
-    """n = (L + T sin α) / (m_tot g): the force across the path over the weight."""
+    """Return n = (L + T sin α) / (m_tot g), the force across the path divided by the weight."""
     return (m.loads.lift + m.loads.thrust * ca.sin(m.x.alpha)) / (3 * m.p.panel_mass * m.p.gravity)
 
 
 def _center_load_factor(m: Moment) -> Quantity:
-    """n_c = cos θ - a_z / g of the center panel, a_z downward in body axes."""
+    """Return n_c = cos θ - a_z / g of the center panel, with a_z downward in body axes."""
     descent = _body_descent(m, center_height(m.x.dihedral, m.p), 1 / 3)
     return ca.cos(m.x.pitch) - descent / m.p.gravity
 
 
 def _outer_load_factor(m: Moment) -> Quantity:
-    """n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, across its own plane.
+    """Return n_o = cos θ cos η - (a_z cos η + a_y sin η) / g of an outer panel, across its own
+    plane.
 
     y = (s/2)(1 + cos η) to the side, so a_y = y'' = -(s/2)(sin η η'' + cos η η'²).
     """
@@ -103,11 +104,12 @@ def _outer_load_factor(m: Moment) -> Quantity:
 
 
 def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
-    """a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η, ft/s^2: the downward
-    acceleration, in body axes, of a panel.
+    """Return the downward acceleration of a panel in body axes, ft/s^2.
 
-    height: z, how far the panel lies below the center of mass, ft
-    factor: 1/3 of the center panel, -1/6 of an outer one
+    a_z = (V sin α)' - q V cos α - q² z + z'',  z = factor s sin η.
+
+    height: z, distance of the panel below the center of mass, ft
+    factor: 1/3 for the center panel, -1/6 for an outer one
     """
     sin_eta = ca.sin(m.x.dihedral)
     cos_eta = ca.cos(m.x.dihedral)
@@ -123,8 +125,10 @@ def _body_descent(m: Moment, height: Quantity, factor: float) -> Quantity:
 
 
 def _elastic_moment(m: Moment) -> Quantity:
-    """H - k_c η' - k_k η, ft lbf: the moment on an outer panel about its hinge, with spring and
-    damper."""
+    """Return H - k_c η' - k_k η, ft lbf, the moment on an outer panel about its hinge.
+
+    It includes the spring and the damper.
+    """
     return (
         m.loads.hinge_moment
         - m.p.hinge_damping * m.x.dihedral_rate

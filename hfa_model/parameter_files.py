@@ -1,4 +1,4 @@
-"""A parameters file, written."""
+"""Writer of parameters files."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from hfa_support.files import write_text
 
 
 def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
-    """Write a parameters file, whole or not at all; `load_parameters` reads it back bit for bit.
+    """Write a parameters file, whole or not at all; `load_parameters` restores every bit.
 
     parameters: the set
-    path: of the file
+    path: path of the file
     header: comment at its top
     """
     lines = [f"# {line}" for line in header.splitlines()]

@@ -1,4 +1,4 @@
-"""Parameters of the aircraft: a frozen record, each value with its unit, source and uncertainty."""
+"""Parameters of the aircraft, each with its unit, source and uncertainty."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from hfa_support.schema import NUMBER, POSITIVE, read_named
 
 
 class Parameters(NamedTuple, Generic[T]):
-    """The aircraft as numbers (or CasADi symbols), English units: ft, slug, lbf, s, rad.
+    """Parameters of the aircraft as numbers or CasADi symbols, in ft, slug, lbf, s and rad.
 
     Each of the three panels has the mass, span, chord, tail, boom and inertias below. Inertias are
-    about the panel's own center of mass, in panel axes. The wing area of a panel is its span
-    times its chord; wing and tail share one lift slope; `thrust_per_throttle` converts the throttle
-    to total thrust. Units and meanings: `FIELDS`."""
+    about the panel's own center of mass, in panel axes. The wing area of a panel is its span times
+    its chord. Wing and tail have one lift slope. `thrust_per_throttle` converts the throttle to
+    total thrust. Units and meanings: `FIELDS`.
+    """
 
     panel_mass: T
     panel_span: T
@@ -47,7 +48,7 @@ class Parameters(NamedTuple, Generic[T]):
 
 
 class Field(NamedTuple):
-    """A parameter in a file of parameters.
+    """Description of a parameter in a file.
 
     unit: its unit
     meaning: in words
@@ -140,7 +141,7 @@ class ParameterSet(ByValue, Reported):
         return dict(zip(self.identified, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
     def table(self) -> Table:
-        """Every parameter with its standard error, unit and source."""
+        """Return every parameter with its standard error, unit and source."""
         errors = self.standard_errors
         rows = []
         for name, spec in FIELDS._asdict().items():
@@ -150,7 +151,7 @@ class ParameterSet(ByValue, Reported):
         return Table(("parameter", "value", "standard error", "unit", "source"), rows)
 
     def report(self) -> Report:
-        """The table of the parameters."""
+        """Return the table of the parameters."""
         return Report("Parameters of the aircraft", (self.table(),))
 
 
@@ -162,8 +163,9 @@ NAMED = {
 
 
 def default_parameters() -> ParameterSet:
-    """The identified parameters, which come with the package; `python -m studies.identification`
-    writes their file.
+    """Return the identified parameters of the package.
+
+    Their file is written by `python -m studies.identification`.
 
     >>> import hfa
     >>> round(hfa.paper.default_parameters().values.panel_mass, 2)  # slug
@@ -173,11 +175,11 @@ def default_parameters() -> ParameterSet:
 
 
 def load_parameters(name: str | Path) -> ParameterSet:
-    """A set of parameters.
+    """Return a set of parameters.
 
-    name: of a set that comes with the package (`NAMED`), or the path of a file
+    name: name of a set in the package (`NAMED`), or the path of a file
 
-    BadInputError names the file, the entry and the fault.
+    Raises BadInputError that names the file, the entry and the fault.
     """
     if str(name) not in NAMED:
         return _read(str(name))
@@ -191,7 +193,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """The set of a name or file, read anew; BadInputError as `load_parameters`."""
+    """Read a named set or a file. Raises BadInputError as `load_parameters` does."""
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields
@@ -234,7 +236,7 @@ def _is_covariance(matrix: np.ndarray, size: int) -> bool:
 
 
 def changed_parameters(parameters: ParameterSet) -> dict[str, Change]:
-    """Parameter -> its value and the identified one, for those that are not the identified ones."""
+    """Return parameter -> its value and the identified one, where they differ."""
     identified = default_parameters().values
     changes = {}
     for name, field_of_name in FIELDS._asdict().items():

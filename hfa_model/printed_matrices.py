@@ -1,4 +1,4 @@
-"""The two linear models that the paper prints."""
+"""The two linear models printed in the paper."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PublishedModel(ByValue, Reported):
-    """One printed linear model, x' = A x + B u (paper Section 5.1).
+    """Linear model x' = A x + B u printed in the paper (Section 5.1).
 
     dihedral: rad
     A: (6, 6), in the order of `LINEAR_STATES`
     B: (6, 5), in the order of `LINEAR_STATES` and `INPUTS`
     half_unit_A: (6, 6), half a unit of the last printed digit of each entry of A
-    half_unit_B: (6, 5), the same of B
+    half_unit_B: (6, 5), half a unit of the last printed digit of each entry of B
 
-    An entry printed as a bare 0 or 1 is taken to four decimals like its neighbours: B(alpha,
-    throttle) is -2.6e-5 and printed 0.
+    An entry printed as a bare 0 or 1 is regarded as printed to four decimals like its neighbours:
+    B(alpha, throttle) is -2.6e-5 and printed 0.
     """
 
     dihedral: float
@@ -36,13 +36,13 @@ class PublishedModel(ByValue, Reported):
 
     @property
     def dihedral_deg(self) -> float:
-        """Dihedral angle as the paper states it, degrees."""
+        """Dihedral angle as printed in the paper, degrees."""
         return round(float(np.degrees(self.dihedral)), 9)
 
 
 @cache
 def published_models() -> tuple[PublishedModel, ...]:
-    """The printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order.
+    """Return the printed pairs (A1, B1) at 15 degrees and (A2, B2) at 5 degrees, in that order.
 
     >>> from hfa_model import published_models
     >>> [round(model.dihedral, 4) for model in published_models()]
@@ -52,7 +52,7 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    """One of the `cases` of `printed_matrices.json`; its arrays are read-only."""
+    """Return one of the `cases` of `printed_matrices.json`, with read-only arrays."""
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]

@@ -1,5 +1,4 @@
-"""The data that the paper prints: two linear models, their trim condition and the settings of the
-game.
+"""Data printed in the paper: two linear models, their trim condition and the settings of the game.
 
 The numbers are in `printed_matrices.json`, which contains nothing computed here.
 """
@@ -16,7 +15,7 @@ from hfa_model.vectors import INPUTS, LINEAR_STATES
 
 @cache
 def published_data() -> dict[str, Any]:
-    """Everything in `printed_matrices.json`, as stored."""
+    """Return the content of `printed_matrices.json`."""
     text = files("hfa_model").joinpath("printed_matrices.json").read_text(encoding="utf-8")
     data: dict[str, Any] = json.loads(text)
     if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:

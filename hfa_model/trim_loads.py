@@ -1,5 +1,4 @@
-"""The description of a trim of the HFA in place of its outputs: loads, and the numbers of a flight
-manual."""
+"""Loads and performance of a trim of the HFA, reported in place of its outputs."""
 
 from __future__ import annotations
 
@@ -61,9 +60,9 @@ class TrimLoads(Result):
 
 
 def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
-    """Forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
+    """Return forces and moments on the aircraft and its panels: lbf and ft lbf, or N and N m in SI.
 
-    model: for which `is_hfa` holds
+    model: a model for which `is_hfa` holds
     x: (7,), in the order of `STATES`, in the units of the model
     u: (5,), in the order of `INPUTS`, in the units of the model
 
@@ -79,7 +78,7 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
 
 def _loads_in_si(loads: Any) -> Any:
-    """`Loads` or the loads of a panel, in N and N m."""
+    """Return `Loads` or `PanelLoads` in N and N m."""
     converted = {}
     for name, value in loads._asdict().items():
         if isinstance(value, tuple):
@@ -90,8 +89,8 @@ def _loads_in_si(loads: Any) -> Any:
 
 
 def with_loads(point: Any, report: Report) -> Report:
-    """The report of an operating point with the loads on the aircraft and its panels, and its
-    performance."""
+    """Add the loads on the aircraft and its panels, and its performance, to the report of a
+    point."""
     aircraft = point.model
     forces = loads(aircraft, point.states, point.inputs)
     numbers = performance(point)
@@ -121,7 +120,7 @@ def with_loads(point: Any, report: Report) -> Report:
 
 
 def performance(point: Any) -> dict[str, float]:
-    """The numbers of `PERFORMANCE` at an operating point, trimmed or not."""
+    """Return the quantities of `PERFORMANCE` at an operating point, trimmed or not."""
     aircraft = point.model
     parameters = parameters_of(aircraft)
     watched = aircraft.outputs_at(point.states, point.inputs, _WATCHED)
@@ -144,12 +143,12 @@ def performance(point: Any) -> dict[str, float]:
 
 
 def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> Table:
-    """Return one row for each load: of the aircraft, its center panel and one outer panel.
+    """Return a table of the loads on the aircraft, its center panel and one outer panel.
 
-    loads: in the units of the model; the forces of a panel are in its own axes.
-    numbers: those of `performance`.
-    unit: of forces.
-    moment: the unit of moments.
+    loads: in the units of the model; the forces of a panel are in its own axes
+    numbers: results of `performance`
+    unit: unit of forces
+    moment: unit of moments
     """
     center = loads.center
     outer = loads.outer
@@ -176,5 +175,5 @@ def _loads(loads: Loads, numbers: dict[str, float], unit: str, moment: str) -> T
 
 
 def _row(values: Iterable[float | None], unit: str) -> tuple[str, ...]:
-    """Return loads and their unit, or empty without loads."""
+    """Return loads and their unit as text, or an empty row without loads."""
     return *("" if value is None else four_decimals(value) for value in values), unit

@@ -1,8 +1,8 @@
-"""Differences of the two variants of the equations, side by side.
+"""The two variants of the equations of motion, and the six terms in which they differ.
 
-`published` regenerates the matrices that the paper prints. `newton` has the exact mechanics of
-three rigid panels (`lagrangian.py` derives it independently). They differ in six terms, all here;
-the print needs each of them but the η'² term, which has no linear effect
+`published` regenerates the matrices printed in the paper. `newton` has the exact mechanics of three
+rigid panels (`lagrangian.py` derives it independently). All six different terms are in this module.
+The printed matrices require each of them except the η'² term, which has no linear effect
 (`docs/identification.md`). With η the dihedral, q the pitch rate, s and m the span and mass of one
 panel:
 
@@ -15,8 +15,9 @@ panel:
 | factor on (m s/2) cos η sin η η'² in η'' | -2s/3 | -s/3 |
 | cos-term of the hinge inertia | +(m s²/6) cos(η²) | -(m s²/6) cos² η |
 
-The two terms in η' have one cause: `published` leaves out that the hinge moves
-(`docs/dynamics.md`)."""
+The two terms in η' have one cause: `published` neglects the motion of the hinge
+(`docs/dynamics.md`).
+"""
 
 from __future__ import annotations
 
@@ -36,21 +37,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Published:
-    """The equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs.
-    45-46)."""
+    """Equations behind the printed matrices (paper Section 2.2; Gibson et al. 2011, Eqs. 45-46)."""
 
     name = "published"
 
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """l = s/2 - (s/3) sin η, ft."""
+        """Return l = s/2 - (s/3) sin η, ft."""
         return p.panel_span / 2 - p.panel_span / 3 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """π = 1."""
+        """Return π = 1."""
         return 1.0
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
-        """(m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²], ft lbf."""
+        """Return the coupling moment about the hinge, ft lbf.
+
+        (m s/2) [cos η V cos α q - V sin α sin η η' - (2s/3) cos η sin η η'²].
+        """
         sin_eta = ca.sin(x.dihedral)
         cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
@@ -60,30 +63,35 @@ class Published:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
+        """Return d3 = I_x3x3 + m s²/4 + (m s²/6) cos(η²), slug ft^2.
 
-        The paper prints cos² η; only the cosine of the squared angle reproduces the printed
-        matrices, and the released simulation up to 45 deg (`docs/validation.md`)."""
+        The paper prints cos² η. Only the cosine of the squared angle reproduces the printed
+        matrices, and the released simulation up to 45 deg (`docs/validation.md`).
+        """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 + mass_moment / 6 * ca.cos(dihedral**2)
 
 
 @dataclass(frozen=True)
 class Newton:
-    """The exact equations of three rigid bodies on two hinges, forces by virtual work."""
+    """Exact equations of three rigid bodies on two hinges, with forces by virtual work."""
 
     name = "newton"
 
     def outer_lever(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """l = (s/6) sin η, ft: the height of an outer panel above the center of mass."""
+        """Return l = (s/6) sin η, ft, the height of an outer panel above the center of mass."""
         return p.panel_span / 6 * ca.sin(dihedral)
 
     def section_projection(self, dihedral: Quantity) -> Quantity:
-        """π = cos η: the panel's spanwise axis leans by η out of the pitch axis."""
+        """Return π = cos η, because the panel's spanwise axis is inclined by η to the pitch
+        axis."""
         return ca.cos(dihedral)
 
     def hinge_coupling(self, x: State[Quantity], p: Parameters[Quantity]) -> Quantity:
-        """(m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²], ft lbf."""
+        """Return the coupling moment about the hinge, ft lbf.
+
+        (m s/2) [-cos η V cos α q - (s/3) cos η sin η η'²].
+        """
         cos_eta = ca.cos(x.dihedral)
         return (p.panel_mass * p.panel_span / 2) * (
             -cos_eta * x.speed * ca.cos(x.alpha) * x.pitch_rate
@@ -91,8 +99,10 @@ class Newton:
         )
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters[Quantity]) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2: the center of mass gives way as the
-        panel turns."""
+        """Return d3 = I_x3x3 + m s²/4 - (m s²/6) cos² η, slug ft^2.
+
+        The negative term is due to the motion of the center of mass as the panel turns.
+        """
         mass_moment = p.panel_mass * p.panel_span**2
         return p.inertia_roll + mass_moment / 4 - mass_moment / 6 * ca.cos(dihedral) ** 2
 
@@ -104,15 +114,17 @@ VARIANTS: dict[str, Variant] = {"published": Published(), "newton": Newton()}
 
 
 def further_dynamics() -> dict[str, EntryPoint]:
-    """Dynamics with more than these seven states, which packages offer as `hfa.parts`
-    dynamics.NAME: name -> function of the parameters that returns the `Model`."""
+    """Return name -> function of the parameters that returns a `Model`, for dynamics of packages.
+
+    Packages offer dynamics with more than seven states as `hfa.parts` dynamics.NAME.
+    """
     prefix = "dynamics."
     parts = offered(PARTS)
     return {name.removeprefix(prefix): parts[name] for name in parts if name.startswith(prefix)}
 
 
 def variant_named(name: str) -> Variant:
-    """The variant of a name of `VARIANTS`. Raises BadInputError for any other."""
+    """Return the variant with a name in `VARIANTS`. Raises BadInputError for any other name."""
     if name in VARIANTS:
         return VARIANTS[name]
     refuse_unknown("unknown dynamics", name, (*VARIANTS, *further_dynamics()))

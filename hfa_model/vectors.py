@@ -1,5 +1,4 @@
-"""State and input of the aircraft: names, order and units, declared once; everything else looks
-them up here."""
+"""State and input of the aircraft: names, order and units, declared once."""
 
 from __future__ import annotations
 
@@ -23,8 +22,9 @@ DEGREE = math.pi / 180
 
 
 class State(NamedTuple, Generic[T]):
-    """X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2): numbers, CasADi
-    expressions, units or signals.
+    """State X = [V, α, h, θ, q, η, η'] in the order of the paper (Section 2.2).
+
+    The values are numbers, CasADi expressions, units or signals.
 
     speed: V, ft/s
     alpha: α, rad, angle of attack of the center panel
@@ -49,8 +49,9 @@ class State(NamedTuple, Generic[T]):
 
 
 class Input(NamedTuple, Generic[T]):
-    """U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2): numbers, CasADi
-    expressions, units or signals.
+    """Input U = [δ_t, δ_ac, δ_ao, δ_ec, δ_eo] in the order of the paper (Section 2.2).
+
+    The values are numbers, CasADi expressions, units or signals.
 
     throttle: δ_t, 1; total thrust = thrust_per_throttle * throttle (`Parameters`)
     aileron_center: δ_ac, rad, trailing edge down
