@@ -1,1 +1,1 @@
-"""The common parts of all packages: errors, files, reports, jobs and native code."""
+"""Errors, files, reports, progress and native code, used by all packages."""

@@ -1,4 +1,4 @@
-"""Arguments of public functions, compared with the types of their annotations."""
+"""Checks of the arguments of public functions against their annotations."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _Test = Callable[[Any], bool]
 
 
 def checks_arguments(public: Public) -> Public:
-    """Return the function with a check of its arguments. BadInputError is raised for an argument
-    that is not of its annotation: a class, or one of several, a number, a whole number, true or
-    false, a text, an array of numbers, a mapping, a sequence or a function. For a class the
-    constructor is checked.
+    """Return the function with a check of its arguments; of a class, the constructor is checked.
 
-    Items of an array, a mapping or a sequence are not checked, nor annotations of another form. The
-    attribute `how_to_make` of a class states how to make an object.
+    The function raises BadInputError for an argument that does not match its annotation. Checked
+    are classes or unions of classes, numbers, whole numbers, booleans, texts, arrays of numbers,
+    mappings, sequences and functions. Not checked are items of arrays and mappings, and annotations
+    of another form. The attribute `how_to_make` of a class describes for the message how to make an
+    object.
 
     >>> import hfa
     >>> hfa.linearize(hfa.aircraft(), None)
@@ -51,9 +51,10 @@ def checks_arguments(public: Public) -> Public:
 
 
 def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..., Any]:
-    """Return the function with its arguments checked.
+    """Return the function with a check of its arguments.
 
-    name: of the function or class in messages
+    name: name of the function or class in messages
+    first: number of the first checked argument
     """
 
     @wraps(function)
@@ -83,7 +84,7 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 def _refuse_unbound(
     function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
 ) -> None:
-    """Raise BadInputError where one is missing, unknown or too many."""
+    """Raise BadInputError where an argument is missing, unknown or superfluous."""
     signature = inspect.signature(function)
     try:
         signature.bind(*arguments, **named)
@@ -94,7 +95,7 @@ def _refuse_unbound(
 
 @cache
 def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
-    """Place, name, test and words of every parameter whose annotation can be compared."""
+    """Return position, name, test and description of every argument with a checkable annotation."""
     tests = []
     for place, parameter in enumerate(inspect.signature(function).parameters.values()):
         if place < first or parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
@@ -119,7 +120,7 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
 
 
 def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """Return an annotation as an object, or Any where its name exists only for type checkers."""
+    """Return an annotation as an object, or Any where its name exists for type checkers alone."""
     if annotation is inspect.Parameter.empty:
         return Any
     if not isinstance(annotation, str):
@@ -131,7 +132,7 @@ def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
-    """Return the test of an annotation and its name in messages, or None for another form."""
+    """Return the test of an annotation and its description, or None for another form."""
     if annotation in _KINDS:
         return _KINDS[annotation]
     origin = get_origin(annotation)
@@ -151,8 +152,14 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
-    """A sequence of one kind of classes or texts, X in `Sequence[X]` and `tuple[X, ...]`. Other
-    sequences are checked as a whole. A text is not a sequence of texts."""
+    """Return the test and the description of a sequence whose items are of given classes.
+
+    They are X in `Sequence[X]` and `tuple[X, ...]`. Other sequences are checked as a whole. A text
+    is not a sequence of texts.
+
+    whole: test and description of the sequence as a whole
+    arguments: the arguments of the annotation
+    """
     holds, words = whole
     of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
     member = arguments[0] if of_one_kind else Any
@@ -182,7 +189,7 @@ def _is_none(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Return whether NumPy makes an array of real numbers of it."""
+    """Return whether NumPy converts the value to an array of real numbers."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         return True
     try:
@@ -200,7 +207,7 @@ def _is_mapping(value: Any) -> bool:
 
 
 def _is_read(value: Any) -> bool:
-    """Return whether the items can be read: a class of the user may raise any error."""
+    """Return whether the items can be read. A user's class may raise any error."""
     try:
         list(value.items() if isinstance(value, Mapping) else value)
     except Exception:
@@ -209,7 +216,7 @@ def _is_read(value: Any) -> bool:
 
 
 def _said(value: Any) -> str:
-    """Return a value for a message: itself where it is short, else its kind."""
+    """Return a value for a message: its text where that is short, otherwise its type."""
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
         return shown(value)
     if isinstance(value, np.ndarray):

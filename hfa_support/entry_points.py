@@ -1,6 +1,7 @@
-"""Entry points: what installed packages offer to a core that does not import them.
+"""Entry points: objects that installed packages offer to the core, which does not import them.
 
-`importlib.metadata` is imported, and the distributions are listed, when a group is read first."""
+`importlib.metadata` is imported, and the distributions are listed, when a group is first read.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +26,10 @@ PARTS = "hfa.parts"
 
 @cache
 def offered(group: str) -> dict[str, EntryPoint]:
-    """Name -> entry point, of all that is offered in a group, in the order of the names.
+    """Return name -> entry point for all objects offered in a group, sorted by name.
 
-    Raises BadInputError where two packages offer the same name."""
+    Raises BadInputError where two packages offer one name.
+    """
     from importlib.metadata import entry_points
 
     found: dict[str, EntryPoint] = {}
@@ -42,8 +44,10 @@ def offered(group: str) -> dict[str, EntryPoint]:
 
 
 def loaded(entry: EntryPoint) -> Any:
-    """Return the object that an entry point names. BadInputError names the package that does not
-    have it."""
+    """Return the object of an entry point.
+
+    Raises BadInputError that names the package where the object is missing.
+    """
     try:
         return entry.load()
     except Exception as error:  # whatever the package raises
@@ -55,8 +59,12 @@ def loaded(entry: EntryPoint) -> Any:
 
 
 def part(group: str, name: str, what: str) -> Any:
-    """Return the object offered under a name in a group. BadInputError without one; what: the
-    feature that needs it, for the message."""
+    """Return the object offered under a name in a group.
+
+    what: the feature that needs it, for the message
+
+    Raises BadInputError where no package offers it.
+    """
     if name not in offered(group):
         raise BadInputError(
             f"{what} needs a package that offers {name!r} in {group}; install one that does"
@@ -65,11 +73,11 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """Return a package's help of its part of a command, or "" without one."""
+    """Return the help of a package's part of a command, or "" without one."""
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 
 
 def _package(entry: EntryPoint) -> str:
-    """The distribution that an entry point belongs to, in words."""
+    """Return the distribution of an entry point, for a message."""
     return f"the package {entry.value if entry.dist is None else entry.dist.name}"

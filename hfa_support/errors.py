@@ -1,7 +1,8 @@
-"""The two ways in which a request can fail. Every message is one line that states the remedy.
+"""The two errors of a request. Every message is one line that states the remedy.
 
-Words of the user, and values of the user's files, are repeated in it, shortened and without control
-characters."""
+Words of the user and values of the user's files are quoted in messages, shortened and without
+control characters.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +22,9 @@ _LONGEST_LINE = 1000
 
 
 class BadInputError(ValueError):
-    """The request is not well posed: a wrong name, number, unit, shape or file (exit code 2).
+    """Error of an invalid request: a wrong name, number, unit, shape or file (exit code 2).
 
-    options: words of the command line that supply a missing value, or () for none.
+    options: words of the command line that supply a missing value, or ()
     """
 
     def __init__(self, message: str, options: tuple[str, ...] = ()) -> None:
@@ -32,13 +33,13 @@ class BadInputError(ValueError):
 
 
 class NoSolutionError(RuntimeError):
-    """The request is well posed but has no solution, or none that could be certified (exit code
+    """Error of a valid request without a solution, or without one that can be certified (exit code
     1)."""
 
 
 @contextmanager
 def said_of(what: str | Path) -> Iterator[None]:
-    """Let a BadInputError of the block begin with the file or the subject that it concerns."""
+    """Prefix the BadInputErrors of the block with the file or the subject that they concern."""
     try:
         yield
     except BadInputError as error:
@@ -50,8 +51,10 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 @contextmanager
 def file_faults(file: str | Path) -> Iterator[None]:
-    """An OSError or a ValueError of the block, a reader of another package, is a BadInputError
-    about the file."""
+    """Convert OSError and ValueError of the block to BadInputErrors about the file.
+
+    The block is usually the reader of another package.
+    """
     try:
         yield
     except BadInputError:
@@ -63,12 +66,11 @@ def file_faults(file: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """Raise BadInputError unless the name is known; the message suggests the nearest known name,
-    and lists all.
+    """Raise BadInputError unless the name is known. The message lists the names, the nearest first.
 
-    what: beginning of the message: "unknown state"
-    name: of the caller
-    known: the names to choose from
+    what: beginning of the message, such as "unknown state"
+    name: the given name
+    known: the valid names
     """
     choices = tuple(known)
     if name not in choices:
@@ -76,7 +78,7 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 
 def choice_of(name: str, known: Iterable[str]) -> str:
-    """Advice about an unknown name: the known ones that were probably meant, then all."""
+    """Return advice on an unknown name: the known names that are nearest, then all."""
     meant = nearest(name, known)
     *others, last = meant or [""]
     either = f"{', '.join(others)} or {last}" if others else last
@@ -85,9 +87,12 @@ def choice_of(name: str, known: Iterable[str]) -> str:
 
 
 def no_attribute(value: object, name: str, *more: str) -> AttributeError:
-    """Return the error of an unknown attribute, with the nearest ones; more: further attributes.
+    """Return the AttributeError of an unknown attribute, with the nearest attributes.
 
-    Raises the error of the attribute itself where that is a property."""
+    An error inside a property of that name is raised itself.
+
+    more: further attributes
+    """
     if hasattr(type(value), name):
         object.__getattribute__(value, name)
     known = [each for each in (*dir(value), *more) if each[0] != "_"]
@@ -101,8 +106,10 @@ def advice(name: str, known: Iterable[str]) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names nearest to a name, in any case: those that begin with it, else those
-    that contain it, else the most similar ones."""
+    """Return the known names nearest to a name, regardless of case.
+
+    These are the names that begin with it, else those that contain it, else the most similar ones.
+    """
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
     if wanted in by_key:
@@ -124,7 +131,7 @@ _MOST_MEANT = 4
 
 
 def is_finite(value: object) -> bool:
-    """Return whether it is a number, and a finite one."""
+    """Return whether the value is a finite number."""
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # CasADi raises the last
@@ -139,18 +146,18 @@ def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
 
 
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
-    """Raise BadInputError unless the value is a whole number from `least` on."""
+    """Raise BadInputError unless the value is a whole number, `least` or larger."""
     if not isinstance(value, Integral) or int(value) < least:
         raise BadInputError(f"{what} is {shown(value)}; give a whole number from {least}")
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:
-    """Return (lowest, highest) as floats.
+    """Return (lowest, highest) as floats, which may be infinite.
 
-    what: the name of the pair, for the message
-    ends: value of the caller
+    what: name of the pair, for the message
+    ends: the given value
 
-    Raises BadInputError unless they are two numbers; they may be infinite.
+    Raises BadInputError unless they are two numbers.
     """
     try:
         lowest, highest = ends
@@ -162,8 +169,10 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Real numbers as an array of floats. Raises BadInputError where they are something else, or
-    some of them are masked."""
+    """Return real numbers as an array of floats.
+
+    Raises BadInputError for any other value, and for masked entries.
+    """
     import numpy as np  # the command sets the threads of its libraries before it is loaded
 
     try:
@@ -180,8 +189,8 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Return the place where a list of lists is not a matrix of numbers: "; row 2 has 1 numbers and
-    row 1 has 2"."""
+    """Return the reason why a list of lists is not a matrix: "; row 2 has 1 numbers and row 1 has
+    2"."""
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):
@@ -194,18 +203,17 @@ def _faulty_row(rows: Any) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:
-    """Return the word, or its beginning where it is long."""
+    """Return a text, cut where it is long."""
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def shown(value: Any) -> str:
-    """Return the repr of a value, or its beginning where it is long."""
+    """Return the repr of a value, cut where it is long."""
     return shortened(" ".join(repr(value).split("\n")))
 
 
 def on_one_line(message: str) -> str:
-    """A message without line breaks and control characters, which are spelled, as in "\\x1b"; or
-    its beginning."""
+    """Return a message, cut where it is long, with line breaks and control characters escaped."""
     words = message[: 4 * _LONGEST_LINE].split()
     spelled = [
         character if character.isprintable() else ascii(character)[1:-1]

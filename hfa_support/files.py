@@ -1,5 +1,8 @@
-"""Files that we write appear whole or not at all; those that users bring are regular ones of a
-bounded size whose text parses, otherwise one line states the reason."""
+"""Reading and writing of files.
+
+Written files appear whole or not at all. Users' files must be regular files of limited size; one
+line reports a file that cannot be read.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +49,10 @@ _READ: set[tuple[int, int]] | None = None
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Refuse to write files that were read in the block, by any name, or files in a folder that was
-    read."""
+    """Protect the files read in the block from being overwritten, under any name.
+
+    Files in a folder that was read are protected too.
+    """
     global _READ
     _READ = set()
     try:
@@ -57,22 +62,21 @@ def inputs_kept() -> Iterator[None]:
 
 
 def note_read(path: str | Path) -> None:
-    """Count a file, or a folder with all that is in it, among those that were read."""
+    """Record a file, or a folder with all its content, as read."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.add(identity)
 
 
 def forget_read(path: Path) -> None:
-    """Count the file no longer among the inputs: the run continues it, as with --resume."""
+    """Remove a file from the inputs, because the run continues it (--resume)."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.discard(identity)
 
 
 def refuse_read(path: Path) -> None:
-    """Raise BadInputError where the path, or a folder above it, was read: writing would destroy
-    it."""
+    """Raise BadInputError where the path, or a folder that contains it, was read as input."""
     read = _READ or set()
     real = Path(os.path.realpath(path))
     if _identity(real) in read:
@@ -82,7 +86,10 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Return device and inode, equal for all names of a file, or None without a file."""
+    """Return the device and inode of a file, or None without a file.
+
+    They are equal for all names of a file.
+    """
     try:
         status = os.stat(path)
     except (OSError, ValueError):
@@ -92,9 +99,10 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 
 @contextmanager
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
-    """Files that are written in the block get their names when it ends without an error.
+    """Rename the files written in the block to their final names when it ends without an error.
 
-    folder: is made if need be, and removed again after an error."""
+    folder: created if necessary, and removed again after an error
+    """
     global _WAITING
     if _WAITING is not None:
         raise RuntimeError("all_or_none within all_or_none")
@@ -121,7 +129,7 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Ctrl-C, SIGTERM and SIGHUP take effect after the block, which must be short."""
+    """Delay Ctrl-C, SIGTERM and SIGHUP until the end of the block, which must be short."""
     held: list[int] = []
     before: dict[int, Any] = {}
     try:
@@ -141,8 +149,10 @@ def _signals_held() -> Iterator[None]:
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """A new private folder in `parent` (default: where temporary files go), removed after the block
-    unless renamed."""
+    """Create a private folder, and remove it after the block unless it was renamed.
+
+    parent: parent folder; by default the system's folder of temporary files
+    """
     path = _temporary_path(Path(parent or tempfile.gettempdir()))
     try:
         path.mkdir(mode=0o700)
@@ -153,15 +163,17 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def _temporary_path(folder: Path) -> Path:
-    """Return a new name in the folder, which is counted as unfinished before anything has it: a
-    signal may end the process as soon as the file is there."""
+    """Return a new name in the folder, registered as unfinished.
+
+    It is registered before the file exists, because a signal may end the process at any time.
+    """
     path = (folder / f".hfa-{os.urandom(8).hex()}").absolute()
     _UNFINISHED.add(path)
     return path
 
 
 def _new_file(path: Path, target: Path) -> IO[bytes]:
-    """Open a new file that only its owner may read and write, and that becomes the target."""
+    """Open a new file, private to its owner, that is renamed to the target later."""
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, mode=0o600)
     except OSError as error:
@@ -172,10 +184,11 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process, for a process that ends inside their
-    blocks, at once after this.
+    """Remove the temporary files and folders of this process, just before it ends.
 
-    A compiler may still write: a folder that is not empty in the end is removed again."""
+    A folder that is not empty at the end is removed once more, because a compiler may still write
+    into it.
+    """
     for path in tuple(_UNFINISHED):
         with suppress(OSError):
             path.unlink()
@@ -191,12 +204,12 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """A binary stream whose content becomes `path` when the block ends without an error; else
-    `path` is unchanged.
+    """Open a binary stream whose content becomes `path` when the block ends without an error.
 
-    Writes to a temporary file in the target's folder, then renames; the mode of an existing file is
-    kept. Raises BadInputError when the folder does not exist or cannot be written, or the target is
-    a folder, a FIFO or a device."""
+    The stream is a temporary file in the folder of `path`, renamed at the end. After an error
+    `path` is unchanged. The mode of an existing file is kept. Raises BadInputError when the folder
+    does not exist or cannot be written, or the target is a folder, a FIFO or a device.
+    """
     target = Path(path)
     if target.is_dir():
         raise BadInputError(f"cannot write {target}: it is a folder; name a file")
@@ -224,15 +237,16 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file whole or not at all."""
+    """Write a text file in UTF-8, whole or not at all."""
     with written_whole(path) as stream:
         stream.write(text.encode("utf-8"))
 
 
 def regular_file(path: str | Path) -> Path:
-    """The path of a file that can be read to its end: a FIFO or a device may block for ever.
+    """Return the path of a regular file of limited size.
 
-    OSError as from opening it, also where it is no regular file or has more than `LARGEST` bytes.
+    A FIFO or a device may block for ever. Raises OSError for these, for more than `LARGEST` bytes,
+    and where the file cannot be opened.
     """
     try:
         status = os.stat(path)
@@ -249,8 +263,10 @@ def regular_file(path: str | Path) -> Path:
 
 
 def read_json(path: str | Path) -> Any:
-    """Return the content of a JSON file. Raises OSError where it cannot be read, BadInputError
-    where it is not JSON."""
+    """Return the content of a JSON file.
+
+    Raises OSError where it cannot be read, BadInputError where it is not JSON.
+    """
     text = regular_file(path).read_bytes()
     try:
         return json.loads(text)
@@ -259,8 +275,10 @@ def read_json(path: str | Path) -> Any:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return the content of a TOML file. Raises OSError where it cannot be read, BadInputError
-    where it is not TOML."""
+    """Return the content of a TOML file.
+
+    Raises OSError where it cannot be read, BadInputError where it is not TOML.
+    """
     text = regular_file(path).read_bytes()
     try:
         return tomllib.loads(text.decode("utf-8"))

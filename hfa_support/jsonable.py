@@ -1,4 +1,4 @@
-"""Convert values to those of JSON."""
+"""Conversion of values to JSON."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """Mappings, lists, tuples, arrays, texts and numbers for `json`; a number that is not finite
-    becomes None."""
+    """Convert mappings, lists, tuples, arrays, texts and numbers to values of `json`.
+
+    Numbers that are not finite become None.
+    """
     if isinstance(
         value, (float, np.floating)
     ):  # most values are, and the other questions take longer
@@ -29,12 +31,12 @@ def jsonable(value: Any) -> Any:
 
 
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """JSON has no infinity: None for a number that is not finite."""
+    """Return the number, or None where it is not finite: JSON has no infinity."""
     return float(value) if math.isfinite(value) else None
 
 
 def json_text(value: Any) -> str:
-    """The value as indented JSON, each list and object that holds no other on one line."""
+    """Return the value as indented JSON, with each innermost list and object on one line."""
     text = json.dumps(jsonable(value), indent=1, allow_nan=False)
     return (
         re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text)

@@ -1,4 +1,4 @@
-"""Numbers that change with one variable: linear between breakpoints, constant beyond both ends."""
+"""Tables that are piecewise linear in one variable, and constant beyond both ends."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from hfa_support.reporting.by_value import ByValue
 
 @dataclass(frozen=True, eq=False)
 class LinearTable(ByValue):
-    """An array of any shape over one variable.
+    """Array of any shape, piecewise linear in one variable.
 
     breakpoints: (N,), increasing
     values: (N, ...), the array at each breakpoint
 
-    Raises BadInputError where the breakpoints do not increase, or there are not as many values.
+    Raises BadInputError where the breakpoints do not increase, or the number of values differs.
     """
 
     breakpoints: np.ndarray
     values: np.ndarray
 
     def __post_init__(self) -> None:
-        """Keep both as arrays of numbers."""
+        """Convert both fields to arrays of numbers."""
         breakpoints = np.asarray(self.breakpoints, dtype=float)
         values = np.asarray(self.values, dtype=float)
         increasing = (
@@ -38,9 +38,10 @@ class LinearTable(ByValue):
         object.__setattr__(self, "values", values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
-        """v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i): the array at x, held at both ends.
+        """Return the array at x, v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i), constant beyond both
+        ends.
 
-        where: x, a number or an array; its shape comes before that of the array
+        where: x, a number or an array, whose shape precedes that of the array
         """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
         count = len(self.breakpoints)

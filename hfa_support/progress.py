@@ -1,6 +1,6 @@
-"""Output for the user while a command works: progress, and text on the standard streams.
+"""Output during a command: progress, and text on the standard streams.
 
-A reader that stops early (`hfa ... | head`) does not change the exit code.
+The exit code does not depend on whether the reader of a pipe stops early (`hfa ... | head`).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """A callback of long work."""
+    """Callback of long computations."""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Report that `done` of `total` parts are done; `what` names the current work."""
+        """Report that `done` of `total` parts are done; `what` names the current step."""
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
-    """The items one after the other; `progress` is called after each."""
+    """Yield the items, and call `progress` after each."""
     for done, item in enumerate(items, start=1):
         yield item
         if progress is not None:
@@ -31,8 +31,10 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
 
 
 def say(text: str) -> None:
-    """Print the text now, so that a full disk is reported here; nothing is printed once the reader
-    has stopped."""
+    """Print the text and flush it, so that a full disk is reported here.
+
+    Nothing is printed once the reader has stopped.
+    """
     try:
         print(text, flush=True)
     except BrokenPipeError:
@@ -40,8 +42,10 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Print the text on standard error, on a terminal in place of an unfinished line of progress,
-    and nowhere when that is closed or cannot be written."""
+    """Print the text on standard error, where it replaces an unfinished line of progress.
+
+    Nothing is printed when standard error is closed or cannot be written.
+    """
     if sys.stderr is None:
         return
     try:
@@ -52,7 +56,7 @@ def say_aside(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Discard the buffered text of a stream, so that nothing fails when the process ends."""
+    """Discard the buffered text of a stream, so that the end of the process cannot fail."""
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
         os.close(descriptor)  # so that a process may open another, however few it may have

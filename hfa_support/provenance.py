@@ -21,11 +21,12 @@ _MOST_TOLD = 3
 
 @dataclass(frozen=True)
 class Change(Result):
-    """A parameter that is not the identified one.
+    """Parameter that differs from the identified one.
 
     value: the current value.
     identified: the identified value.
-    unit: of both values."""
+    unit: of both values.
+    """
 
     value: float
     identified: float
@@ -61,8 +62,10 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """The parameters that differ, the relatively largest differences first, or for many their
-        number and the first."""
+        """Return the changed parameters in words, the relatively largest changes first.
+
+        For many changes it is their number and the first ones.
+        """
 
         def relative_size(name: str) -> float:
             change = self.changed[name]
@@ -78,8 +81,11 @@ class Provenance(Result):
         return descriptions
 
     def text(self) -> str:
-        """Return one line, and a few more where the aircraft is not the identified one or the
-        flight not the paper's."""
+        """Return the provenance in one line.
+
+        Further lines follow where the aircraft is not the identified one, or the flight not the
+        paper's.
+        """
         first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
             first_line.append(f"plant {self.model}")
@@ -95,13 +101,14 @@ class Provenance(Result):
 
 
 def parameter_hash(values: Any) -> str:
-    """The first digits of SHA-256 over the 17-digit values of a named tuple, in their order."""
+    """Return the first digits of SHA-256 over the 17-digit values of a named tuple, in their
+    order."""
     text = "\n".join(f"{name}={float(value):.17g}" for name, value in values._asdict().items())
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
 def now() -> str:
-    """The date and time, UTC, or SOURCE_DATE_EPOCH where that is set."""
+    """Return the date and time in UTC, or SOURCE_DATE_EPOCH where that is set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)

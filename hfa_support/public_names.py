@@ -1,4 +1,4 @@
-"""Public names of a package, each imported when it is first used."""
+"""Lazy import of the public names of a package."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
     @cache
     def modules() -> dict[str, tuple[str, str]]:
-        """Public name -> the module that defines it, and its name there, or "" where it is a module
-        itself."""
+        """Return public name -> (module that defines it, name there).
+
+        The second name is "" where the public name is a module.
+        """
         stub = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
         modules = {}
         for statement in stub.body:
@@ -41,7 +43,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return modules
 
     def get(name: str) -> Any:
-        """A public name."""
+        """Import and return a public name."""
         if name == "__all__":
             return installed()
         if name not in modules():
@@ -59,7 +61,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return getattr(module, name_there) if name_there else module
 
     def installed() -> list[str]:
-        """The public names whose packages are installed."""
+        """Return the public names whose packages are installed."""
         of_packages = {name: module.partition(".")[0] for name, (module, _) in modules().items()}
         return [name for name, other in of_packages.items() if not other or find_spec(other)]
 

@@ -1,8 +1,9 @@
-"""Declarations of the content of users' files. The first entry that differs is named in one line.
+"""Validation of users' files against declarations. One line names the first entry that differs.
 
 A declaration is `Number`, str, a tuple of allowed words, [declaration] for a list, {str:
-declaration} for any names, or {name: declaration} for a table: names ending in * are required, and
-... permits others, not checked."""
+declaration} for a mapping with any names, or {name: declaration} for a table. In a table names
+ending in * are required, and ... permits other names, which are not checked.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +17,11 @@ from hfa_support.files import read_toml
 
 
 class Number(NamedTuple):
-    """A number from lowest to highest, above lowest where `above`, finite unless highest is inf and
-    `infinite`."""
+    """Declaration of a number from lowest to highest.
+
+    above: whether lowest itself is excluded
+    infinite: whether inf is allowed where highest is inf
+    """
 
     lowest: float = -math.inf
     highest: float = math.inf
@@ -33,7 +37,7 @@ class Number(NamedTuple):
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
-        """Return the value as a float, or None where it is not such a number."""
+        """Return the value as a float, or None where it does not meet the declaration."""
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return None
         try:
@@ -53,8 +57,15 @@ POSITIVE = Number(0.0, above=True)
 
 
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
-    """The value as declared, numbers as floats. BadInputError names the file (where), the entry and
-    what to give."""
+    """Return the value as declared, with numbers as floats.
+
+    where: the file, for the message
+    value: content of the entry
+    declared: its declaration
+    entry: name of the entry, for the message
+
+    Raises BadInputError that names the file, the entry and the requirement.
+    """
     if isinstance(declared, Number):
         number = declared.of(value)
         if number is None:
@@ -117,10 +128,15 @@ def _words(declared: Any) -> str:
 def read_named(
     what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]
 ) -> Any:
-    """Return the entries of a TOML file of the package `folder`, by its name in `packaged` (name ->
-    file), or of the user's file.
+    """Return the entries of a TOML file, from the package or from the user.
 
-    what: subject of the file, for messages. Raises BadInputError for an unknown name or file.
+    what: subject of the file, for messages
+    name: a key of `packaged`, or the path of the user's file
+    packaged: name -> file in the package `folder`
+    folder: the package
+    declared: declaration of the entries
+
+    Raises BadInputError for an unknown name or an invalid file.
     """
     try:
         data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)

@@ -1,8 +1,8 @@
 """English units and their SI units: names and factors.
 
-Exact but for rounding: ft = 0.3048 m, lb = 0.45359237 kg, standard gravity 9.80665 m/s² (National
-Institute of Standards and Technology, Special Publication 811). Seconds, radians and numbers
-without a unit stay.
+The factors are exact but for rounding: ft = 0.3048 m, lb = 0.45359237 kg, standard gravity 9.80665
+    m/s² (National Institute of Standards and Technology, Special Publication 811). Seconds, radians
+    and numbers without a unit are unchanged.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _SI = {
 
 
 def si_unit(unit: str) -> str:
-    """The SI unit of an English one: m/s of ft/s, N m of ft lbf."""
+    """Return the SI unit of an English one: m/s for ft/s, N m for ft lbf."""
     return re.sub(r"\b(ft|lbf|slug)\b", lambda word: _SI[word[0]][0], unit).replace("m N", "N m")
 
 
 def si_factor(unit: str) -> float:
-    """Return the SI units in one English unit: 0.3048 for ft/s.
+    """Return the number of SI units in one English unit: 0.3048 for ft/s.
 
     Units after "/" divide, up to the end of a bracket.
     """
@@ -36,7 +36,7 @@ def si_factor(unit: str) -> float:
 
 
 def _product(words: Iterator[str]) -> float:
-    """The factor of a unit's words, up to the end of its bracket."""
+    """Return the factor of a unit's words, up to the end of its bracket."""
     product = 1.0
     sign = 1
     last = 1.0
@@ -54,8 +54,10 @@ def _product(words: Iterator[str]) -> float:
 
 
 def conversion(stated: str, unit: str) -> float | None:
-    """Return the factor from the stated unit to the unit, or None where they are neither equal nor
-    an English unit and its SI unit."""
+    """Return the factor from one unit to another.
+
+    The result is None unless the units are equal, or an English unit and its SI unit.
+    """
     if stated == unit:
         return 1.0
     if stated == si_unit(unit):

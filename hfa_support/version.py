@@ -1,4 +1,7 @@
-"""The version, which `pyproject.toml` reads here (the installed metadata are slower to import);
-resumable results record it, because another version may give other numbers."""
+"""Version of the program, which `pyproject.toml` reads here.
+
+The metadata of the installation would be slower to import. Resumable results record the version,
+because another one may give other numbers.
+"""
 
 VERSION = "0.4.0"

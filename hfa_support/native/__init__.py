@@ -1,1 +1,1 @@
-"""CasADi Functions made fast: memory bound once, machine code, one copy a thread."""
+"""Fast evaluation of CasADi Functions: bound memory, machine code, one copy for each thread."""

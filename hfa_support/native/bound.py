@@ -1,5 +1,7 @@
-"""CasADi Functions bound to memory of ours, which each thread has for itself: arguments are written
-in place, results read in place."""
+"""CasADi Functions bound to memory of our own, one copy for each thread.
+
+Arguments are written and results are read in place.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,13 @@ import numpy as np
 
 
 class BoundFunction:
-    """Calls a dense CasADi Function without converting anything, about a microsecond of overhead a
-    call.
+    """Callable that evaluates a dense CasADi Function in place, in about a microsecond of overhead.
 
-    inputs, results: one flat array an argument and a result (columns of a matrix one after the
-    other), owned here and overwritten by each call. Not for two threads at once."""
+    inputs, results: one flat array for each argument and result (matrices column by column), owned
+        here and overwritten by each call
+
+    An object must not be shared by threads.
+    """
 
     def __init__(self, function: ca.Function) -> None:
         self.inputs = tuple(np.zeros(function.numel_in(i)) for i in range(function.n_in()))
@@ -35,7 +39,7 @@ class BoundFunction:
         self._buffer = buffer  # keeps the memory that the evaluation points to
 
     def __call__(self) -> None:
-        """Evaluate: `results` follow from `inputs`."""
+        """Compute `results` from `inputs`."""
         self._evaluate()
 
     def at(self, *arguments: Any) -> list[np.ndarray]:
@@ -55,8 +59,9 @@ Rows = list[np.ndarray]
 
 
 class RowFunction(threading.local):
-    """Calls a dense CasADi Function for each row of its arguments; a row contains a matrix column
-    by column. Each thread has its own memory.
+    """Callable that evaluates a dense CasADi Function for each row of its arguments.
+
+    A row contains a matrix column by column. Each thread has its own memory.
 
     function: the Function
     """
@@ -93,7 +98,7 @@ class RowFunction(threading.local):
         return tables_out
 
     def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
-        """Bind the function of `together` rows to its memory."""
+        """Return the Function of `together` rows, bound to its memory."""
         with MAKING:
             mapped = self.function.map(together) if together > 1 else self.function
             bound = BoundFunction(mapped)

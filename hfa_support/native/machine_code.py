@@ -1,8 +1,9 @@
-"""CasADi Functions as machine code: generated C, compiled once, cached by content.
+"""Compilation of CasADi Functions to machine code, cached by content.
 
 With a C compiler a function runs several times faster than in CasADi's virtual machine, with equal
-results to rounding. Without one, or when compiling fails, the virtual machine is used, and one line
-on standard error reports it."""
+results to rounding. Without one, or when compilation fails, the virtual machine is used, and one
+line on standard error reports it.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +29,10 @@ Loaded = TypeVar("Loaded")
 
 
 def machine_code(function: ca.Function) -> ca.Function:
-    """Return the function compiled to machine code, or with one note the function itself where no
-    compiler works."""
+    """Return the function compiled to machine code.
+
+    Without a working compiler it is returned unchanged, with one note.
+    """
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
         lambda symbol, library: ca.external(symbol, str(library)),
@@ -40,17 +43,19 @@ def machine_code(function: ca.Function) -> ca.Function:
 def compiled(
     text: Callable[[str], str], load: Callable[[str, Path], Loaded], optimize: str = "-O2"
 ) -> Loaded | None:
-    """Return the result of `load` for the symbol and the library of a C text; None, with one note,
-    where no compiler works.
+    """Compile a C text, load the library and return the result of `load`.
+
+    Without a working compiler the result is None, with one note.
 
     text: symbol -> C text that defines it
-    load: symbol, library -> function that calls it
-    optimize: optimization of the compiler
+    load: (symbol, library) -> function that calls it
+    optimize: optimization flag of the compiler
 
-    The library is kept in `cache_folder()` under two hashes: of the C text, the compiler and its
-    flags, and of that and its own content, which is checked before it is loaded, as its owner is.
-    Its symbol contains the first, because two libraries of one name cannot be loaded in one
-    process. A library that cannot be loaded is not kept."""
+    The library is kept in `cache_folder()` under two hashes. The first covers the C text, the
+    compiler and its flags. The second covers the first and the library itself; it is checked before
+    loading, as is the owner. The symbol contains the first hash, because two libraries of one name
+    cannot be loaded in one process. A library that cannot be loaded is not kept.
+    """
     compiler = c_compiler()
     if compiler is None:
         _say("no C compiler found; running without machine code")
@@ -73,10 +78,10 @@ def compiled(
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled functions: `$XDG_CACHE_HOME/hfa-toolchain`, by default under
-    `~/.cache`.
+    """Return the folder of compiled functions.
 
-    Raises RuntimeError when there is no home folder.
+    It is `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`. Raises RuntimeError when
+    there is no home folder.
     """
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
@@ -90,8 +95,10 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """The folder, made if need be, which only its owner can write. Raises RuntimeError when that is
-    another user."""
+    """Return the folder, created if necessary, which only its owner can write.
+
+    Raises RuntimeError when it belongs to another user.
+    """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
         raise RuntimeError(f"{folder} is a link; make it a folder")
@@ -115,8 +122,8 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library is this user's file, and was made of the C text that the symbol
-    names."""
+    """Return whether a library belongs to this user and was made of the C text named by the
+    symbol."""
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False
@@ -131,11 +138,11 @@ def _digest(file: Path, symbol: str) -> str:
 
 @cache
 def c_compiler() -> str | None:
-    """Return the compiler that CC names, else cc, gcc or clang, or None without one."""
+    """Return the compiler named by CC, else cc, gcc or clang, or None without one."""
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 
 @cache
 def _say(message: str) -> None:
-    """Print a message once in a process."""
+    """Print a message once per process."""
     say_aside(f"hfa: {message}")

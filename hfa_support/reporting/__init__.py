@@ -1,1 +1,1 @@
-"""Presentation of results: numbers as text, units, checks, tables, pictures, files."""
+"""Reports of results: numbers as text, units, checks, tables, pictures and files."""

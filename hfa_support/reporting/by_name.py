@@ -1,4 +1,4 @@
-"""Tuples of what has a name, and arrays whose columns have one."""
+"""Tuples whose entries have names, and arrays whose columns have names."""
 
 from __future__ import annotations
 
@@ -12,35 +12,38 @@ Named = TypeVar("Named", covariant=True)
 
 
 class ByName(tuple[Named, ...]):
-    """A tuple whose entries have a `name`, which indexes them too: modes["phugoid"]."""
+    """Tuple indexed by number or by the `name` of an entry: modes["phugoid"]."""
 
     def __getitem__(self, index: Any) -> Any:
-        """The entry of a number or a name. Raises BadInputError for an unknown name."""
+        """Return the entry at a number or with a name. Raises BadInputError for an unknown name."""
         if not isinstance(index, str):
             return super().__getitem__(index)
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
 
     def keys(self) -> list[str]:
-        """The names, so that dict(modes) is a dictionary of the entries."""
+        """Return the names, so that dict(modes) is a dictionary of the entries."""
         return [entry.name for entry in self]  # type: ignore[attr-defined]
 
     def values(self) -> Any:
-        """The entries."""
+        """Return the entries."""
         return self
 
     def items(self) -> Any:
-        """The pairs (name, entry)."""
+        """Return the pairs (name, entry)."""
         return dict(self).items()
 
 
 class Columns(np.ndarray):
-    """An array (N, n) whose columns have names, which index them too: states["alpha"], (N,)."""
+    """Array (N, n) whose columns have names: states["alpha"] is (N,)."""
 
     names: tuple[str, ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
-        """A column by its name, or as of a plain array. Raises BadInputError for another name."""
+        """Return a column by its name, or index as a plain array does.
+
+        Raises BadInputError for an unknown name.
+        """
         values = np.asarray(self)
         if not isinstance(index, str):
             return values[index]
@@ -52,7 +55,7 @@ class Columns(np.ndarray):
 
 
 def with_names(values: np.ndarray, names: tuple[str, ...]) -> Columns:
-    """The array with names of its columns."""
+    """Return the array with names of its columns."""
     columns = values.view(Columns)
     columns.names = names
     return columns

@@ -1,4 +1,4 @@
-"""Dataclasses of arrays, compared as values."""
+"""Comparison by value of dataclasses that contain arrays."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 
 class ByValue:
-    """A dataclass (`eq=False`) that equals another when every field does, arrays entry by entry and
-    nan like nan.
+    """Base of a dataclass (`eq=False`) that compares fields by value.
 
-    The comparison that `dataclass` writes takes the truth of an array, which raises.
+    Arrays are compared entry by entry; nan equals nan. The comparison of `dataclass` itself would
+    raise, because it takes the truth of an array.
     """
 
     def __eq__(self, other: object) -> bool:

@@ -1,4 +1,4 @@
-"""One checked number: the measured value, its limit, and the reason of a failure."""
+"""Checks: a measured value, its limit, and the reason of a failure."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ class Check(Result):
 
     @property
     def sentence(self) -> str:
-        """The check in words, for reports and error lines."""
+        """Return the check in words, for reports and error messages."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
 
 class Checked:
-    """A result that is decided by its checks."""
+    """Base of a result that is decided by its checks."""
 
     if TYPE_CHECKING:
 
@@ -72,8 +72,10 @@ class Checked:
 def checked(
     name: str, value: float, limit: float, reason: str = "", kind: str = "", relation: str = "<="
 ) -> Check:
-    """Passes when `value relation limit`, one of `RELATIONS`; a value that is not a number
-    fails."""
+    """Return a check that holds when `value relation limit`, with a relation of `RELATIONS`.
+
+    A value that is not a number fails.
+    """
     ok = RELATIONS[relation](float(value), float(limit))
     return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
 
@@ -85,7 +87,7 @@ below = partial(checked, relation="<")
 
 
 def checks_block(checks: Iterable[Check]) -> Part:
-    """Return one row for each check, then the reason of each that failed."""
+    """Return the table of checks, and the reason of each failed check."""
     listed = tuple(checks)
     rows = [
         (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))
@@ -96,5 +98,5 @@ def checks_block(checks: Iterable[Check]) -> Part:
 
 
 def verdict_text(ok: bool) -> str:
-    """Return the verdict of a check for a table."""
+    """Return the word for a passed or failed check in a table."""
     return Cell("PASS", "good") if ok else Cell("FAIL", "bad")

@@ -1,4 +1,4 @@
-"""Results as files of numbers, all digits kept: .json, .npz, .mat and .csv."""
+"""Data files of results with all digits: .json, .npz, .mat and .csv."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
-    """One file, whole or not at all; numbers keep 17 significant digits.
+    """Write one data file, whole or not at all, with 17 significant digits.
 
-    .json: `data`. .npz: one array for each leaf, keys joined by dots. .mat: the same tree as
-    structs, N matrices as (rows, columns, N). .csv: `records`, one row a value; a last column has
-    schema and provenance as JSON in its first row."""
+    .json: `data` .npz: one array for each leaf of `data`, its keys joined by dots .mat: the tree of
+    `data` as structs, N matrices as (rows, columns, N) .csv: `records`, with a last column that has
+    schema and provenance as JSON in its first row
+    """
     suffix = target.suffix.lower()
     if suffix == ".json":
         write_text(target, json_text(data))
@@ -77,28 +78,28 @@ def _for_matlab(data: Any) -> Any:
 
 
 def _stacked(array: np.ndarray) -> np.ndarray:
-    """A stack of matrices (N, rows, columns) as in MATLAB and Octave: (rows, columns, N)."""
+    """Return a stack of matrices (N, rows, columns) as (rows, columns, N) for MATLAB and Octave."""
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
 def _numbers(data: Any) -> Any:
-    """None, a missing number, becomes nan at any depth of lists."""
+    """Return the data with nan in place of None, at any depth of lists."""
     if isinstance(data, list):
         return [_numbers(item) for item in data]
     return np.nan if data is None else data
 
 
 def _field_name(key: str) -> str:
-    """A name that MATLAB accepts: "15.0" becomes "x15_0", as by its own `makeValidName`."""
+    """Return a name that MATLAB accepts: "x15_0" for "15.0", as its own `makeValidName` does."""
     name = re.sub(r"\W", "_", key)
     return name if name[:1].isalpha() else f"x{name}"
 
 
 def _csv(records: Table, about: str) -> str:
-    """A table as CSV, with a last column `about`: the text in the first row, empty in the others.
+    """Return a table as CSV with a last column `about`, which has the text in its first row.
 
     records: header and rows; numbers are written with all digits
-    about: where the records come from
+    about: provenance of the records
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -113,7 +114,8 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """The cell; a text that a spreadsheet would take for a formula has an apostrophe before it."""
+    """Return the cell, with an apostrophe before text that a spreadsheet would read as a
+    formula."""
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):
         return f"'{cell}"
@@ -121,5 +123,6 @@ def _inert(cell: Any) -> Any:
 
 
 def _digits(value: float | np.floating) -> str:
-    """All digits; polars takes NaN for a number, and nan for text."""
+    """Return a number with all digits. NaN is written in capitals, because polars reads nan as
+    text."""
     return "NaN" if np.isnan(value) else repr(float(value))

@@ -1,4 +1,4 @@
-"""The fields of a dataclass as a report, small matrices entry by entry."""
+"""Report of the fields of a dataclass, with the entries of small matrices."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ _LONGEST = 110
 
 
 def fields_report(result: Any) -> Report:
-    """The first line of the docstring, the fields that are not empty, small matrices, the
-    checks."""
+    """Return a report: first line of the class's docstring, fields, small matrices and checks.
+
+    Empty fields are omitted.
+    """
     held = {field.name: getattr(result, field.name) for field in fields(result)}
     lines: list[str] = []
     matrices: list[Part] = []
@@ -42,7 +44,7 @@ def fields_report(result: Any) -> Report:
 
 
 def _on_one_line(value: Any) -> str:
-    """A value, shortened, or for long arrays the shape and for other results the kind."""
+    """Return a value as short text: the shape of a long array, the type of another result."""
     fields = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""

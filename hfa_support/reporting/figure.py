@@ -1,5 +1,4 @@
-"""Pictures: an empty figure drawn without a display, and files that are the same for the same
-data."""
+"""Figures drawn without a display, and picture files that are reproducible byte by byte."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ _DPI = 130
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """The figure as PNG, the same bytes for the same data."""
+    """Return the figure as PNG, the same bytes for the same data."""
     stream = io.BytesIO()
     _write(figure, stream, "png", {"Software": None})
     return stream.getvalue()
@@ -36,7 +35,7 @@ def png_bytes(figure: Figure) -> bytes:
 def save(figure: Figure, path: Path, source: str = "") -> None:
     """Write a figure as .png, .svg or .pdf, whole or not at all.
 
-    source: where it comes from, below the picture and in the file's metadata.
+    source: provenance, printed below the picture and stored in the file's metadata
     """
     from matplotlib import rc_context
 
@@ -51,7 +50,10 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
-    """Write a figure. The layout of a PNG is computed here: matplotlib would draw it twice."""
+    """Write a figure to a stream.
+
+    The layout of a PNG is computed here, because matplotlib would draw the figure twice.
+    """
     _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
@@ -63,9 +65,11 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Show every text as it is written: matplotlib reads text between two dollar signs, as
-    in the name of a state, for a formula. The powers of ten that it writes at a logarithmic axis
-    are formulas."""
+    """Show every text of the figure literally.
+
+    matplotlib would typeset text between two dollar signs, as in the name of a state, as a formula.
+    The powers of ten at logarithmic axes stay formulas.
+    """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
@@ -81,8 +85,10 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Write small text in a strip below the picture. A legend outside of the axes belongs above
-    them."""
+    """Write small text in a strip below the picture.
+
+    A legend outside of the axes must be above them.
+    """
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))
@@ -94,14 +100,14 @@ def _caption(figure: Figure, text: str) -> None:
 
 
 def pyplot_figure(width: float, height: float) -> Figure:
-    """An empty figure of pyplot of that size in inches, which notebooks show."""
+    """Return an empty figure of pyplot, which notebooks show; width and height in inches."""
     from matplotlib import pyplot
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of that size in inches, drawn without a display."""
+    """Return an empty figure that needs no display; width and height in inches."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Reports, their text and tables as Markdown and as HTML."""
+"""Conversion of reports, text and tables to Markdown and HTML."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_support.reporting.text import Cell, Table, printable
 
 
 def report_as_markdown(report: Report, level: int) -> str:
-    """A report with headings from `level` on, without pictures."""
+    """Return a report as Markdown without pictures, with headings from `level` on."""
     shown = []
     for part in report.parts:
         if isinstance(part, Report):
@@ -27,7 +27,7 @@ def report_as_markdown(report: Report, level: int) -> str:
 
 
 def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
-    """A paragraph, a table, or several of them with an empty line between, as Markdown."""
+    """Return a paragraph, a table, or several separated by empty lines, as Markdown."""
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
@@ -36,13 +36,13 @@ def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
 
 
 def markdown_table(table: Table) -> str:
-    """A table as Markdown."""
+    """Return a table as Markdown."""
     header, *body = (f"| {' | '.join(map(_cell, row))} |" for row in (table.header, *table.rows))
     return "\n".join([header, "|" + "---|" * len(table.header), *body])
 
 
 def report_as_html(report: Report, level: int) -> str:
-    """A report with headings from `level` on, as a fragment without styles."""
+    """Return a report as an HTML fragment without styles, with headings from `level` on."""
     first, *others = report.title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
     shown = []
@@ -59,7 +59,7 @@ def report_as_html(report: Report, level: int) -> str:
 
 
 def picture_as_html(picture: Picture) -> str:
-    """A figure with its text below it, embedded."""
+    """Return an embedded figure with its text below it."""
     data = base64.b64encode(picture.png).decode("ascii")
     text = escaped(picture.text)
     image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
@@ -67,7 +67,7 @@ def picture_as_html(picture: Picture) -> str:
 
 
 def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
-    """Return a paragraph, a table, or several of them, as HTML; every word is escaped."""
+    """Return a paragraph, a table, or several, as HTML with every text escaped."""
     if isinstance(part, Table):
         return html_table(part)
     if isinstance(part, str):
@@ -76,8 +76,10 @@ def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
 
 
 def html_table(table: Table) -> str:
-    """A table in a box that a narrow page can scroll, by keyboard too. Classes: `words` for a
-    column without numbers, and the tone of a cell."""
+    """Return a table in a scrollable box, which the keyboard can scroll too.
+
+    Cells have the class of their tone; columns without numbers have the class `words`.
+    """
     columns = [
         ["words"] if _are_words([row[i] for row in table.rows]) else []
         for i in range(len(table.header))
@@ -117,17 +119,17 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """A cell of Markdown, where no name begins a column, a tag or a link."""
+    """Return a Markdown cell in which no text begins a column, a tag or a link."""
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
     return text.replace("|", "\\|").replace("](", "]\\(")
 
 
 def escaped(text: Any) -> str:
-    """Return a text with all characters of HTML escaped."""
+    """Return a text with the special characters of HTML escaped."""
     return html.escape(printable(str(text), lines=False))
 
 
 def paragraph(line: str) -> str:
-    """Return a paragraph; text in backquotes is set as code."""
+    """Return an HTML paragraph, with text in backquotes as code."""
     text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
     return f"<p>{text}</p>"

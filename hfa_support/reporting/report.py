@@ -1,5 +1,4 @@
-"""A report of a result, written once, as text for a terminal, Markdown, HTML, and data for
-files."""
+"""Reports of results as text for a terminal, Markdown, HTML and data files."""
 
 from __future__ import annotations
 
@@ -23,8 +22,7 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure that is drawn when it is shown; `text` describes it for readers who cannot see
-    it."""
+    """Figure that is drawn when it is shown. `text` describes it for readers who cannot see it."""
 
     name: str
     text: str
@@ -32,13 +30,13 @@ class Picture:
 
     @cached_property
     def png(self) -> bytes:
-        """The figure as PNG, drawn once."""
+        """Draw the figure once and return it as PNG."""
         from hfa_support.reporting.figure import png_bytes
 
         return png_bytes(self.draw())
 
     def html(self) -> str:
-        """The figure with its text below it, embedded."""
+        """Return the figure as HTML, with its text below it."""
         from hfa_support.reporting.markup import picture_as_html
 
         return picture_as_html(self)
@@ -46,16 +44,16 @@ class Picture:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """The report of a result, in reading order.
+    """Report of a result, in reading order.
 
-    title: a heading, with further lines below the first
-    parts: paragraphs (str), tables of formatted cells (Table), a tuple of these without an empty
-        line between them, pictures, and reports within the report
-    notes: on the result
+    title: heading, and further lines below the heading
+    parts: paragraphs (str), tables of formatted cells (Table), tuples of these without an empty
+        line between them, pictures, and nested reports
+    notes: notes on the result
     data: the result for JSON, .npz and .mat
-    records: for CSV, numbers with all digits
+    records: the result for CSV, numbers with all digits
     source: the provenance, shown last
-    failure: reason why the command that shows it fails
+    failure: reason for a failure of the command that shows it, or ""
     """
 
     title: str
@@ -77,10 +75,10 @@ class Report:
         return replace(self, data={**self.data, **more})
 
     def text(self, color: bool = False, width: int | None = None) -> str:
-        """Return the text for a terminal: parts with an empty line between them, without pictures.
+        """Return the text for a terminal, without pictures and with an empty line between parts.
 
-        color: of cells with a tone
-        width: of the terminal, in characters, or None for lines of any length
+        color: whether cells with a tone are colored
+        width: width of the terminal in characters, or None for lines of any length
         """
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
@@ -96,27 +94,31 @@ class Report:
         return report_as_markdown(self, level)
 
     def html(self, level: int = 1) -> str:
-        """A fragment without styles, every word escaped; pictures embedded, nothing loaded from
-        elsewhere."""
+        """Return an HTML fragment without styles, with embedded pictures and every text escaped.
+
+        It loads nothing from elsewhere.
+        """
         from hfa_support.reporting.markup import report_as_html
 
         return report_as_html(self, level)
 
     def json(self) -> str:
-        """The data; a number that is not finite becomes null."""
+        """Return the data as JSON. Numbers that are not finite become null."""
         from hfa_support.jsonable import json_text
 
         return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
-        """Write data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all,
-        numbers with all digits."""
+        """Write data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all.
+
+        Numbers have all digits.
+        """
         from hfa_support.reporting.data_files import save_data
 
         save_data(path, self.data, self.records)
 
     def pictures(self) -> Iterator[Picture]:
-        """All pictures, those of the reports within it too."""
+        """Yield all pictures, including those of nested reports."""
         for part in self.parts:
             if isinstance(part, Picture):
                 yield part
@@ -128,10 +130,10 @@ Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
 
 
 class Reported:
-    """A result that shows its report at the prompt and in notebooks."""
+    """Base of a result that shows its report at the prompt and in notebooks."""
 
     def report(self) -> Report:
-        """The first line of the docstring, the fields, small matrices, the checks."""
+        """Return a report: first line of the docstring, fields, small matrices and checks."""
         from hfa_support.reporting.fields_report import fields_report
 
         return fields_report(self)

@@ -1,8 +1,9 @@
-"""Results whose data are declared once: by the class of the value itself.
+"""Results whose data files, schema and documentation follow from their class.
 
 A `Result` is a dataclass. Its entries are its fields and properties. The annotation declares the
-type; the line "name: meaning" of the docstring, or the docstring of the property, states the
-meaning. JSON, files, the JSON Schema and the page of formats follow from these."""
+type. The line "name: meaning" of the class's docstring, or the docstring of the property, states
+the meaning. JSON, files, the JSON Schema and the page of formats follow from these.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +29,13 @@ Record = Annotated[Any, Mapping[str, float]]
 
 
 class Entry(NamedTuple):
-    """An entry of the data.
+    """Entry of the data of a result.
 
-    name: its key.
-    path: the field or property that it is, or those that lead to it, or None where one of them is.
-    is_optional: whether it is left out where it is None or an array without elements."""
+    name: its key
+    path: names of the field or property and of those that lead to it; the value is None where one
+        of them is None
+    is_optional: whether it is omitted where it is None or an array without elements
+    """
 
     name: str
     path: tuple[str, ...]
@@ -40,20 +43,21 @@ class Entry(NamedTuple):
 
 
 class Result:
-    """A dataclass whose entries are written as data, also within other data.
+    """Dataclass whose entries are written as data, also within other data.
 
-    schema: name and number of the format of a result that is written separately, or "" for a part.
-    made_by: the command that writes it.
-    json_keys: the entries in their order: the name of a field or property, or KEY=FIELD.PROPERTY;
-        with ? after the key where it is omitted when it is None or empty. "" for all fields, those
-        with the default None omitted when None."""
+    schema: name and number of the format of a result that is written separately, or "" for a part
+    made_by: command that writes it
+    json_keys: entries in their order, each the name of a field or property, or KEY=FIELD.PROPERTY.
+        A ? after the key omits the entry when it is None or empty. "" stands for all fields; those
+        with the default None are omitted when None.
+    """
 
     schema: ClassVar[str] = ""
     made_by: ClassVar[str] = ""
     json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
-        """Return key -> value as stored in files; arrays stay arrays."""
+        """Return key -> value as stored in files, with arrays unchanged."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
             value = reduce(_attribute, entry.path, self)
@@ -62,7 +66,7 @@ class Result:
         return data
 
     def to_dict(self) -> dict[str, Any]:
-        """Key -> plain value for JSON."""
+        """Return key -> plain value, for JSON."""
         data: dict[str, Any] = jsonable(self.as_data())
         return data
 
@@ -73,8 +77,11 @@ def _attribute(value: Any, name: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as stored in files: results and named tuples as objects, complex numbers as
-    (re, im), a number that is not finite as None; arrays stay arrays."""
+    """Return a value as stored in files.
+
+    Results and named tuples become objects, complex numbers (re, im), and numbers that are not
+    finite None. Arrays are unchanged.
+    """
     if isinstance(value, Result):
         return value.as_data()
     if hasattr(value, "_asdict"):
@@ -93,14 +100,14 @@ def plain(value: Any) -> Any:
 
 
 def _is_empty(value: Any) -> bool:
-    """Return whether there is nothing: None, or an array without elements."""
+    """Return whether a value is None or an array without elements."""
     if isinstance(value, np.ndarray):
         return value.size == 0
     return value is None or value in ([], ())
 
 
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
-    """The entries of a class, in order."""
+    """Return the entries of a class, in order."""
     if kind.json_keys:
         return tuple(map(_entry, kind.json_keys.split()))
     shown = [field for field in fields(kind) if field.repr]  # type: ignore[arg-type]
@@ -108,7 +115,7 @@ def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
 
 
 def _entry(text: str) -> Entry:
-    """The entry of KEY, KEY? or KEY=FIELD.PROPERTY."""
+    """Return the entry declared by KEY, KEY? or KEY=FIELD.PROPERTY."""
     key, _, path = text.partition("=")
     name = key.removesuffix("?")
     return Entry(name, tuple((path or name).split(".")), key.endswith("?"))

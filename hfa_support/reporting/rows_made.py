@@ -1,4 +1,4 @@
-"""Rows of long tables, made one by one."""
+"""Rows of long tables, computed when they are read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Rows 0 ... count - 1, each made when it is read: a million of them need no memory."""
+    """Sequence of `count` rows, each computed when it is read. A million rows need no memory."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count = count

@@ -1,4 +1,4 @@
-"""Numbers as aligned text for a terminal: here and nowhere else is a number given its form."""
+"""Formatting of numbers and tables as aligned text; no other module formats numbers."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _GAP = "  "
 
 
 class Table(NamedTuple):
-    """A header and its rows, for a CSV file and a terminal."""
+    """Header and rows of a table, for a CSV file or a terminal."""
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
 
 
 class Cell(str):
-    """A cell with its tone, one of `TONES`; it reads as the plain text."""
+    """Text of a cell with a tone, one of `TONES`."""
 
     tone: str
 
@@ -49,8 +49,10 @@ _OBEYED = re.compile(
 
 
 def printable(text: str, lines: bool = True) -> str:
-    """The text with control characters spelled, as in \\x1b. Line breaks stay unless they are
-    excluded."""
+    """Return the text with control characters escaped, as in \\x1b.
+
+    lines: whether line breaks are kept
+    """
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
 
@@ -61,8 +63,10 @@ def matrix_table(
     column_names: tuple[str, ...],
     matrix: Any,
 ) -> Table:
-    """A matrix with its row and column names, four decimals like the paper's; with exponents the
-    matrix where these would hide all of it or fill the line, and an entry that would look like 0.
+    """Return a matrix with row and column names, and four decimals like the paper's.
+
+    An entry that would look like 0 is printed with an exponent. The whole matrix is, where four
+    decimals would hide it or fill the line.
     """
     largest = float(np.abs(matrix).max(initial=0.0))
     form = _entry_text if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
@@ -77,7 +81,7 @@ def entry_rows(
 
     P: (n, n) each
     K: (m, n) each
-    names: states, inputs, state_units and input_units of a plant, or "" for units not known
+    names: states, inputs, state_units and input_units of a plant; "" for unknown units
     """
     kinds = (
         ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit
@@ -98,57 +102,62 @@ def entry_rows(
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """Return the names x1, x2, ... of unnamed rows."""
+    """Return the names x1, x2, ... for unnamed rows."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
 
 
 def in_degrees(angle: float) -> float:
-    """Return an angle in degrees as it was given: 15, not 14.999999999999998."""
+    """Return an angle in degrees as it was typed: 15 in place of 14.999999999999998."""
     return round(math.degrees(angle), 10)
 
 
 def shown_unit(unit: str) -> str:
-    """Return the unit in reports: deg in place of rad."""
+    """Return the unit as printed in reports: deg in place of rad."""
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
 def shown_values(values: Any, unit: str) -> Any:
-    """A number, or an array of them, in its `shown_unit`: radians become degrees."""
+    """Return a number or an array in its `shown_unit`: radians become degrees."""
     return np.degrees(values) if unit.startswith("rad") else values
 
 
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
-    """A value in its `shown_unit`, as text."""
+    """Return a value in its `shown_unit`, as text."""
     return format(float(shown_values(value, unit)), form)
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """A value with five decimals, or as 1e+08 where it is that large, and its unit, as printed in
-    reports."""
+    """Return a value with five decimals, and its unit, as printed in reports.
+
+    A large value has an exponent, as in 1e+08.
+    """
     return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
 def short_number(value: float, unit: str) -> str:
-    """A value in its `shown_unit` with four digits or more; rounding errors become 0."""
+    """Return a value in its `shown_unit` with at least four digits; rounding errors become 0."""
     shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 
 
 def eigenvalue_text(value: complex) -> str:
-    """An eigenvalue, or a conjugate pair by either of its members: -0.0144 ± 0.7458i."""
+    """Return an eigenvalue, or a conjugate pair given by either of its members: -0.0144 ±
+    0.7458i."""
     return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
 
 
 def _entry_text(value: float) -> str:
-    """Return an entry with four decimals; -2.6e-05 where it would look like 0 and is no rounding
-    error."""
+    """Return an entry with four decimals, or with an exponent where it would look like 0.
+
+    Rounding errors are printed as 0.
+    """
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and abs(value) > ROUNDING else text
 
 
 def four_decimals(value: float) -> str:
-    """Return a number as 1.2346; zeros have no sign."""
+    """Return a number with four decimals; zeros have no sign."""
     return f"{value:z.4f}"
 
 
@@ -158,11 +167,11 @@ def columns(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Rows of cells in aligned columns: the first to the left, the others to the right. Cells with
-    a tone are colored.
+    """Return rows of cells in aligned columns, the first to the left and the others to the right.
 
-    width: of the terminal, in characters. Columns that do not fit follow in blocks below, each with
-    the first column again; a cell is never broken.
+    color: whether cells with a tone are colored
+    width: width of the terminal in characters. Columns that do not fit follow in blocks below, each
+        with the first column again. Cells are never broken.
     """
     cells = (header, *rows)
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
@@ -182,7 +191,8 @@ def columns(
 
 
 def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
-    """The numbers of the columns of each block: the first column, and as many others as fit."""
+    """Return the numbers of the columns of each block: the first column and as many others as
+    fit."""
     if width is None or not widths:
         return [[*range(len(widths))]]
     blocks = [[0]]
@@ -198,7 +208,7 @@ def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
 
 
 def wrapped(text: str, width: int | None) -> str:
-    """The lines of a paragraph, broken between words where they are longer than the terminal."""
+    """Return a paragraph, broken between words into lines no longer than the terminal."""
     if width is None:
         return text
     import textwrap
