@@ -43,7 +43,7 @@ def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list
 
 
 def describe_attributes(owner: type) -> None:
-    """Hand Sphinx the text of each attribute, as if it stood in a comment at its definition."""
+    """Hand Sphinx the text of each attribute, as if it were in a comment at its definition."""
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())
     if owner is Parameters:

@@ -11,17 +11,18 @@ from hfa_support.reporting.text import Table
 
 _HEAD = """# Formats of the outputs
 
-What every command prints with `--json` and writes into files, key by key, in ft, slug, lbf, s and rad unless a name
-ends in `_deg`. The same as a JSON Schema (draft 2020-12), against which the tests validate every output:
+This page lists every key that commands print with `--json` and write into files. Units are ft, slug, lbf, s and rad
+unless a name ends in `_deg`. The command below prints the same as a JSON Schema (draft 2020-12), against which the
+tests validate every output:
 
 ```sh
 python -m hfa_formats > formats.json
 ```
 
-Keys are added, never renamed or removed within a number after the `/`. A key marked * is always there. In files with
-other suffixes: `.npz` has one array a leaf, keys joined by dots; `.mat` the same tree as structs, N matrices as
-(rows, columns, N); `.csv` the numbers as a table with units in the names of its columns or a column of units, and where
-it comes from in the first row of its last column, `about`.
+Within a format number (after the `/`) keys may be added but not renamed or removed. A key marked * is always present. A
+`.npz` file contains one array for each leaf, with keys joined by dots. A `.mat` file contains the same tree as structs, with N
+matrices as (rows, columns, N). A `.csv` file contains the numbers as a table, with units in the names of its columns or
+in a column of units. The first row of its last column, `about`, names the source.
 """
 
 

@@ -16,7 +16,7 @@ from docstrings import describe_attributes, escaped
 from sphinx.pycode import ModuleAnalyzer
 
 ROOT = Path(__file__).parent.parent
-#: Package -> what its page of the reference is about.
+#: Package -> subject of its page of the reference.
 PACKAGES = {
     "hfa": "what a script needs",
     "hfa.paper": "the paper's level flight, game and parameters",
@@ -34,7 +34,7 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """The public names of a package, from its stub; those that most examples use first."""
+    """Return the public names of a package, from its stub; those that most examples use first."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]
@@ -43,7 +43,7 @@ def names_of(package: str) -> list[str]:
 
 
 def imports_of(package: str) -> list[ast.ImportFrom]:
-    """The imports of names, not of modules, in the stub of a package."""
+    """Return the imports of names, not of modules, in the stub of a package."""
     folder = Path(inspect.getfile(importlib.import_module(package))).parent
     stub = ast.parse((folder / "__init__.pyi").read_text("utf-8"))
     return [entry for entry in stub.body if isinstance(entry, ast.ImportFrom) and entry.module]
@@ -51,7 +51,7 @@ def imports_of(package: str) -> list[ast.ImportFrom]:
 
 @cache
 def users() -> Counter[str]:
-    """Name -> how many documents and examples call it in their code."""
+    """Return name -> number of documents and examples that call it in their code."""
     code = [path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")]
     for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         blocks = re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
@@ -68,7 +68,7 @@ def value_of(package: str, name: str) -> object:
 
 
 def names_page(package: str) -> str:
-    """A table of the names with their first sentences, then their entries."""
+    """Return a table of the names with their first sentences, then their entries."""
     names = names_of(package)
     rows = [_row(package, name) for name in names]
     entries = [_entry(package, name) for name in names]
@@ -88,7 +88,7 @@ def _restructured(parts: list[str]) -> str:
 
 @cache
 def results() -> dict[str, list[type]]:
-    """Package -> the classes that its functions return and that have no public name."""
+    """Return package -> classes that its functions return and that have no public name."""
     known = [value_of(package, name) for package in PACKAGES for name in names_of(package)]
     found: dict[str, list[type]] = {package: [] for package in PACKAGES}
     for package in PACKAGES:

@@ -10,7 +10,7 @@ _PICTURE = '<img alt="Figure drawn by the code above" src="data:image/png;base64
 
 
 def notebook_page(path: Path) -> str:
-    """An executed notebook as Markdown."""
+    """Return an executed notebook as Markdown."""
     parts = []
     for cell in json.loads(path.read_text("utf-8"))["cells"]:
         source = "".join(cell["source"])
@@ -23,7 +23,7 @@ def notebook_page(path: Path) -> str:
 
 
 def _shown(output: dict[str, Any]) -> str:
-    """One output: its HTML where it has some, else its picture, else its text."""
+    """Return one output: its HTML if it has some, else its picture, else its text."""
     data = {kind: "".join(content) for kind, content in output.get("data", {}).items()}
     html = data.get("text/html", "")
     if "image/png" in data:

@@ -10,7 +10,7 @@ from hfa_support.entry_points import CRITICS, PARTS, loaded, offered
 
 _HEAD = """# Parts of commands
 
-A part of `hfa.parts` is a function with the signature below. The types are those of the package that
+A part of `hfa.parts` is a function with a signature listed below. Its types belong to the package that
 uses the part. `controllers` and `policies` are modules with these functions. `about.NAME` is a text,
 `results.NAME` a tuple of texts. `nonlinear` and `nonlinear.steps` are entry points of `hfa.critics`.
 """
