@@ -23,6 +23,8 @@ _ABOVE: dict[str, Any] = {"bbox_to_anchor": (0.0, 1.0), "frameon": False, "borde
 _SMALL: dict[str, Any] = {"loc": "right", "fontsize": 6, "pad": 2}
 #: A state that moves by less than this part of its nominal size is constant.
 _STILL = 1e-9
+#: Group of the lines of limits, of which the legend shows one.
+_LIMIT = "limit"
 
 
 def flight_figure(result: Flight, title: str) -> Figure:
@@ -54,6 +56,11 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
         air.plot(result.flight.times, shown_values(result.flight.updrafts, unit), color="C2")
         _finish(air, f"updraft, {shown_unit(unit)}")
     handles, labels = panels[0].get_legend_handles_labels()
+    lines = [line for axes in panels for line in axes.get_lines()]
+    limits = [line for line in lines if line.get_gid() == _LIMIT]
+    if limits:
+        handles.append(limits[0])
+        labels.append(_LIMIT)
     figure.legend(
         handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, title=title
     )
@@ -130,7 +137,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
 
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
-    """The inputs in one unit, with their limits."""
+    """Draw the inputs in one unit, with their limits."""
     inputs = result.point.model.inputs
     names = [name for name, signal in inputs.items() if signal.unit == unit]
     for name in names:
@@ -165,7 +172,11 @@ def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], u
     ):
         if near:
             axes.axhline(
-                float(shown_values(limit, unit)), color="black", linestyle="--", linewidth=0.8
+                float(shown_values(limit, unit)),
+                color="black",
+                linestyle="--",
+                linewidth=0.8,
+                gid=_LIMIT,
             )
 
 
