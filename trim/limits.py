@@ -1,4 +1,4 @@
-"""Between which values the signals of a model must lie: the one definition of "within"."""
+"""Limits of the signals of a model. No other module decides whether a value is within them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ NEAR = 1e-6
 class Limits:
     """Lowest and highest values of named signals, in the units of their model.
 
-    model: whose signals these are
+    model: the model of the signals
     names: (k,), states, inputs, outputs or parameters
     lowest: (k,), -inf where there is no limit
     highest: (k,), inf where there is no limit
-    least: (k,), the lowest values that are within
-    most: (k,), the highest values that are within
+    least: (k,), the lowest values that count as within
+    most: (k,), the highest values that count as within
     """
 
     model: Model
@@ -42,34 +42,37 @@ class Limits:
         names: Sequence[str],
         changes: Mapping[str, tuple[float, float]] | None = None,
     ) -> Limits:
-        """The limits of the named signals: min and max of their declarations, or the pairs in
-        `changes`, name -> (lowest, highest)."""
+        """Return the limits of the named signals.
+
+        changes: name -> (lowest, highest), in place of the declared min and max
+        """
         pairs = [(name, *ends) for name, ends in (changes or {}).items()]
         return _limits(model, tuple(names), tuple(pairs))
 
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) between their limits, within `SLACK`, or False for
-        nan."""
+        """Return the mask of the values (..., k) within their limits and `SLACK`; False for nan."""
         array = np.asarray(values)
         return np.asarray((array >= self.least) & (array <= self.most))
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at their lowest limit or below, within `NEAR`."""
+        """Return the mask of the values (..., k) at their lowest limit, within `NEAR`, or below
+        it."""
         return np.asarray(np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest))
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at their highest limit or above, within `NEAR`."""
+        """Return the mask of the values (..., k) at their highest limit, within `NEAR`, or above
+        it."""
         return np.asarray(np.asarray(values) >= self.highest - NEAR * self._measure(self.highest))
 
     def between(self, name: str) -> str:
-        """The limits of one signal in words: "-60 deg and 60 deg"."""
+        """Return the limits of one signal in words: "-60 deg and 60 deg"."""
         index = self.names.index(name)
         lowest = self.model.describe(name, float(self.lowest[index]))
         highest = self.model.describe(name, float(self.highest[index]))
         return f"{lowest} and {highest}"
 
     def broken(self, values: np.ndarray | Sequence[float]) -> list[str]:
-        """One sentence for each of the values (k,) that is not within its limits."""
+        """Return one sentence for each of the values (k,) that is not within its limits."""
         sentences = []
         for index in np.flatnonzero(~self.within(values)).tolist():
             name = self.names[index]
@@ -80,7 +83,7 @@ class Limits:
         return sentences
 
     def _measure(self, limit: np.ndarray) -> np.ndarray:
-        """(k,) nominal + |limit|, or 0 where there is no limit."""
+        """Return nominal + |limit|, (k,), or 0 where there is no limit."""
         nominal = np.array([self.model.signals[name].nominal for name in self.names])
         return np.where(np.isfinite(limit), nominal + np.abs(limit), 0.0)
 
@@ -89,7 +92,10 @@ class Limits:
 def _limits(
     model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
 ) -> Limits:
-    """`Limits.of`, which every trim of a model needs again; changes: (name, lowest, highest)."""
+    """Return `Limits.of`, cached, because every trim of a model needs it.
+
+    changes: (name, lowest, highest)
+    """
     changed = {name: (lowest, highest) for name, lowest, highest in changes}
     rows = []
     for name in names:

@@ -1,1 +1,1 @@
-"""Trims and linear models of the paper's aircraft: bands of the print, loads on its panels."""
+"""Trims and linear models of the paper's aircraft: error bands of printed matrices, front view."""

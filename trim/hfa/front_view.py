@@ -1,4 +1,4 @@
-"""The HFA from the front in a trim: its panels, with lift, weight and hinge moment."""
+"""Picture of the HFA in a trim from the front: panels, lift, weight and hinge moments."""
 
 from __future__ import annotations
 
@@ -28,13 +28,12 @@ _WIDTH = 10.0
 
 
 class Panel(NamedTuple):
-    """A panel from the front; horizontal to the right of the picture and up, in the units of the
-    report.
+    """Panel seen from the front, in horizontal and vertical coordinates in the units of the report.
 
-    ends: (2, 2), the ends of its span.
-    middle: (2,), where its forces act.
-    lift: (2,), across the panel.
-    weight: (2,).
+    ends: (2, 2), the ends of its span
+    middle: (2,), the point at which its forces act
+    lift: (2,), across the panel
+    weight: (2,)
     """
 
     ends: np.ndarray
@@ -44,10 +43,11 @@ class Panel(NamedTuple):
 
 
 def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
-    """The right panel, the center panel, the left panel: a pilot's right is left in the picture.
+    """Return the right, the center and the left panel; the pilot's right is left in the picture.
 
-    The hinges lie at (±s/2, 0); an outer panel leaves its hinge at the dihedral angle η, its middle
-    is (s/2)(cos η, sin η) further on, its lift L_o points along (∓sin η, cos η)."""
+    The hinges are at (±s/2, 0). An outer panel leaves its hinge at the dihedral angle η. Its middle
+    is (s/2)(cos η, sin η) away from the hinge, and its lift L_o acts along (∓sin η, cos η).
+    """
     parameters = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
     half = parameters.panel_span / 2
@@ -75,16 +75,20 @@ def panels_from_the_front(aircraft: Model, point: OperatingPoint) -> tuple[Panel
 
 
 def scale_text(model: Model, scale: float) -> str:
-    """scale: length of a force in the picture over the force, in the units of the model."""
+    """Return the scale of the forces in words.
+
+    scale: length of a force in the picture divided by the force, in the units of the model
+    """
     length = "foot" if unit_of(model, "ft") == "ft" else "meter"
     return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} to the {length}"
 
 
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:
-    """The aircraft from the front in a trim, as a figure.
+    """Return a figure of the aircraft from the front in a trim.
 
-    Forces are to one scale, stated in the picture; angles and lengths are true; the hinge moments
-    are in words."""
+    All forces have one scale, which the picture states. Angles and lengths are true. The hinge
+    moments are printed in words.
+    """
     panels = panels_from_the_front(aircraft, point)
     span = hfa_model.parameters_of(aircraft).panel_span
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
@@ -132,7 +136,7 @@ def _title(aircraft: Model, point: OperatingPoint, scale: float) -> str:
 
 
 def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, color: str) -> None:
-    """An arrow from a place, with a text beyond its end."""
+    """Draw an arrow from a point, with a text beyond its end."""
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)
@@ -141,7 +145,7 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
 
 
 def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
-    """Both hinges with the moment about them, where no panel is in the way."""
+    """Draw both hinges, and print the moment about each where no panel covers it."""
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment
     rounded = round(float(moment), 1) + 0.0
@@ -156,7 +160,7 @@ def _draw_hinges(axes: Axes, aircraft: Model, point: OperatingPoint) -> None:
 
 
 def _label(axes: Axes, place: np.ndarray, text: str, color: str, above: bool) -> None:
-    """The text above or below a place."""
+    """Print the text above or below a point."""
     style: dict[str, Any] = {
         "color": color,
         "fontsize": 9,

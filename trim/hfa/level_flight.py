@@ -1,4 +1,4 @@
-"""The paper's level flight, and the other trims of its aircraft that come with the package."""
+"""Level flight of the paper, and the other named trim conditions of its aircraft."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ LEVEL_FLIGHT = usual_condition(choice.aircraft())
 def level_flight(
     dihedral: float, *, limits: Mapping[str, tuple[float, float]] | None = None, **held: float
 ) -> TrimCondition:
-    """The paper's trim at a dihedral angle: four equations for four unknowns.
+    """Return the paper's trim condition at a dihedral angle: four equations for four unknowns.
 
-    The center aileron is at zero; throttle, outer aileron and both elevators are free.
-    dihedral: rad.
-    limits: variable -> (lowest, highest), in place of the model's.
-    held: variable -> value imposed in place of the paper's, in rad, ft, s.
+    The center aileron is at zero. Throttle, outer aileron and both elevators are free.
+
+    dihedral: rad
+    limits: variable -> (lowest, highest), in place of the model's
+    held: variable -> value imposed in place of the paper's, in rad, ft, s
 
     >>> import hfa
     >>> hfa.paper.level_flight(0.2, speed=70.0).free
@@ -42,7 +43,7 @@ def level_flight(
 def load_condition(name: str, usual: TrimCondition = LEVEL_FLIGHT) -> TrimCondition:
     """Return a condition by its name in `CONDITIONS`, or from a user's file.
 
-    usual: the condition that the file changes.
+    usual: the condition that the file changes
     """
     from trim.point.condition_file import read_condition
 

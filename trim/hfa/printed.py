@@ -1,5 +1,8 @@
-"""A linear model compared with the printed matrices, entry by entry, and the effect of the rounding
-of the print on every entry, through the parameters and the trim."""
+"""Comparison of a linear model with the printed matrices, entry by entry.
+
+The module also computes the error band of every entry due to the rounding of the printed matrices,
+through the parameters and the trim.
+"""
 
 from __future__ import annotations
 
@@ -63,12 +66,13 @@ class EntryRow(Result):
 
     @property
     def half_units(self) -> float:
-        """(computed - printed) / half unit: within ±1 the entry prints the same."""
+        """Return (computed - printed) / half unit; within ±1 the computed entry rounds to the
+        printed one."""
         return (self.computed - self.printed) / self.half_unit
 
     @property
     def percent(self) -> float:
-        """Difference in percent of the print, or nan where the print is zero."""
+        """Difference in percent of the printed value, or nan where that is zero."""
         return (
             100 * (self.computed - self.printed) / abs(self.printed)
             if self.printed
@@ -77,7 +81,8 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed 0 and is 0 but for rounding: nothing to compare."""
+        """True if the entry is printed as 0 and is 0 but for rounding, so that there is nothing to
+        compare."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property
@@ -92,11 +97,12 @@ class OfTheHfa(Result):
 
     A_band: (n, n) two standard errors of each entry of A from the rounding of the printed matrices.
     B_band: (n, m) two standard errors of each entry of B.
-    other_dynamics: the dynamics that the model is compared with: newton for published, and the
-        other way round.
+    other_dynamics: the dynamics that the model is compared with: newton for a published model,
+        published for a newton model.
     A_difference: (n, n) A with the other dynamics at the same condition minus A.
     B_difference: (n, m) B with the other dynamics minus B.
-    printed: A and B of the paper, at its angles."""
+    printed: A and B of the paper, at its angles.
+    """
 
     A_band: Matrix | None = None
     B_band: Matrix | None = None
@@ -108,7 +114,7 @@ class OfTheHfa(Result):
 
 @checks_arguments
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
-    """All 66 entries of A (6 x 6) and B (6 x 5), row by row.
+    """Return all 66 entries of A (6 x 6) and B (6 x 5) with the printed ones, row by row.
 
     >>> import hfa
     >>> import hfa_model
@@ -134,7 +140,7 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 
 @checks_arguments
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
-    """The linear model of an aircraft in the paper's trim at a printed dihedral angle.
+    """Return the linear model of an aircraft in the paper's trim at a printed dihedral angle.
 
     >>> import hfa
     >>> import hfa_model
@@ -146,8 +152,8 @@ def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
 
 
 def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """|λ_computed - λ_reference| of the best pairing of two spectra, in the order of the
-    reference."""
+    """Return |λ_computed - λ_reference| of the best pairing of two spectra, in the reference's
+    order."""
     from scipy.optimize import linear_sum_assignment
 
     distance = np.abs(reference[:, None] - computed[None, :])
@@ -156,7 +162,7 @@ def eigenvalue_errors(computed: np.ndarray, reference: np.ndarray) -> np.ndarray
 
 
 def printed_at(point: OperatingPoint) -> PublishedModel | None:
-    """The printed pair of exactly this flight condition, if the paper prints one."""
+    """Return the printed pair of exactly this flight condition, or None without one."""
     for published in published_models():
         paper = level_flight(published.dihedral).imposed
         if all(
@@ -168,7 +174,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """The report of a model with the printed pair of its condition."""
+    """Add the printed pair of the model's condition to the report."""
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
@@ -177,13 +183,19 @@ def compared_with_print(report: Report, model: LinearModel, published: Published
 
 
 def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
-    """Return the table of entries of a model compared with the printed ones."""
+    """Return the table of a model's entries compared with the printed ones."""
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 
 def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Table:
-    """Printed, computed, difference in half units of the last digit and in percent; first cells of
-    each row -> entries."""
+    """Return a table of printed and computed entries, with differences in half units and in
+    percent.
+
+    A half unit is half a unit of the last printed digit.
+
+    title: header of the first column
+    entries: first cell of each row -> entries
+    """
     rows = [
         (
             *(
@@ -202,7 +214,10 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
 
 
 def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
-    """Return the entries with all digits; printed angle (deg) -> entries."""
+    """Return the entries with all digits.
+
+    entries: printed angle (deg) -> entries
+    """
     rows = [
         (
             angle,
@@ -219,20 +234,21 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bands(ByValue, Reported):
-    """Half widths of the bands of a linear model's entries, in their units.
+    """Half widths of the error bands of a linear model's entries, in their units.
 
     A: (6, 6)
     B: (6, 5)
 
-    They are two standard errors, propagated from the rounding of the print through the parameters
-    and the trim. The equations are assumed to be right: `docs/validation.md` lists their tests.
+    They are two standard errors, propagated from the rounding of the printed matrices through the
+    parameters and the trim. The equations are assumed to be correct: `docs/validation.md` lists
+    their tests.
     """
 
     A: np.ndarray
     B: np.ndarray
 
     def report(self) -> Report:
-        """The half width of every entry."""
+        """Return the half width of every entry."""
         tables = [
             matrix_table(f"{name} ±", LINEAR_STATES, across, getattr(self, name))
             for name, across in (("A", LINEAR_STATES), ("B", INPUTS))
@@ -247,11 +263,12 @@ class Bands(ByValue, Reported):
 def with_bands(
     report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
 ) -> Report:
-    """The report of a linear model of the HFA with the bands of its entries and the differences to
-    the other dynamics, where these are known, and a sentence on how far the entries may be off.
+    """Add the error bands of the entries, and the differences to the other dynamics, to a report.
 
-    bands: of the model's entries.
-    other: the model of the other dynamics at the same condition.
+    A sentence states the possible errors of the entries. Both additions are omitted where unknown.
+
+    bands: bands of the model's entries
+    other: the model of the other dynamics at the same condition
     """
     tables = len(matrices(model))
     sentence = _trust_in(bands, model, other)
@@ -283,9 +300,12 @@ def with_bands(
 
 
 def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
-    """Return the possible errors of the entries of a six-state model: by the rounding of the print,
-    and by the choice of the dynamics (`other`: the model of the other dynamics at the same
-    condition)."""
+    """Return a sentence on the possible errors of the entries of a six-state model.
+
+    They are due to the rounding of the printed matrices and to the choice of the dynamics.
+
+    other: the model of the other dynamics at the same condition
+    """
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
@@ -304,26 +324,27 @@ def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """Return the largest entry of both, in the current units, and its name."""
+    """Return the largest entry of A and B in the current units, and its name."""
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"
 
 
 def bands_known(parameters: ParameterSet) -> bool:
-    """Return whether these parameters have bands: the identified values (to 1e-7), with their
-    covariance.
+    """Return whether bands of these parameters are known.
 
-    The covariance is that of the parameters that the print gives. With an edited value it would be
-    the uncertainty of another aircraft."""
+    They are for the identified values (to 1e-7) with their covariance. For an edited value the
+    covariance would describe another aircraft.
+    """
     same = np.allclose(parameters.values, default_parameters().values, rtol=_SAME, atol=0.0)
     return same and parameters.covariance.size > 0
 
 
 @checks_arguments
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
-    """Bands of the entries of a six-state linear model, made with these parameters at a trim of
-    this condition.
+    """Return the error bands of the entries of a six-state linear model.
+
+    The model has these parameters, at a trim of this condition.
 
     2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit
     function theorem), C the covariance of the identified parameters p, v the free variables of the
@@ -365,9 +386,16 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 def entries_at(
     layout: Layout, v: np.ndarray, p: np.ndarray, free: Sequence[int], rows: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """vec(A, B) of the paper's six states, column by column (66,), and its derivative by the
-    parameters p (66, P) along the trim: the variables v that are free (numbers) follow from the
-    rates of some states (numbers of rows)."""
+    """Return e = vec(A, B) of the paper's six states, (66,), and its derivative de/dp, (66, P).
+
+    The entries are ordered column by column. Along the trim the free variables follow from the
+    rates of some states.
+
+    v: variables of the trim
+    p: parameters
+    free: numbers of the free variables
+    rows: numbers of these states
+    """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])
     columns = len(free), len(p), len(free), len(p)
@@ -381,9 +409,13 @@ def entries_at(
 
 @lru_cache(maxsize=16)
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
-    """(v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p; v: the variables of a
-    trim, on which state and input depend; derivatives by the free ones. zero: those that are always
-    0."""
+    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
+
+    v are the variables of a trim, on which state and input depend.
+
+    free: numbers of the free variables, by which the derivatives are taken
+    zero: numbers of the variables that are always 0
+    """
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
     values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
     f, _ = layout.expressions(list(map(components, (x, u, p))), ())

@@ -1,2 +1,1 @@
-"""Linear models at an operating point: exact derivatives, modes, error bands, comparison with the
-print."""
+"""Linear models at an operating point: exact derivatives, modes, transfer functions, responses."""

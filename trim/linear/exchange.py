@@ -1,4 +1,4 @@
-"""A linear model as the object of another package."""
+"""Conversion of a linear model to objects of other packages."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ def state_space(model: LinearModel) -> control.StateSpace:
 
 
 def of_control(model: LinearModel, name: str) -> Any:
-    """Return an attribute of python-control's StateSpace, or a function of python-control, or of
-    its names of MATLAB, on the model from the inputs= to the outputs= of its call.
+    """Return an attribute of python-control's StateSpace, or a function of python-control on the
+    model.
 
-    Raises AttributeError for another name."""
+    Names of python-control's MATLAB interface are accepted too. The function acts from the inputs=
+    to the outputs= of its call. Raises AttributeError for another name.
+    """
     import control
     from control import matlab
 

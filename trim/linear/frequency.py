@@ -1,4 +1,4 @@
-"""Transfer functions and transmission zeros of a linear model, and their Bode plot."""
+"""Transfer functions and transmission zeros of a linear model, with their Bode plot."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Responses(Result):
 
 
 def transfers(model: LinearModel) -> list[Transfer]:
-    """The transfer function of each output and input, outputs first."""
+    """Return the transfer function of each output and input, ordered by output."""
     system = scaled(model)
     poles = spectrum(system.A)
     signals = model.model.signals
@@ -60,22 +60,23 @@ def transfers(model: LinearModel) -> list[Transfer]:
 
 
 def zeros_of(model: LinearModel) -> np.ndarray:
-    """Transmission zeros from all inputs to all outputs, 1/s."""
+    """Return the transmission zeros from all inputs to all outputs, 1/s."""
     return transmission_zeros(scaled(model))[0]
 
 
 def bode_figure(model: LinearModel) -> Figure:
-    """The Bode plots of a model on a figure of their own, as `draw_bode` draws them."""
+    """Return a new figure with the Bode plots of a model (`draw_bode`)."""
     return draw_bode(model, new_figure(6.0, 5.2))
 
 
 def draw_bode(model: LinearModel, figure: Figure) -> Figure:
-    """Magnitude in dB above phase in degrees, one panel for each output, one line for each input.
+    """Draw magnitude in dB above phase in degrees: one panel for each output, one line for each
+    input.
 
     At most six outputs that an input reaches are drawn; the others are named below. The frequencies
     are those of `bode_frequencies`. Raises BadInputError where no input reaches an output.
 
-    figure: an empty one, which gets its size here; returned
+    figure: an empty figure, which is resized and returned
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -129,8 +130,11 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
 
 
 def bode_frequencies(model: LinearModel) -> np.ndarray:
-    """From a tenth of the slowest mode to ten times the fastest, rad per unit of time; dense enough
-    to follow the phase past a lightly damped mode. Without modes 0.01 to 100."""
+    """Return frequencies for a Bode plot, rad per unit of time.
+
+    They extend from a tenth of the slowest mode to ten times the fastest, or from 0.01 to 100
+    without modes. They are dense enough for the phase of lightly damped modes.
+    """
     frequencies = np.abs(np.linalg.eigvals(model.A))
     moving = frequencies[frequencies > _STILL * frequencies.max(initial=0.0)]
     if not moving.size:
@@ -142,8 +146,7 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:
-    """The report of a model with its transmission zeros and a row for each transfer function that
-    is not zero."""
+    """Add the transmission zeros and a row for each nonzero transfer function to a report."""
     responses = Responses(zeros_of(model), transfers(model))
     rows = []
     for transfer in responses.transfers:
@@ -167,7 +170,7 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
 
 
 def scaled(model: LinearModel) -> StateSpace:
-    """The model in nominal values, in which one rank decision suits all rows."""
+    """Return the model in nominal units, in which one tolerance of ranks suits all rows."""
     signals = model.model.signals
 
     def nominal(names: Iterable[str]) -> np.ndarray:
@@ -185,7 +188,7 @@ def scaled(model: LinearModel) -> StateSpace:
 
 
 def _pairs_text(roots: np.ndarray) -> str:
-    """The roots, a conjugate pair once; "none" without any."""
+    """Return the roots as text, each conjugate pair once; "none" without roots."""
     words = []
     for root in roots:
         if root.imag >= 0:

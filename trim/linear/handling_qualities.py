@@ -1,5 +1,4 @@
-"""Handling qualities of an aircraft at a trim, from the modes and outputs that its model
-declares."""
+"""Handling qualities of an aircraft at a trim, from the declared modes and outputs of its model."""
 
 from __future__ import annotations
 
@@ -48,14 +47,15 @@ class Qualities(Result):
 
 
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
-    """Return the handling qualities that the declaration of the model allows, at a trim.
+    """Return the handling qualities at a trim, as far as the declaration of the model allows.
 
-    Of a mode declared as `short period`, `phugoid` or `dutch roll`: natural frequency and damping,
-    of two real eigenvalues those of their product and sum. `roll`: time constant -1/λ. `spiral`:
-    time to double or half, ln 2/|λ|. With an output `load_factor` and a state `alpha` in the short
-    period: n/alpha, and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C,
-    3.2.2.1). n/alpha is the steady change of load factor divided by that of alpha, after a step of
-    the input that pitches the aircraft most, with every state except alpha and pitch rate held.
+    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping. Two
+    real eigenvalues have those of their product and sum. `roll` has the time constant -1/λ,
+    `spiral` the time to double or half, ln 2/|λ|. With an output `load_factor` and a state `alpha`
+    in the short period there are n/alpha and the control anticipation parameter CAP = ω²/(n/alpha)
+    (MIL-F-8785C, 3.2.2.1). n/alpha is the steady change of load factor divided by that of alpha,
+    after a step of the input that pitches the aircraft most, with every state except alpha and
+    pitch rate held.
     """
     outputs = ("load_factor",) if "load_factor" in point.model.outputs else None
     linear = point.linearize(outputs=outputs, disturbances=())
@@ -83,8 +83,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
 
 def with_qualities(report: Report, point: OperatingPoint) -> Report:
-    """The report of a linear model with its handling qualities, a row each, or unchanged where
-    there are none."""
+    """Add the handling qualities to the report of a linear model, one row each."""
     quantities = handling_qualities(point)
     if not quantities:
         return report
@@ -95,15 +94,17 @@ def with_qualities(report: Report, point: OperatingPoint) -> Report:
 
 
 def _eigenvalues(linear: LinearModel, family: str) -> list[complex]:
-    """Return the eigenvalues of a declared family of modes, one of each conjugate pair, or none
-    where it is not declared."""
+    """Return the eigenvalues of a family of modes, one of each conjugate pair.
+
+    The list is empty where the model does not declare the family.
+    """
     if family not in linear.model.modes:
         return []
     return [mode.eigenvalue for mode in linear.modes if mode.name.partition(" (")[0] == family]
 
 
 def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
-    """Return the eigenvalue of a family with a single, real one."""
+    """Return the eigenvalue of a family that has a single, real one; else None."""
     values = _eigenvalues(linear, family)
     if len(values) != 1 or values[0].imag:
         return None
@@ -111,7 +112,8 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 
 
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
-    """Natural frequency and damping of a conjugate pair or of two real eigenvalues of one sign."""
+    """Return natural frequency and damping of a conjugate pair, or of two real eigenvalues of one
+    sign."""
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
@@ -126,7 +128,10 @@ def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None
 
 
 def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
-    """n/alpha and CAP, where there are any; frequency: of the short period."""
+    """Return n/alpha and CAP where they exist.
+
+    frequency: natural frequency of the short period, rad/s
+    """
     ratio = _n_per_alpha(linear)
     if not ratio:
         return []
@@ -137,7 +142,7 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
-    """d(load factor)/d(alpha) in the steady state of the short period, 1/rad."""
+    """Return d(load factor)/d(alpha) in the steady state of the short period, 1/rad."""
     model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:

@@ -1,5 +1,8 @@
-"""Kinks, where a derivative does not describe the equations: a knot of a table, the switch of |x|,
-min, max, sign or a comparison. A and B take the mean of the slopes to both sides there."""
+"""Kinks of the equations: points at which a single derivative does not describe them.
+
+A kink is a knot of a table, or the switching point of |x|, min, max, sign or a comparison. There A
+and B are the means of the slopes on both sides.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from trim.linear.switches import near_switches
 
 
 class Smoothed(NamedTuple):
-    """A and B of N points, with the means of both slopes at kinks.
+    """A and B of N points, averaged at kinks.
 
-    A: (N, n, n).
-    B: (N, n, m).
-    notes: point -> a sentence for each entry of A or B at a kink or a jump.
+    A: (N, n, n)
+    B: (N, n, m)
+    notes: point -> a sentence for each entry of A or B at a kink or a jump
     """
 
     A: np.ndarray
@@ -29,16 +32,17 @@ class Smoothed(NamedTuple):
 def with_means_at_kinks(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray, A: np.ndarray, B: np.ndarray
 ) -> Smoothed:
-    """A and B with the means of both slopes at kinks.
+    """Return A and B, with the mean of both slopes in each entry at a kink.
 
-    x: (N, n), states.
-    u: (N, m), inputs.
-    p: (N, k), parameters.
-    A: (N, n, n), B: (N, n, m), the derivatives there.
+    x: (N, n), states
+    u: (N, m), inputs
+    p: (N, k), parameters
+    A: (N, n, n), derivatives of the rates by the states
+    B: (N, n, m), derivatives of the rates by the inputs
 
-    An entry is at a kink where the slopes to the sides, by differences, are smooth and differ from
-    the derivative; it becomes their mean. Where the rate itself jumps the entry stays, with a note.
-    Points without a trim, nan, have none.
+    An entry is at a kink where the slopes on both sides, by differences, are smooth and differ from
+    the derivative. Where the rate itself jumps the entry is unchanged and gets a note. Points
+    without a trim (nan) are skipped.
     """
     near, columns = near_switches(model, x, u, p)
     if not near.size:
@@ -64,12 +68,14 @@ def linearization_at(
     outputs: Sequence[str] = (),
     disturbances: Sequence[str] = (),
 ) -> tuple[Linearization, tuple[str, ...]]:
-    """The derivatives of a model at a state (n,) and an input (m,), with the means of both slopes
-    in A and B at kinks, and a sentence for each such entry.
+    """Return the derivatives of a model at a point, averaged at kinks, and a note for each such
+    entry.
 
-    outputs, disturbances: names.
+    x: (n,), state
+    u: (m,), input
+    outputs, disturbances: names
 
-    Raises FloatingPointError where one is not finite.
+    Raises FloatingPointError where a result is not finite.
     """
     exact = model.at(x, u, outputs, disturbances)
     X, U = (np.asarray(vector, dtype=float)[None] for vector in (x, u))

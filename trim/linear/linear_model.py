@@ -1,4 +1,4 @@
-"""A linear model at an operating point."""
+"""Linear model at an operating point."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """`states`, by the name that all results have for it."""
+        """Names of the states. All results have this property."""
         return self.states
 
     @property
     def input_names(self) -> tuple[str, ...]:
-        """`inputs`, by the name that all results have for it."""
+        """Names of the inputs. All results have this property."""
         return self.inputs
 
     @property
@@ -96,7 +96,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def disturbance_units(self) -> tuple[str, ...]:
-        """Unit of each w."""
+        """Unit of each disturbance, in order."""
         return self.model.units(self.disturbances)
 
     @property
@@ -109,7 +109,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def modes(self) -> ByName[Mode]:
-        """Modes of A, fastest first, also by the name in the model: modes["phugoid"]."""
+        """Modes of A, fastest first, indexed by number or name: modes["phugoid"]."""
         from trim.linear.modes import modes_of
 
         return ByName(modes_of(self.A, self.states, self.model.modes))
@@ -131,19 +131,23 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         *,
         residualize: Sequence[str] = (),
     ) -> LinearModel:
-        """The model of the named states and inputs alone; None keeps all.
+        """Return the model of the named states and inputs; None keeps all.
 
-        States and inputs left out stay at their offsets. States in `residualize` follow the others
-        at once: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are unchanged.
-        Raises BadInputError when the model has no such name, it comes twice, or A22 is singular."""
+        Omitted states and inputs stay at their offsets. States in `residualize` follow the others
+        without delay: x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w), so that static gains are unchanged.
+        Raises BadInputError when the model has no such name, a name is repeated, or A22 is
+        singular.
+        """
         from trim.linear.reduction import reduced
 
         return reduced(self, states, inputs, residualize)
 
     def __getitem__(self, names: tuple[Any, Any]) -> LinearModel:
-        """The model from named inputs to named outputs: linear["pitch_rate", "elevator_center"].
+        """Return the model from named inputs to named outputs: linear["pitch_rate",
+        "elevator_center"].
 
-        Raises BadInputError when the model has no such name, or it comes twice."""
+        Raises BadInputError when the model has no such name, or a name is repeated.
+        """
         from trim.linear.responses import chosen
 
         match names:
@@ -160,7 +164,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def eigenvectors(self) -> Any:
-        """Eigenvectors of A, (n, n) complex, a column for each of `eigenvalues`."""
+        """Eigenvectors of A, (n, n) complex, one column for each of `eigenvalues`."""
         from trim.linear.modes import order_fastest_first
 
         values, vectors = np.linalg.eig(self.A)
@@ -182,8 +186,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return not self.zeros(outputs=()).size
 
     def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
-        """The transmission zeros from the named inputs to the named outputs, or all unless named,
-        complex, 1/s. Without outputs, (), the eigenvalues that no input reaches."""
+        """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
+
+        By default all inputs and outputs are used. Without outputs, (), the result contains the
+        eigenvalues of the modes that no input reaches.
+        """
         from trim.linear.frequency import zeros_of
         from trim.linear.responses import chosen
 
@@ -192,10 +199,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def step(
         self, time: Any = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
-        """The named outputs after a unit step of each named input, (outputs, inputs, N), as
-        deviations, or all unless named.
+        """Return the outputs after a unit step of each input, (outputs, inputs, N), as deviations.
 
-        time: (N,) or the last, s; python-control chooses it unless given.
+        time: (N,) or the last time, s; by default python-control chooses it
+        inputs, outputs: names; by default all
         """
         from trim.linear.responses import response
 
@@ -204,32 +211,34 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def impulse(
         self, time: Any = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
-        """The outputs after a unit impulse of each named input; the arguments are those of
+        """Return the outputs after a unit impulse of each input; the arguments are those of
         `step`."""
         from trim.linear.responses import response
 
         return response(self, "impulse", time, inputs, outputs)
 
     def simulate(self, u: Any, time: Any = None) -> control.TimeResponseData:
-        """Outputs over time (N,), (outputs, N), as deviations from the operating point.
+        """Return the outputs over time, (outputs, N), as deviations from the operating point.
 
-        u: (m, N) or (N, m), or input -> number or N values.
-        time: (N,), s; python-control chooses it where u names inputs."""
+        u: (m, N) or (N, m), or input -> number or N values
+        time: (N,), s; where u names inputs, python-control chooses it by default
+        """
         from trim.linear.responses import simulated
 
         return simulated(self, u, time)
 
     def transfer_function(self, inputs: Any, outputs: Any) -> control.TransferFunction:
-        """Return python-control's transfer function from one input to one output, without what
-        cancels.
+        """Return python-control's transfer function from one input to one output, with
+        cancellation.
 
-        Raises BadInputError where more than one is left."""
+        Raises BadInputError for several inputs or outputs.
+        """
         from trim.linear.responses import transfer_function
 
         return transfer_function(self, inputs, outputs)
 
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
-        """Draw the Bode plots of the named inputs and outputs in a figure of pyplot; returns its
+        """Draw the Bode plots of the named inputs and outputs in a figure of pyplot, and return its
         Axes.
 
         Raises BadInputError where no input reaches an output.
@@ -239,20 +248,20 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
-        """Draw the poles and zeros in a figure of pyplot; returns its Axes."""
+        """Draw the poles and zeros in a figure of pyplot, and return its Axes."""
         from trim.linear.responses import draw_poles
 
         return draw_poles(self)
 
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
-        """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its
+        """Draw the Nyquist plot from one input to one output in a figure of pyplot, and return its
         Axes."""
         from trim.linear.responses import nyquist
 
         return nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
-        """A, B, offsets and modes."""
+        """Return the report of A, B, offsets and modes."""
         from trim.linear.linear_report import linear_model_report
 
         return linear_model_report(self)
@@ -266,8 +275,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return another attribute of `to_control()`, or a function of python-control on it:
-            linear.damp(), linear.c2d(dt), linear.margin(inputs="elevator", outputs="pitch")."""
+            """Return an attribute of `to_control()`, or a function of python-control on the model.
+
+            Examples are linear.damp(), linear.c2d(dt), linear.margin(inputs="elevator",
+            outputs="pitch").
+            """
             if name.startswith("_"):
                 raise AttributeError(name)
             from trim.linear.exchange import of_control

@@ -19,7 +19,7 @@ _LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
 class Block(NamedTuple):
-    """One of A, B, C, D with the names and units of its rows and columns, as it is printed."""
+    """Printed matrix A, B, C or D, with the names and units of its rows and columns."""
 
     name: str
     rows: tuple[str, ...]
@@ -30,7 +30,7 @@ class Block(NamedTuple):
 
 
 def linear_model_report(model: LinearModel) -> Report:
-    """A, B, offsets and modes; in the data E and F too."""
+    """Return the report of A, B, offsets and modes; its data also contain E and F."""
     point = model.point
     signals = point.model
     blocks = _blocks(model)
@@ -64,7 +64,7 @@ def linear_model_report(model: LinearModel) -> Report:
 
 
 def _records(model: LinearModel, blocks: list[Block]) -> Table:
-    """Return one row for each entry of the matrices and each offset: matrix, row, column, value,
+    """Return one row for each entry of a matrix and each offset: matrix, row, column, value,
     unit."""
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
@@ -80,8 +80,8 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
 
 
 def units_in_words(model: LinearModel) -> str:
-    """The units that the entries of the matrices are made of, and the names with other units: "rad,
-    ft, s, but elevator, aileron in deg"."""
+    """Return the base units of the matrices and the exceptions: "rad, ft, s, but elevator in
+    deg"."""
     units = model.model.units
     length = next(
         (unit for state in model.state_units for unit in _base_units(state) if unit in _LENGTHS), ""
@@ -105,12 +105,12 @@ def units_in_words(model: LinearModel) -> str:
 
 
 def _base_units(unit: str) -> set[str]:
-    """The units that a unit is made of: ft and s of ft/s^2."""
+    """Return the base units in a unit: ft and s for ft/s^2."""
     return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
 def matrices(model: LinearModel) -> tuple[Table, ...]:
-    """A and B with their names, C and D where the outputs are not the states."""
+    """Return tables of A and B, and of C and D where the outputs are not the states."""
     return tuple(
         matrix_table(block.name, block.rows, block.columns, block.values)
         for block in _blocks(model)
@@ -118,7 +118,7 @@ def matrices(model: LinearModel) -> tuple[Table, ...]:
 
 
 def _blocks(model: LinearModel) -> list[Block]:
-    """The matrices of the text and of the records."""
+    """Return the matrices in the text and in the records."""
     signals = model.model
     of_states = (model.states, model.state_units)
     of_inputs = (model.inputs, model.input_units)

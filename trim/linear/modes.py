@@ -1,5 +1,4 @@
-"""Eigenvalues as an engineer reads them: named by participation, with damping, frequency and
-times."""
+"""Modes of linear models: eigenvalues with names, damping, frequency and times."""
 
 from __future__ import annotations
 
@@ -21,12 +20,12 @@ _ZERO = 10.0
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of a matrix (n, n) and how far rounding may have moved them.
+    """Eigenvalues of a matrix (n, n), with bounds on their errors due to rounding.
 
-    values: (n,), with 0 in place of an eigenvalue, or a real part, that is within `errors`.
-    errors: (n,), absolute.
-    right: (n, n), an eigenvector a column.
-    left: (n, n), its inverse.
+    values: (n,), with 0 in place of an eigenvalue, or a real part, that is within `errors`
+    errors: (n,), absolute
+    right: (n, n), eigenvectors as columns
+    left: (n, n), the inverse of `right`
     """
 
     values: np.ndarray
@@ -41,15 +40,15 @@ def modes_of(
     states: tuple[str, ...],
     families: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> tuple[Mode, ...]:
-    """Modes of x' = A x, fastest first; a conjugate pair is one mode.
+    """Return the modes of x' = A x, fastest first; a conjugate pair is one mode.
 
-    states: names of the rows of A.
-    families: name of a mode -> the states that take part most.
+    states: names of the rows of A
+    families: name of a mode -> the states that take part most
 
     Participation of state k in mode i: |w_ki v_ki| / Σ_k |w_ki v_ki| with right and left
-    eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode takes the name of the family
-    of states with the largest share, or of the state where that is in no family; when two modes
-    fall to one family, the faster is called "fast", the slower "slow".
+        eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family
+        of states with the largest share, or after the state where that is in no family. When two
+        modes belong to one family, the faster is called "fast", the slower "slow".
 
     >>> import numpy as np
     >>> from trim import modes_of
@@ -89,11 +88,11 @@ def modes_of(
 
 
 def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
-    """Eigenvalues and eigenvectors of A, with the errors of the eigenvalues.
+    """Return the eigenvalues and eigenvectors of A, with bounds on the errors of the eigenvalues.
 
     The error of an eigenvalue is the rounding error of A times |v| |w|, with w'v = 1 (Wilkinson).
 
-    size: norm of the numbers that A was computed from, where it exceeds the norm of A.
+    size: norm of the numbers that A was computed from, where it exceeds the norm of A
     """
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
@@ -106,8 +105,7 @@ def spectrum(A: np.ndarray, size: float = 0.0) -> Spectrum:
 
 
 def _told_apart(names: list[str]) -> list[str]:
-    """The names of modes, fastest first, with "fast" and "slow", or numbers, where several have
-    one."""
+    """Return the names of modes, fastest first, made unique by "fast" and "slow" or by numbers."""
     different = []
     for index, name in enumerate(names):
         count = names.count(name)
@@ -138,7 +136,10 @@ def _mode(name: str, value: complex, participation: dict[str, float]) -> Mode:
 
 
 def modes_table(modes: Iterable[Mode], time: str = "s") -> Table:
-    """The mode table. time: the model's unit of time."""
+    """Return the table of modes.
+
+    time: unit of time of the model
+    """
     rows = []
     for mode in modes:
         largest = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
@@ -175,13 +176,15 @@ def _time_to(mode: Mode) -> str:
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """Each row (.., n) sorted: fastest first, of equally fast ones the lower real part, of a pair
-    the positive imaginary part first."""
+    """Return the eigenvalues (.., n) with each row sorted, fastest first.
+
+    Equally fast ones are ordered by increasing real part, then positive imaginary part first.
+    """
     order = order_fastest_first(eigenvalues)
     return np.take_along_axis(eigenvalues, order, axis=-1).astype(complex)
 
 
 def order_fastest_first(eigenvalues: np.ndarray) -> np.ndarray:
-    """The indices that sort each row as `fastest_first` does."""
+    """Return the indices that sort each row as `fastest_first` does."""
     speeds = np.round(np.abs(eigenvalues), 9)
     return np.lexsort((-eigenvalues.imag, eigenvalues.real, -speeds))

@@ -1,4 +1,4 @@
-"""Indices of names among those of a linear model."""
+"""Positions of names in a linear model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    """Return the indices of names, or of one name, among the known ones; None names all."""
+    """Return the positions of one or several names among the known ones; None stands for all."""
     chosen = known if names is None else names
     if isinstance(chosen, str):
         chosen = (chosen,)

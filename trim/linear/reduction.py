@@ -1,4 +1,4 @@
-"""Linear models of fewer states: omitted states stay at the trim, or follow the others without
+"""Linear models with fewer states. Omitted states stay at the trim, or follow the others without
 delay."""
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _SINGULAR = 1e12
 
 
 class _Kept(NamedTuple):
-    """The kept parts of a model of fewer states, by number: states, states that follow the others
-    without delay, outputs."""
+    """Positions of the kept states, of the states that follow without delay, and of the kept
+    outputs."""
 
     rows: list[int]
     following: list[int]
@@ -34,7 +34,7 @@ def reduced(
     inputs: Sequence[str] | None,
     residualize: Sequence[str],
 ) -> LinearModel:
-    """The model of the named states and inputs, as described in `LinearModel.select`."""
+    """Return the model of the named states and inputs (`LinearModel.select`)."""
     if states is None:
         states = tuple(name for name in model.states if name not in residualize)
     rows = positions("state", states, model.states)
@@ -72,9 +72,11 @@ def _reduced(
     kept: _Kept,
     columns: list[int],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the kept rows and columns of A and C, of B and D or of E and F, with the contribution
-    of states that follow without delay. Raises BadInputError when their rates do not determine
-    them."""
+    """Return the kept rows and columns of a pair of matrices: A and C, B and D, or E and F.
+
+    They include the contribution of states that follow without delay. Raises BadInputError when the
+    rates of these do not determine them.
+    """
     rows, following, outputs = kept
     rates = of_rates[:, columns]
     shown = of_outputs[np.ix_(outputs, columns)]
@@ -98,8 +100,8 @@ def _reduced(
 def reduction_note(
     model: LinearModel, whole: LinearModel, residualized: tuple[str, ...] = ()
 ) -> str:
-    """Return the effect of omitted states on the eigenvalues of the whole model, or "" when none is
-    omitted."""
+    """Return a note on the eigenvalues that change because states are omitted, or "" for all
+    states."""
     truncated = tuple(name for name in whole.states if name not in (*model.states, *residualized))
     clauses = []
     for names, how in (

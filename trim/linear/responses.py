@@ -1,4 +1,4 @@
-"""Responses of a linear model by python-control: in time, and as a Nyquist plot."""
+"""Responses of a linear model, computed by python-control."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ Names = str | tuple[str, ...] | list[str] | None
 def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     """Return the model from the named inputs to the named outputs; None keeps all.
 
-    Raises BadInputError when the model has no such name, or it comes twice."""
+    Raises BadInputError when the model has no such name, or a name is repeated.
+    """
     rows = positions("output", outputs, model.outputs)
     shown = replace(
         model,
@@ -41,8 +42,10 @@ def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
 def response(
     model: LinearModel, kind: str, time: float | ArrayLike | None, inputs: Names, outputs: Names
 ) -> control.TimeResponseData:
-    """Return the named outputs after a unit "step" or "impulse" of each named input, (outputs,
-    inputs, N); time: (N,) or the last."""
+    """Return the outputs after a unit "step" or "impulse" of each input, (outputs, inputs, N).
+
+    time: (N,), or the last time
+    """
     import control
 
     respond = getattr(control, f"{kind}_response")
@@ -50,12 +53,13 @@ def response(
 
 
 def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData:
-    """Return y for inputs over time from x = 0, (outputs, N).
+    """Return the outputs for given inputs from x = 0, (outputs, N).
 
-    u: (m, N) or (N, m), or name of an input -> its number or its N values; others are 0.
-    time: (N,), evenly spaced, or None for that of a step, where u names inputs.
+    u: (m, N) or (N, m), or name of an input -> its number or its N values; others are 0
+    time: (N,), evenly spaced; None for the times of a step response, where u names inputs
 
-    Raises BadInputError when a name is unknown or the shapes do not agree."""
+    Raises BadInputError when a name is unknown or the shapes do not agree.
+    """
     import control
 
     system = model.to_control()
@@ -87,8 +91,8 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
 
 
 def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
-    """Draw the Bode plots from the named inputs to the named outputs in a figure of pyplot; returns
-    its Axes."""
+    """Draw the Bode plots of the named inputs and outputs in a figure of pyplot, and return its
+    Axes."""
     from matplotlib import pyplot
 
     from trim.linear.frequency import draw_bode
@@ -98,7 +102,7 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
 
 
 def draw_poles(model: LinearModel) -> Axes:
-    """Draw the poles and zeros in a figure of pyplot; returns its Axes."""
+    """Draw the poles and zeros in a figure of pyplot, and return its Axes."""
     import control
     from matplotlib import pyplot
 
@@ -109,8 +113,7 @@ def draw_poles(model: LinearModel) -> Axes:
 
 
 def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from one input to one output. Raises BadInputError where more than one is
-    left."""
+    """Return the model from one input to one output. Raises BadInputError for several of either."""
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
@@ -133,9 +136,11 @@ def transfer_function(
 
 
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
-    """Draw the Nyquist plot from one input to one output in a figure of pyplot; returns its Axes.
+    """Draw the Nyquist plot from one input to one output in a figure of pyplot, and return its
+    Axes.
 
-    Raises BadInputError where more than one is left."""
+    Raises BadInputError for several inputs or outputs.
+    """
     import control
     from matplotlib import pyplot
 

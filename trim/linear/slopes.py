@@ -1,4 +1,4 @@
-"""Slopes of the rates to both sides of a point, and their means in A and B at a kink."""
+"""Slopes of the rates on both sides of a point, and their means in A and B at a kink."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ _FELT = 1e-2
 
 
 def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Slopes of the rates between seven places along some states and inputs, (N, 6, n, columns).
+    """Return the slopes of the rates between seven points along each column, (N, 6, n, columns).
 
-    z: (N, n + m), the states and inputs.
-    columns: numbers of those that are moved.
-    The places lie -3, ..., 3 steps away.
+    The points are -3, ..., 3 steps away.
+
+    z: (N, n + m), states and inputs
+    p: (N, k), parameters
+    columns: numbers of the states and inputs that are moved
     """
     n = len(model.states)
     count, size = z.shape
@@ -38,21 +40,21 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
 def exact_sides(
     model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the rates below and above a point, each (n, columns).
+    """Return the derivatives of the rates below and above a point, each (n, columns).
 
-    z: (n + m,), its state and input.
-    p: its parameters.
-    columns: numbers of the states and inputs of the kinks.
+    z: (n + m,), state and input
+    p: parameters
+    columns: numbers of the states and inputs at a kink
 
     Each is extrapolated to the point from exact derivatives two to three steps h away, clear of a
-    kink within a step: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h), whose error is of the size of h³ J'''.
+    kink within a step: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h). The error is of the order of h³ J'''.
     """
     n = len(model.states)
     steps = np.array(steps_of(model))
     jacobian = _jacobian_of(model.layout)
 
     def extrapolated(column: int, step: float) -> np.ndarray:
-        """The derivatives by a state or input, (n,), at the end of the places on one side."""
+        """Return the derivatives by a state or input, (n,), extrapolated from one side."""
         slopes = []
         for count in (2.0, 2.5, 3.0):
             place = z.copy()
@@ -67,7 +69,7 @@ def exact_sides(
 
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
-    """(x, u, p) -> the derivatives of the rates by (x, u), (n, n + m)."""
+    """Return the Function (x, u, p) -> derivatives of the rates by (x, u), (n, n + m)."""
     vectors = layout.symbols("x", "u", "p")
     rates, _ = layout.expressions([components(vector) for vector in vectors], ())
     by_state = ca.jacobian(rates, vectors[0])
@@ -83,12 +85,15 @@ def correct(
     jacobian: np.ndarray,
     columns: np.ndarray,
 ) -> tuple[str, ...]:
-    """Put the means of both slopes into the entries of (n, n + m) `jacobian` at a kink; a sentence
-    for each, and for each that the rate jumps over.
+    """Replace the entries of a Jacobian at a kink by the means of both slopes, and return notes.
 
-    z: (n + m,), state and input.
-    p: parameters.
-    slopes: (6, n, columns), of `slopes_around`: they tell a kink from a jump.
+    A note is a sentence on each such entry, and on each entry at which the rate jumps.
+
+    z: (n + m,), state and input
+    p: parameters
+    slopes: (6, n, columns), of `slopes_around`, which distinguish a kink from a jump
+    jacobian: (n, n + m), changed in place
+    columns: numbers of the states and inputs at a kink
     """
     n = len(model.states)
     names = (*model.states, *model.inputs)

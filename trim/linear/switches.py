@@ -1,5 +1,5 @@
-"""Switches of the equations: a knot of a table, the 0 of |x|, min, max, sign, a comparison
-or a rounding."""
+"""Switches of the equations: knots of tables, and the points at which |x|, min, max, sign, a
+comparison or a rounding switches."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 def near_switches(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the first `_MOST` points from which a step can reach a switch, and of the states
-    and inputs that reach one there.
+    """Return the numbers of points near a switch, and of the states and inputs that reach one.
 
-    Where equations call functions, whose inside is not seen: all points, all states and inputs.
+    A point is near where a step reaches the switch. At most `_MOST` points are returned. Where the
+    equations call functions, whose content is not visible, all points, states and inputs are
+    returned.
     """
     steps = steps_of(model)
     switches = _switches(model.layout, steps)
@@ -50,14 +51,14 @@ def near_switches(
 
 @lru_cache(maxsize=16)
 def steps_of(model: Model) -> tuple[float, ...]:
-    """The step of each state and input."""
+    """Return the step of each state and input."""
     signals = (*model.states.values(), *model.inputs.values())
     return tuple(STEP * signal.nominal for signal in signals)
 
 
 @lru_cache(maxsize=16)
 def rates_of(layout: Layout) -> ca.Function:
-    """(x, u, p) -> the rates."""
+    """Return the Function (x, u, p) -> rates."""
     vectors = layout.symbols("x", "u", "p")
     rates, _ = layout.expressions([components(vector) for vector in vectors], ())
     return ca.Function("rates", vectors, [rates])
@@ -65,17 +66,19 @@ def rates_of(layout: Layout) -> ca.Function:
 
 @lru_cache(maxsize=16)
 def _calls_functions(layout: Layout) -> bool:
-    """Return whether the equations call functions: tables of `casadi.interpolant`, functions that
-    are not inlined."""
+    """Return whether the equations call functions: `casadi.interpolant`, or functions not
+    inlined."""
     rates = rates_of(layout)
     return ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}
 
 
 @lru_cache(maxsize=16)
 def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
-    """(x, u, p) -> |s| - 2 Σ m, and m = |∂s/∂(x, u)| steps row by row, of the s over which each
-    |.|, sign, min, max, comparison and rounding in the equations switches at 0. None without any,
-    and where the equations call functions."""
+    """Return the Function (x, u, p) -> |s| - 2 Σ m and m = |∂s/∂(x, u)| steps, row by row.
+
+    The s are the expressions at whose zeros |.|, sign, min, max, comparisons and roundings of the
+    equations switch. The result is None without any, and where the equations call functions.
+    """
     if _calls_functions(layout):
         return None
     rates = rates_of(layout)

@@ -38,7 +38,7 @@ class Transfer(Result):
 
 
 class StateSpace(NamedTuple):
-    """A (n, n), B (n, m), C (k, n) and D (k, m) of x' = A x + B u, y = C x + D u."""
+    """System x' = A x + B u, y = C x + D u, with A (n, n), B (n, m), C (k, n), D (k, m)."""
 
     A: np.ndarray
     B: np.ndarray
@@ -46,15 +46,18 @@ class StateSpace(NamedTuple):
     D: np.ndarray
 
     def transposed(self) -> StateSpace:
-        """The system with the transposed transfer matrix."""
+        """Return the system with the transposed transfer matrix."""
         return StateSpace(self.A.T, self.C.T, self.B.T, self.D.T)
 
 
 def gain_and_roots(
     system: StateSpace, modes: Spectrum, size: float
 ) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """Gain, static gain, zeros and poles of a system of one input and one output, whose A has these
-    modes; gains are multiplied by `size`."""
+    """Return gain, static gain, zeros and poles of a system with one input and one output.
+
+    modes: spectrum of A
+    size: factor on both gains
+    """
     of_zeros, rank = _zeros_with_errors(system)
     if rank == 0:
         nothing = np.zeros(0, dtype=complex)
@@ -76,16 +79,16 @@ def gain_and_roots(
 
 
 def transmission_zeros(system: StateSpace) -> tuple[np.ndarray, int]:
-    """The invariant zeros of a system, 1/s, and the normal rank of its transfer matrix."""
+    """Return the invariant zeros of a system, 1/s, and the normal rank of its transfer matrix."""
     zeros, rank = _zeros_with_errors(system)
     return fastest_first(zeros.values), rank
 
 
 def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
-    """The invariant zeros with their errors by rounding, and the normal rank.
+    """Return the invariant zeros with bounds on their errors due to rounding, and the normal rank.
 
-    The system is reduced to one of the same zeros whose D is square and invertible (A.
-    Emami-Naeini, P. Van Dooren, Automatica 18, 1982); they are the eigenvalues of A - B D⁻¹ C.
+    The system is reduced to one with the same zeros whose D is square and invertible (A.
+    Emami-Naeini, P. Van Dooren, Automatica 18, 1982). The zeros are the eigenvalues of A - B D⁻¹ C.
     """
     size = float(np.linalg.norm(np.block([[system.A, system.B], [system.C, system.D]])))
     small = ROUNDING * size
@@ -99,8 +102,12 @@ def _zeros_with_errors(system: StateSpace) -> tuple[Spectrum, int]:
 
 
 def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
-    """A smaller system of the same zeros whose D has independent rows: a combination of states that
-    y measures directly is removed. small: singular values up to it are rounding."""
+    """Return a smaller system with the same zeros whose D has independent rows.
+
+    Combinations of states that y measures directly are removed.
+
+    small: singular values up to it count as rounding
+    """
     A, B, C, D = system
     while len(D):
         turned, sizes, _ = np.linalg.svd(D) if D.size else (np.eye(len(D)), np.zeros(0), None)
@@ -126,7 +133,10 @@ def _with_full_rows(system: StateSpace, small: float) -> StateSpace:
 
 
 def _without_common(zeros: Spectrum, poles: Spectrum) -> tuple[np.ndarray, np.ndarray]:
-    """The values of both, fastest first, without the pairs that agree within their errors."""
+    """Return the zeros and the poles that do not cancel, fastest first.
+
+    A zero and a pole cancel where they agree within their errors.
+    """
     kept_zeros = []
     kept_poles = order_fastest_first(poles.values).tolist()
     for zero in order_fastest_first(zeros.values):

@@ -1,1 +1,1 @@
-"""One operating point: its condition, its solution, its report."""
+"""A single operating point: condition, solution and report."""

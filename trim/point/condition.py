@@ -1,4 +1,4 @@
-"""A trim condition: imposed and free states, inputs, outputs and rates."""
+"""Trim conditions: imposed and free states, inputs, outputs and rates."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ _ROUNDING = 1e-12
 @checks_arguments
 @dataclass(frozen=True)
 class TrimCondition:
-    """f(X, U) = rates, y(X, U) = values, with some of X, U and y imposed and the other X, U free
-    within limits. In the units of the model, angles in radians.
+    """Condition f(X, U) = rates, y(X, U) = values of a trim.
+
+    Some of X, U and y are imposed; the other X and U are free within limits. All values are in the
+    units of the model, angles in radians.
 
     model: the aircraft
-    imposed: variable or output -> value, or a table of its values over the scheduling variable,
-        of which `at` makes numbers
-    rates: state -> imposed value of its rate; zero for the steady states of the model unless
-        given. A rate that is left out is not balanced.
-    limits: name -> (lowest, highest); the model's for other names
+    imposed: variable or output -> value, or a table of values over the scheduling variable, which
+        `at` evaluates
+    rates: state -> imposed rate; by default zero for the steady states of the model. A rate that is
+        left out is not balanced.
+    limits: name -> (lowest, highest), in place of the model's limits
     begin: variable -> initial value of the search
-    name: of a condition from a file
+    name: name of a condition from a file
 
-    In `at` and `release` a rate is named after its state with the suffix _dot. Raises BadInputError
-    when a name is unknown, or a value is not finite or lies outside its limits.
+    In `at` and `release` a rate is named after its state, with the suffix _dot. Raises
+    BadInputError when a name is unknown, or a value is not finite or outside its limits.
 
     >>> import hfa
     >>> from hfa import TrimCondition
@@ -54,7 +56,7 @@ class TrimCondition:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        """Check everything before anything is solved."""
+        """Check all fields before a trim is solved."""
         model = self.model
         if self.rates is None:
             object.__setattr__(self, "rates", dict.fromkeys(model.steady, 0.0))
@@ -96,12 +98,12 @@ class TrimCondition:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """The unknowns: every variable that is not imposed."""
+        """Names of the unknowns: all variables that are not imposed."""
         return tuple(name for name in self.model.variables if name not in self.imposed)
 
     @property
     def equations(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The states whose rates are imposed, and the imposed outputs that are not variables."""
+        """States whose rates are imposed, and imposed outputs that are not variables."""
         rates = tuple(name for name in self.model.states if name in self.rates)
         outputs = tuple(name for name in self.imposed if name not in self.model.variables)
         return rates, outputs
@@ -109,12 +111,15 @@ class TrimCondition:
     def at(
         self, scheduled: float | None = None, hold: Mapping[str, float] | None = None
     ) -> TrimCondition:
-        """The condition in numbers at a value of the scheduling variable, with the values of `hold`
-        imposed.
+        """Return the condition at a value of the scheduling variable, with numbers in place of
+        tables.
 
-        scheduled: rad for an angle, or None for the condition's own. Where it is free the search
-            begins there.
-        BadInputError outside the breakpoints of a table, or where a value lies outside its limits.
+        scheduled: rad for an angle, or None for the condition's own value. Where the variable is
+            free the search begins there.
+        hold: name -> further imposed value
+
+        Raises BadInputError outside the breakpoints of a table, and where a value is outside its
+        limits.
         """
         by = self.model.schedule
         if scheduled is None:
@@ -131,15 +136,21 @@ class TrimCondition:
         return replace(self, imposed=imposed, rates={**self.rates, **rates}, begin=begin)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
-        """Return the condition in which these names can be imposed too: of the model's
-        `alternatives` one."""
+        """Return the condition with the alternatives of these names set free.
+
+        Of each group of the model's `alternatives` only one name can be imposed.
+        """
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=without_alternatives(self.model, self.imposed, names))
 
     def resolved(self) -> TrimCondition:
-        """The condition in which the first of each group of the model's `alternatives` is imposed
-        in place of the others, where they give its value: speed in place of kcas."""
+        """Return the condition with the first of each group of alternatives imposed: speed for
+        kcas.
+
+        Groups of the model's `alternatives` in which the others do not determine the first are
+        unchanged.
+        """
         if not self.model.extras.alternatives:
             return self
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
@@ -164,8 +175,10 @@ class TrimCondition:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Return the imposed, freed and limited variables that differ from the model's own trim;
-        tables as [breakpoint, value] rows."""
+        """Return the differences from the model's own trim: imposed, freed and limited variables.
+
+        Tables are lists of [breakpoint, value] rows.
+        """
         usual = self.model.trim
         imposed: dict[str, Any] = {}
         for name, value in self.imposed.items():
@@ -189,8 +202,10 @@ class TrimCondition:
         return {name: change for name, change in changes.items() if change}
 
     def in_words(self) -> str:
-        """Return the condition in words: speed 60 ft/s, alpha free, throttle within 0 and 50, or
-        empty for the model's own trim."""
+        """Return the differences in words: speed 60 ft/s, alpha free, throttle within 0 and 50.
+
+        The text is empty for the model's own trim.
+        """
         model = self.model
         changes = self.changes
         words = []
@@ -209,11 +224,11 @@ class TrimCondition:
         return ", ".join(words)
 
     def limits_on(self, names: Sequence[str]) -> Limits:
-        """The limits of these variables, states and outputs."""
+        """Return the limits of these variables, states and outputs."""
         return Limits.of(self.model, names, self.limits)
 
     def limits_of(self, name: str) -> tuple[float, float]:
-        """Lowest and highest value of a variable, a state or an output."""
+        """Return the lowest and highest value of a variable, a state or an output."""
         return self.limits.get(name, self.model.limits[name])
 
 
@@ -239,11 +254,13 @@ def release(
     hold: Mapping[str, float | LinearTable] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> TrimCondition:
-    """Return a condition with the named variables set free, others held at the given values, and
-    further limits.
+    """Return a condition with some variables set free, others held, and further limits.
 
-    The search for a freed variable begins at the value that was imposed. A rate (speed_dot) set
-    free is not balanced."""
+    free: variables to set free. The search for one begins at the value that was imposed. A rate
+        (speed_dot) set free is not balanced.
+    hold: name -> imposed value
+    limits: name -> (lowest, highest)
+    """
     hold = hold or {}
     for name in (*free, *hold):
         condition.model.refuse_unheld("unknown trim variable", name)
@@ -268,8 +285,14 @@ def release(
 
 
 def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the imposed values, numbers or arrays, with the first name of each group of the
-    model's `alternatives` in place of the others, where these give its value."""
+    """Return imposed values with the first name of each group of alternatives in place of the
+    others.
+
+    Groups of the model's `alternatives` in which the others do not determine the first are
+    unchanged.
+
+    imposed: name -> number or array
+    """
     if model.extras.begin is None:
         return dict(imposed)
     begun = model.extras.begin(imposed)
@@ -285,8 +308,10 @@ def with_first_alternatives(model: Model, imposed: Mapping[str, Any]) -> dict[st
 def without_alternatives(
     model: Model, imposed: Mapping[str, Any], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the values that stay imposed when these names are imposed too, one for each group of
-    the model's `alternatives`."""
+    """Return the values that stay imposed when these names are imposed too.
+
+    Of each group of the model's `alternatives` one value is dropped for a new name.
+    """
     released: set[str] = set()
     for group in model.extras.alternatives:
         if not set(group).isdisjoint(names):
@@ -297,7 +322,7 @@ def without_alternatives(
 def _values_and_rates(
     model: Model, held: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The held values of variables and outputs, and those of rates, by state."""
+    """Split held values into those of variables and outputs, and those of rates, by state."""
     values: dict[str, Any] = {}
     rates: dict[str, Any] = {}
     for name, value in held.items():

@@ -1,4 +1,4 @@
-"""A trim condition from a file."""
+"""Trim conditions in files."""
 
 from __future__ import annotations
 
@@ -31,16 +31,17 @@ _FILE = {
 def read_condition(
     name: str, usual: TrimCondition, shipped: Mapping[str, str] = MappingProxyType({})
 ) -> TrimCondition:
-    """Return the condition of a file, which changes the usual one.
+    """Return the condition of a file, which changes the default condition.
 
-    name: of the user's file, or of a file in the package
-    usual: the condition that the file changes
-    shipped: name -> file in `trim.hfa`, the conditions that come with the paper's aircraft
+    name: path of the user's file, or name of a file in the package
+    usual: the default condition
+    shipped: name -> file in `trim.hfa`, for the conditions of the paper's aircraft
 
-    [impose]: variable = value, or variable = [[breakpoint, value], ...]; angles in degrees under
-    the variable's name with the suffix _deg (alpha_deg), in rad without. free: list of variables.
-    [limits]: variable = [lowest, highest], also with _deg. BadInputError names the file, the entry
-    and the fault."""
+    The table [impose] has entries variable = value, or variable = [[breakpoint, value], ...]. An
+    angle is in degrees under its name with the suffix _deg (alpha_deg), in rad without. `free` is a
+    list of variables. The table [limits] has entries variable = [lowest, highest], also with _deg.
+    Raises BadInputError that names the file, the entry and the fault.
+    """
     data = read_named("condition", name, shipped, "trim.hfa", _FILE)
     model = usual.model
     hold: dict[str, Any] = {}
@@ -60,8 +61,10 @@ def read_condition(
 
 
 def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float]:
-    """Return the variable of a key of the file, and the factor from its unit to that of the model's
-    declaration; `more`: further allowed names."""
+    """Return the variable of a key, and the factor from its unit to the declared one.
+
+    more: further allowed names
+    """
     name = key.removesuffix("_deg")
     model.refuse_unheld(f"{file}: unknown trim variable", name, more)
     if name == key:
@@ -73,8 +76,10 @@ def _variable(model: Model, file: str, key: str, *more: str) -> tuple[str, float
 
 
 def _table(model: Model, file: str, key: str, value: Any, factor: float) -> LinearTable:
-    """A variable's values over the scheduling variable, which is in degrees where it is an
-    angle."""
+    """Return the values of a variable over the scheduling variable.
+
+    The scheduling variable is in degrees where it is an angle.
+    """
     rows = checked(file, value, [[NUMBER]], key)
     if not rows or any(len(row) != 2 for row in rows):
         raise BadInputError(f"{file}: {key} is {shown(value)}; give [{model.schedule}, value] rows")

@@ -1,4 +1,4 @@
-"""Diagnosis of a condition without a trim, in one line; loaded when a trim fails."""
+"""Diagnosis of a condition without a trim, loaded when a trim fails."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ _MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
-    """Return one line on the best unknowns found: which equations do not balance within the limits,
-    by how much, which limits bind, and, where the equations balance beyond them, what that would
-    take."""
+    """Return one line that states why the best unknowns found are no trim.
+
+    It names the equations that do not balance within the limits and their excess, the binding
+    limits, and the values beyond the limits that balance would require.
+    """
     z = problem.clip(found)
     off = _imbalances(problem, z)
     if not off:
@@ -46,14 +48,16 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
 
 
 def beyond_limits(model: Model, condition: TrimCondition, balancing: Mapping[str, float]) -> str:
-    """Return the message for a condition that balances only beyond the limits, with these values of
-    the free variables."""
+    """Return the message for a condition that balances only beyond the limits.
+
+    balancing: free variable -> value in balance
+    """
     problem = TrimProblem(model, condition)
     return failure(problem, problem.unknowns(balancing))
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """The equations that do not balance, the largest first, without those that are minor."""
+    """Return the equations that do not balance, the largest residual first, without minor ones."""
     scaled = problem.at(z).residual
     point = problem.point(z, Status.FAILED)
     least = max(BALANCE, _MINOR * float(np.abs(scaled).max()))
@@ -77,9 +81,11 @@ def _without_effect(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
-    """Return the free variables that move the equations as others do, where fewer directions are
-    left than equations: a column of the Jacobian that is a sum of multiples of those before it adds
-    nothing."""
+    """Return free variables whose effect on the equations equals a combination of others.
+
+    They are reported where fewer directions than equations are left. Such a column of the Jacobian
+    is a linear combination of the columns before it.
+    """
     jacobian = problem.at(z).jacobian
     sentences: list[str] = []
     kept: list[int] = []
@@ -102,7 +108,7 @@ def _alike(problem: TrimProblem, z: np.ndarray) -> list[str]:
 
 
 def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[str]:
-    """Return the limits that bind at the unknowns z, and the values required for balance."""
+    """Return the limits that bind at the unknowns z, and the values that balance would require."""
     limits = problem.system.limits
     describe = problem.model.describe
     values = z * problem.system.scales

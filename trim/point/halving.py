@@ -1,4 +1,4 @@
-"""Newton's method with steps that are halved until they are accepted."""
+"""Newton's method with step halving."""
 
 from __future__ import annotations
 
@@ -24,8 +24,10 @@ def halving(
     moving: np.ndarray | None = None,
     bounded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """z (N, k) and which points are settled (N,), as `newton` returns them, each step halved until
-    it is accepted; the arguments are those of `newton`."""
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of the settled points.
+
+    Each step is halved until it is accepted. The arguments are those of `newton`.
+    """
     best = z.copy()
     settled = np.zeros(len(z), dtype=bool)
     residual, jacobian = _moved(system, z, c)
@@ -71,13 +73,13 @@ def halving(
 
 
 class _Search(NamedTuple):
-    """The N points whose search continues.
+    """State of the search at N points.
 
     points: their numbers
     size: |r| at the best unknowns, (N,)
     jacobian: J there, (N, m, k)
-    step: that of Newton's method from there, (N, k)
-    share: of the step that is tried next, (N,)
+    step: Newton step from there, (N, k)
+    share: fraction of the step that is tried next, (N,)
     """
 
     points: np.ndarray
@@ -87,15 +89,24 @@ class _Search(NamedTuple):
     share: np.ndarray
 
     def of(self, rows: np.ndarray) -> _Search:
-        """Some of the points; rows: indices or flags."""
+        """Return the search at some of the points.
+
+        rows: indices or mask
+        """
         return _Search(*(part[rows] for part in self))
 
 
 def newton_step(
     jacobian: np.ndarray, residual: np.ndarray, moving: np.ndarray | None = None
 ) -> np.ndarray:
-    """d (N, k) with J d = -r, J (N, m, k), of least norm where J is singular or not square, or nan
-    where J is not finite. Unknowns that are not among `moving` stay."""
+    """Return the Newton steps d (N, k) with J d = -r.
+
+    The step has least norm where J is singular or not square, and is nan where J is not finite.
+
+    jacobian: J, (N, m, k)
+    residual: r, (N, m)
+    moving: indices of the unknowns that may move; by default all
+    """
     count, rows, unknowns = jacobian.shape
     if moving is not None:
         step = np.zeros((count, unknowns))
@@ -115,7 +126,7 @@ def newton_step(
 
 
 def _moved(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """r and J of the equations that the unknowns can move."""
+    """Return r and J of the equations that the unknowns can move."""
     residual, jacobian = system.residuals(z, c)
     return residual[:, : system.moved], jacobian
 

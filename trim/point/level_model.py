@@ -1,4 +1,4 @@
-"""The linear model at a model's own trim, in one call."""
+"""Linear model at a model's own trim, in one call."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from trim.point.solve import find_operating_point
 
 @checks_arguments
 def level_model(model: Model, scheduled: float) -> LinearModel:
-    """The linear model at the model's own trim, of the HFA the paper's level flight.
+    """Return the linear model at the model's own trim; for the HFA it is the paper's level flight.
 
     model: the aircraft
-    scheduled: value of its scheduling variable, of the HFA the dihedral, rad
+    scheduled: value of its scheduling variable; for the HFA the dihedral angle, rad
 
-    Raises TrimError when there is no such trim.
+    Raises TrimError when this trim does not exist.
 
     >>> import hfa
     >>> hfa.paper.level_model(hfa.aircraft(), 0.2).states

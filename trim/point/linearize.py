@@ -1,4 +1,4 @@
-"""The exact linear model at an operating point."""
+"""Exact linearization at an operating point."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def linearize(
     outputs: tuple[str, ...] | None = None,
     disturbances: tuple[str, ...] | None = None,
 ) -> LinearModel:
-    """The linear model at an operating point, exact to rounding.
+    """Return the linear model at an operating point, exact to rounding.
 
     A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0, by
     algorithmic differentiation; at a kink the means of two slopes.

@@ -1,4 +1,4 @@
-"""Distance of each variable of a trim from its limits."""
+"""Margins of the variables of a trim to their limits."""
 
 from __future__ import annotations
 
@@ -46,20 +46,19 @@ class Margin(Result):
 
     @property
     def nearer(self) -> str:
-        """Return the nearest limit: "lowest" or "highest", or empty without one."""
+        """Return the nearer limit, "lowest" or "highest", or "" without limits."""
         if math.isinf(self.distance):
             return ""
         return "lowest" if self.value - self.lowest <= self.highest - self.value else "highest"
 
     @property
     def nearer_limit(self) -> float:
-        """The value of the nearer limit."""
+        """Value of the nearer limit."""
         return self.lowest if self.nearer == "lowest" else self.highest
 
     @property
     def share(self) -> float:
-        """distance / (highest - lowest): 0 at a limit, 0.5 halfway, or 0 where the range is
-        infinite."""
+        """distance / (highest - lowest): 0 at a limit, 0.5 halfway, or 0 for an infinite range."""
         return self.distance / (self.highest - self.lowest)
 
     @property
@@ -68,7 +67,7 @@ class Margin(Result):
         return bool(self.nearer) and self.distance <= NEAR * (self.scale + abs(self.nearer_limit))
 
     def row(self) -> tuple[str, ...]:
-        """Name, value, unit, status, limits, margin and the nearer limit; angles in degrees."""
+        """Return name, value, unit, status, limits, margin and nearer limit; angles in degrees."""
         lowest, highest = (
             "" if math.isinf(limit) else shown_value(limit, self.unit)
             for limit in (self.lowest, self.highest)
@@ -80,8 +79,10 @@ class Margin(Result):
 
 
 def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Margin]:
-    """Every state, every output that a trim imposes or the model limits, and every input, in this
-    order."""
+    """Return name -> margin of every state, every relevant output, and every input, in this order.
+
+    An output is relevant where the trim imposes it or the model limits it.
+    """
     model = point.model
     roles = _roles(condition, point)
     outputs = []
@@ -105,7 +106,7 @@ def all_margins(condition: TrimCondition, point: OperatingPoint) -> dict[str, Ma
 
 
 def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
-    """Return variable -> its role in the trim."""
+    """Return variable -> role in the trim."""
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(TrimProblem.of(condition, point).idle, "left")
     if set(condition.free) <= set(point.model.inputs):
@@ -117,7 +118,7 @@ def _roles(condition: TrimCondition, point: OperatingPoint) -> dict[str, str]:
 def _limits_through(
     model: Model, point: OperatingPoint, state: str, output: str, limits: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the limits of the output y that follow from those of a state x, y = y0 + slope (x -
+    """Return the limits of an output y that follow from those of a state x: y = y0 + slope (x -
     x0)."""
     x = getattr(point.states, state)
     step = model.states[state].nominal

@@ -1,4 +1,4 @@
-"""Newton's method for r(z, c) = 0 at N points at once, N = 1 included."""
+"""Newton's method for r(z, c) = 0, at N points at once or at one."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ def newton(
     moving: np.ndarray | None = None,
     bounded: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """z (N, k) after Newton's method, and which points are settled (N,).
+    """Return the unknowns (N, k) after Newton's method, and the mask (N,) of the settled points.
 
-    A step J d = -r is halved until the norm of r falls, or that of J⁻¹ r, which no scale of an
-    equation changes. A step from a residual of `NEARLY` or less is the last one of its point, which
-    is then settled. Where J is singular or not square d is the least-norm solution. A point that
-    does not settle keeps the best unknowns found.
+    A step J d = -r is halved until the norm of r falls, or that of J⁻¹ r, which does not depend on
+    the scales of the equations. A step from a residual of `NEARLY` or less is the last of its
+    point, which is then settled. Where J is singular or not square, d is the least-norm solution. A
+    point that does not settle keeps the best unknowns found.
 
-    z: (N, k), where the search begins
-    c: (N, ..), what differs between the points
-    moving: indices of the unknowns that may move; all of them unless given
-    bounded: every trial is moved to the nearest point within the limits, angles without limits to
-        90 deg
+    system: the equations r(z, c)
+    z: (N, k), initial unknowns
+    c: (N, ..), constants that differ between the points
+    moving: indices of the unknowns that may move; by default all
+    bounded: whether every trial is moved to the nearest point within the limits; angles without
+        limits are then limited to 90 deg
     """
     if moving is not None or bounded or not system.is_quick:
         from trim.point.halving import halving

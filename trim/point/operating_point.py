@@ -1,4 +1,4 @@
-"""A trimmed (or failed) flight condition: state, input, and how well each equation balances."""
+"""Trimmed (or failed) flight conditions: state, input and the residual of each equation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BALANCE = 1e-10
 
 
 class Status(StrEnum):
-    """The status of a point: balanced within the limits, balanced beyond them, or not balanced."""
+    """Status of a point: balanced within the limits, balanced beyond them, or not balanced."""
 
     TRIMMED = "trimmed"
     BEYOND_LIMITS = "beyond limits"
@@ -80,19 +80,19 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scaled_residuals(self) -> dict[str, float]:
-        """Equation -> residual in its scaled unit."""
+        """Equation -> residual divided by its scale."""
         return {name: value / self.scale(name) for name, value in self.residuals.items()}
 
     @cached_property
     def values(self) -> dict[str, float]:
-        """State, input, or output that replaces a state, -> its value."""
+        """Name -> value for all variables: states, outputs that replace states, and inputs."""
         replacing = self.model.outputs_at(
             self.states, self.inputs, list(self.model.replaced.values())
         )
         return {**self.states._asdict(), **self.inputs._asdict(), **replacing}
 
     def __getitem__(self, name: str) -> float:
-        """The value of a state, an input or an output, in the units of the model.
+        """Return the value of a state, an input or an output, in the units of the model.
 
         Raises BadInputError when the model has no such name.
         """
@@ -103,11 +103,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return self.values[name]
 
     def __iter__(self) -> Iterator[str]:
-        """The names of the states, the inputs and the outputs."""
+        """Yield the names of the states, the inputs and the outputs."""
         return iter((*self.model.states, *self.model.inputs, *self.model.outputs))
 
     def keys(self) -> tuple[str, ...]:
-        """The names of `__iter__`, so that dict(point) is a dictionary of all values."""
+        """Return the names of the states, inputs and outputs, so that dict(point) has all
+        values."""
         return tuple(self)
 
     @property
@@ -127,12 +128,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def state_units(self) -> dict[str, str]:  # type: ignore[override]
-        """Unit of each."""
+        """State -> unit."""
         return {name: self.model.unit(name) for name in self.model.states}
 
     @property
     def input_units(self) -> dict[str, str]:  # type: ignore[override]
-        """Unit of each."""
+        """Input -> unit."""
         return {name: self.model.unit(name) for name in self.model.inputs}
 
     @property
@@ -151,8 +152,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def at_scheduled(self) -> str:
-        """The scheduling variable and its value: "at dihedral 15 deg", or "" where it is neither a
-        state nor an input."""
+        """Scheduling variable and its value, "at dihedral 15 deg", or "" without one."""
         name = self.model.schedule
         if name not in self.values:
             return ""
@@ -171,7 +171,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def far_out(self) -> list[str]:
-        """Angles without limits that the search has left beyond 90 deg, in words."""
+        """Angles without limits that the search has moved beyond 90 deg, in words."""
         return [] if self.problem is None else self.problem.far_out(self.values)
 
     def refuse_other(self, model: Model) -> None:
@@ -187,7 +187,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             )
 
     def scale(self, equation: str) -> float:
-        """Return the unit of an equation's scaled residual, in its own unit."""
+        """Return the scale of an equation's residual, in its own unit."""
         model = self.model
         return (
             model.rate_scale(equation)
@@ -196,7 +196,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         )
 
     def equation_unit(self, equation: str) -> str:
-        """Unit of an equation's residual: of a rate, or of an imposed output."""
+        """Return the unit of an equation's residual: of a rate, or of an imposed output."""
         return (
             self.model.rate_unit(equation)
             if equation in self.model.states
@@ -205,8 +205,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def title(self) -> str:
-        """Return the model, the verdict on the point, and the initial guess if it is not the usual
-        one."""
+        """Return the model, the verdict on the point, and the initial point of the search if
+        unusual."""
         words = [f"Trim, {self.model.title}: {self.status}"]
         if self.far_out:
             words.append(f"far out, {self.far_out[0]}")
@@ -215,8 +215,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return "; ".join(words)
 
     def report(self) -> Report:
-        """Return the report of `hfa trim`, or for a point that no search found its state and
-        inputs."""
+        """Return the report of `hfa trim`.
+
+        The report of a point that no search found has its states and inputs alone.
+        """
         if self.problem is not None:
             from trim.point.trim_report import trim_report
 
@@ -226,34 +228,39 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return saved_report(self)
 
     def linearize(self, **options: Any) -> LinearModel:
-        """Return the linear model at the point; options: those of `hfa.linearize`."""
+        """Return the linear model at the point.
+
+        options: keywords of `hfa.linearize`
+        """
         from trim.point.linearize import linearize
 
         return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
-        """Draw every variable between its limits in a figure of pyplot; returns its Axes."""
+        """Draw every variable between its limits in a figure of pyplot, and return its Axes."""
         from trim.point.point_figure import draw_point
 
         return draw_point(self)
 
     def save(self, path: Path) -> None:
-        """Write the point as JSON that `load` reads back bit for bit."""
+        """Write the point as JSON; `load` restores every bit."""
         write_text(path, json_text(self.to_dict()))
 
     @staticmethod
     def load(path: Path, model: Model) -> OperatingPoint:
-        """A saved point of a model, alone or inside a saved trim or linear model; BadInputError
-        names the fault."""
+        """Return a saved point of a model, from its own file or from a saved trim or linear model.
+
+        Raises BadInputError that names the fault.
+        """
         from trim.point.saved_point import loaded_point
 
         return loaded_point(path, model)
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:
-    """A sentence for every value beyond the range that the model is meant for (`Extras.range`).
+    """Return a sentence for every value beyond the range of validity of the model (`Extras.range`).
 
-    values: by name; a name that is missing lies within
+    values: name -> value; a missing name counts as within the range
     """
     sentences = []
     for name, (limit, range_name) in model.extras.range.items():

@@ -1,4 +1,4 @@
-"""A trim as a picture: every variable between its limits."""
+"""Picture of a trim: every variable between its limits."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ if TYPE_CHECKING:
 
 
 def draw_point(point: OperatingPoint) -> Axes:
-    """Draw each state and input with two limits as its share of them, 0 % at the lowest, in a
-    figure of pyplot; returns its Axes.
+    """Draw each state and input in percent of its range, 0 % at the lowest limit, and return the
+    Axes.
 
-    BadInputError of a point that no search found, or of a model that declares no limits."""
+    The figure is one of pyplot. Variables without two limits are omitted. Raises BadInputError for
+    a point that no search found, and for a model without limits.
+    """
     if point.problem is None:
         raise BadInputError("no search found this point, so it has no limits; trim the model")
     limited = []

@@ -1,4 +1,4 @@
-"""An operating point as rows of a table."""
+"""Operating points as rows of a table."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from trim.point.operating_point import OperatingPoint
 
 
 def point_records(point: OperatingPoint) -> Table:
-    """Rows (kind, name, value, unit) of the states, the inputs and the residuals; angles in
-    radians."""
+    """Return rows (kind, name, value, unit) of the states, the inputs and the residuals.
+
+    Angles are in radians.
+    """
     unit = point.model.unit
     rows: list[tuple[str, str, float, str]] = []
     for kind, record in (("state", point.states), ("input", point.inputs)):

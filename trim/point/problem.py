@@ -1,4 +1,4 @@
-"""One trim as a problem: unknowns within limits, equations to balance, where the search begins."""
+"""The problem of one trim: unknowns within limits, equations, and the start of the search."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _FAR = 10.0
 
 
 class TrimProblem:
-    """A condition in numbers, its equations, and the point where the search begins.
+    """Problem of one trim: a condition in numbers, its equations, and the start of the search.
 
     asked: the given condition
-    system: the equations; unknowns z are scaled
-    c: (1, ..), the constants of the system
+    system: the equations; the unknowns z are scaled
+    c: (1, ..), constants of the system
     free, idle: the unknowns, and the free variables that are in no equation
-    names: the equations: states for their rates, then outputs
-    count: number of equations that the unknowns can move, and of unknowns
+    names: names of the equations: states for their rates, then outputs
+    count: number of equations that the unknowns can move, and number of unknowns
 
-    Raises BadInputError where nothing is free and the point is no equilibrium, nothing that is free
-    moves an equation, or the condition is one of another model.
+    Raises BadInputError where nothing is free and the point is no equilibrium, where no free
+    variable moves an equation, and for a condition of another model.
     """
 
     def __init__(
@@ -65,12 +65,15 @@ class TrimProblem:
             raise BadInputError(f"{idle} moves no equation; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the request; functions in memory are made again."""
+        """Pickle the arguments; compiled functions are made again."""
         return TrimProblem, (self.model, self.asked)
 
     def at(self, z: np.ndarray) -> Evaluation:
-        """The equations at the unknowns z (k,). Raises FloatingPointError where they are not
-        finite, BadInputError where the model refuses the state."""
+        """Return the equations at the unknowns z (k,).
+
+        Raises FloatingPointError where they are not finite, BadInputError where the model refuses
+        the state.
+        """
         key = z.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1]
@@ -84,12 +87,12 @@ class TrimProblem:
         return evaluation
 
     def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
-        """The unknowns (k,) that Newton's method leads to."""
+        """Return the unknowns (k,) after Newton's method."""
         ends, _ = newton(self.system, z[None], self.c, moving)
         return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:
-        """The nearest unknowns within the limits."""
+        """Return the nearest unknowns within the limits."""
         return np.minimum(np.maximum(z, self.system.lowest), self.system.highest)
 
     def solved(self, z: np.ndarray) -> bool:
@@ -101,8 +104,10 @@ class TrimProblem:
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
 
     def unwound(self, z: np.ndarray) -> tuple[np.ndarray, bool]:
-        """A solution (k,), angles far out less whole turns where that is a solution too, and
-        whether one is still far out."""
+        """Return a solution (k,) with large angles reduced, and whether one remains beyond 90 deg.
+
+        Whole turns are subtracted where the result is a solution too.
+        """
         if not self.system.far_out(z).any():
             return z, False
         shorter = self.system.wrapped(z)
@@ -110,30 +115,39 @@ class TrimProblem:
         return ends, bool(self.system.far_out(ends).any())
 
     def far_out(self, values: Mapping[str, float]) -> list[str]:
-        """The free angles without limits that lie beyond 90 deg, in words."""
+        """Return the free angles without limits beyond 90 deg, in words."""
         far = self.system.far_out(self.unknowns(values))
         names = [self.free[i] for i in np.flatnonzero(far)]
         return [f"{name} {self.model.describe(name, values[name])}" for name in names]
 
     def balanced(self, z: np.ndarray) -> bool:
-        """Return whether every residual is within `BALANCE`, regardless of the limits, or False
-        where the model has no values."""
+        """Return whether every residual is within `BALANCE`, regardless of the limits.
+
+        The result is False where the model has no values.
+        """
         try:
             return bool(np.abs(self.at(z).residual).max() <= BALANCE)
         except (BadInputError, FloatingPointError):
             return False
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """z (k,) of the values of all variables."""
+        """Return the scaled unknowns z (k,).
+
+        values: name -> value of all variables
+        """
         return self.system.unknowns(values)
 
     def starts(self, guess: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield those of `STARTS` evenly spread points between the limits at which the Jacobian
-        differs from that at the guess; where it is constant, only one solution can exist. None
-        without unknowns, or where equations outnumber them.
+        """Yield initial points for further searches, from `STARTS` evenly spread points within the
+        limits.
+
+        Only points at which the Jacobian differs from that at the guess are returned, because
+        equations with a constant Jacobian have one solution. There are none without unknowns, or
+        with more equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
-        ratio), without random numbers."""
+        ratio), without random numbers.
+        """
         equations, unknowns = self.count
         if not unknowns or equations > unknowns:
             return
@@ -154,7 +168,8 @@ class TrimProblem:
                 yield start
 
     def ends_within(self, starts: list[np.ndarray]) -> np.ndarray:
-        """Return the ends of Newton's method within the limits, from each of the starts, (N, k)."""
+        """Return the results of Newton's method from each start that are within the limits, (N,
+        k)."""
         c = np.repeat(self.c, len(starts), axis=0)
         begin = np.reshape(starts, (len(starts), len(self.free)))
         with np.errstate(over="ignore"):
@@ -162,7 +177,7 @@ class TrimProblem:
         return z
 
     def point(self, z: np.ndarray, status: Status, started: int = 0) -> OperatingPoint:
-        """The operating point at these unknowns."""
+        """Return the operating point at these unknowns."""
         evaluation = self.at(z)
         amounts = (evaluation.residual * self.system.row_scales).tolist()
         residuals = dict(zip(self.names, amounts, strict=True))
@@ -179,8 +194,10 @@ class TrimProblem:
 
     @classmethod
     def of(cls, condition: TrimCondition, point: OperatingPoint) -> TrimProblem:
-        """The problem of a condition, searched from a point: the point's own problem where it has
-        this condition."""
+        """Return the problem of a condition, searched from a point.
+
+        The problem stored in the point is used where it has this condition.
+        """
         if point.problem is not None and point.problem.asked is condition:
             return point.problem
         return cls(point.model, condition, point)

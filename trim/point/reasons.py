@@ -1,4 +1,4 @@
-"""Reasons why there is no trim, in the words of the model."""
+"""Explanations of a missing trim in terms of the aircraft."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     """Return the error with the explanation of the model's `explain` before the equations.
 
     `explain` may solve the condition with other values held and names set free, by Newton's method
-    from the usual start."""
+    from the default start.
+    """
     if model.extras.explain is None:
         return error
 

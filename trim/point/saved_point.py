@@ -1,4 +1,4 @@
-"""An operating point read from its file."""
+"""Operating points in files."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ _FILE: dict[Any, Any] = {
 
 
 def loaded_point(path: Path, model: Model) -> OperatingPoint:
-    """A saved point of a model, alone or inside a saved trim or linear model; BadInputError names
-    the fault."""
+    """Return a saved point of a model, from its own file or from a saved trim or linear model.
+
+    Raises BadInputError that names the fault.
+    """
     try:
         data = read_json(path)
     except OSError as error:
@@ -66,7 +68,7 @@ def loaded_point(path: Path, model: Model) -> OperatingPoint:
 
 
 def saved_report(point: OperatingPoint) -> Report:
-    """Return the states and inputs of a point that no search found, as people read them."""
+    """Return the report of the states and inputs of a point that no search found."""
     records = point_records(point)
     rows = [
         (kind, name, *degrees(value, unit))

@@ -1,6 +1,9 @@
-"""Searches for a trim where Newton's method from the usual start finds none: least squares within
-the limits, continuation from the model's own trim, other starts; and the least effort where
-unknowns outnumber equations."""
+"""Searches for a trim where Newton's method from the default start finds none.
+
+They begin at the least squares within the limits, follow a path from the model's own trim
+(continuation), or begin at other points. Where unknowns outnumber equations, the least control
+effort is sought.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +33,11 @@ _INSIDE = 1e-9
 
 
 def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Return the end of Newton's method, with the number of the start: from the least squares
-    within the limits, along the path from the model's own trim, from other starts; and these least
-    squares."""
+    """Yield (number of the start, unknowns) at the end of each search.
+
+    Newton's method begins at the least squares within the limits, then follows the path from the
+    model's own trim. Then come the least squares themselves, and Newton's method from other points.
+    """
     problem.at(guess)  # where the equations have no value there, that is the answer
     nearest = _bounded_least_squares(problem, guess)
     yield 0, problem.newton(nearest)
@@ -44,8 +49,11 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, n
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Trims of least effort, with the number of the start: from the guess, from the least squares
-    within the limits, from other starts; and these least squares."""
+    """Yield (number of the start, unknowns) of trims of least effort.
+
+    They begin at the guess and at the least squares within the limits. Then come the least squares
+    themselves, and trims from other points.
+    """
     problem.at(guess)  # where the equations have no value there, that is the answer
     yield 0, _least_effort(problem, guess)
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
@@ -57,11 +65,14 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[i
 
 
 def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the solution at the end of a path: the imposed values change from the model's own trim
-    to the requested ones in steps that Newton's method can follow, each begun on the line through
-    the two previous solutions. None where the path ends, or does not exist.
+    """Return the solution at the end of a path from the model's own trim, or None.
 
-    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1."""
+    The imposed values change from those of the model's own trim to the requested ones in steps that
+    Newton's method can follow. Each step begins on the line through the two previous solutions. The
+    result is None where the path ends, or does not exist.
+
+    c(s) = c0 + s (c1 - c0), r(z, c(s)) = 0, s from 0 to 1.
+    """
     system = problem.system
     usual = usual_condition(problem.model)
     values = {
@@ -99,9 +110,9 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
 
 
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
-    """Return the unknowns after Newton's method, those at a limit fixed.
+    """Return the unknowns after Newton's method, with those at a limit fixed.
 
-    z: scaled unknowns to begin with; those beyond a limit are moved to it
+    z: initial scaled unknowns; those beyond a limit are moved to it
     """
     system = problem.system
     z = problem.clip(z)
@@ -116,8 +127,10 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """The least |r|² within the limits, from a guess; unknowns whose limits leave no room stay
-    there."""
+    """Return the unknowns of least |r|² within the limits, from a guess.
+
+    Unknowns whose two limits are equal stay there.
+    """
     from scipy.optimize import least_squares
 
     nearest = problem.clip(guess)
@@ -159,8 +172,10 @@ _IPOPT: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
-    """min Σ z_i² over the inputs among the unknowns z, with g = the residuals that they can move
-    and the watched outputs."""
+    """Return the solver of min Σ z_i² over the inputs among the unknowns z.
+
+    Its constraints g are the residuals that the unknowns can move, and the watched outputs.
+    """
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names[1]]
     scales = ca.DM([scale for _, scale in structure.watched])
@@ -179,8 +194,12 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """min Σ (u_i / scale_i)² over the free inputs, subject to the equations, within the limits
-    (IPOPT, exact derivatives); then Newton's method on the equations."""
+    """Return the unknowns of least effort Σ (u_i / scale_i)² over the free inputs, within the
+    limits.
+
+    The constrained minimum is found by IPOPT with exact derivatives; then Newton's method solves
+    the equations.
+    """
     system = problem.system
     balanced = np.zeros(system.moved)
     scales = np.array([scale for _, scale in system.structure.watched])

@@ -1,4 +1,5 @@
-"""Find an operating point: Newton's method from the usual start, then the other searches."""
+"""Search for an operating point: Newton's method from the default start, then the other
+searches."""
 
 from __future__ import annotations
 
@@ -15,8 +16,11 @@ from trim.point.problem import TrimProblem
 
 
 class TrimError(NoSolutionError):
-    """No trim: the message names the equations that do not balance, the limits that bind and the
-    values beyond them that balance would need; `attempt` is the best point within the limits."""
+    """Error of a condition without a trim.
+
+    The message names the equations that do not balance, the binding limits, and the values beyond
+    them that balance would require. `attempt` is the best point within the limits.
+    """
 
     def __init__(self, message: str, attempt: OperatingPoint) -> None:
         super().__init__(message)
@@ -36,25 +40,25 @@ def find_operating_point(
     free: str | Sequence[str] = (),
     **held: float,
 ) -> OperatingPoint:
-    """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs, every
-    residual within `BALANCE` of its scale, within the limits.
+    """Return the state and input with f(X, U) = imposed rates and y(X, U) = imposed outputs.
 
-    As many equations as unknowns: Newton's method with step halving. More unknowns than equations:
-    the point of least control effort Σ (u / scale)², a local minimum near the start. Where this
-    gives no trim, the search begins at the least squares within the limits, then follows a path
-    from the model's own trim (continuation), then begins at `STARTS` other points between the
-    limits; `started` of the result is then the number of that point.
+    Every residual is within `BALANCE` of its scale, and every variable within its limits. With as
+    many equations as unknowns it is found by Newton's method with step halving. With more unknowns
+    than equations it is the point of least control effort Σ (u / scale)², a local minimum near the
+    start. Where this gives no trim, the search begins at the least squares within the limits, then
+    follows a path from the model's own trim (continuation), then begins at `STARTS` other points
+    between the limits. `started` of the result is the number of that point.
 
     model: the aircraft
-    condition: imposed and free variables; default: the model's own trim
-    start: a neighbouring point for the search; default: that of the declaration
+    condition: imposed and free variables; by default the model's own trim
+    start: neighbouring point at which the search begins; by default the declared initial values
     hold: variable, output or rate (speed_dot) -> imposed value, in the model's units
-    free: variables that are set free; a rate (h_dot) that is not balanced
+    free: variables to set free; a rate (h_dot) set free is not balanced
     held: further values of `hold`, by name: speed=100.0
 
-    Raises TrimError when the equations cannot be balanced within the limits, BadInputError when the
-    condition is not well posed or its numbers, with the model's, overflow. Source: Stevens,
-    Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
+    Raises TrimError when the equations cannot be balanced within the limits. Raises BadInputError
+    when the condition is not well posed, or its numbers overflow with those of the model. Source:
+    Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft(), hold={"dihedral": 0.2})
@@ -80,8 +84,10 @@ def find_operating_point(
 
 
 def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
-    """Return the first trim found from a guess, preferring those without unlimited angles beyond 90
-    deg. Raises TrimError without one."""
+    """Return the first trim found from a guess. Raises TrimError without one.
+
+    Trims without unlimited angles beyond 90 deg are preferred.
+    """
     if not problem.free:  # all is stated, and an equilibrium
         return problem.point(guess, Status.TRIMMED)
     nearest = guess
@@ -113,8 +119,11 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 
 
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Return the end of a search for a trim, with the number of its start: Newton's method from the
-    guess unless unknowns outnumber equations, then those of `searches.py`."""
+    """Yield (number of the start, unknowns) at the end of each search for a trim.
+
+    The first is Newton's method from the guess, unless unknowns outnumber equations. Those of
+    `searches.py` follow.
+    """
     equations, unknowns = problem.count
     if unknowns <= equations:
         yield 0, problem.newton(guess)

@@ -1,5 +1,8 @@
-"""The equations of a trim: residuals r and their Jacobian J at many points, as functions of the
-unknowns z and of what differs from point to point, c."""
+"""The equations of a trim at many points.
+
+Residuals r and their Jacobian J are functions of the unknowns z and of the constants c, which
+differ from point to point.
+"""
 
 from __future__ import annotations
 
@@ -33,14 +36,14 @@ _USUAL = {"rad": math.pi / 2, "deg": 90.0}
 
 
 class Structure(NamedTuple):
-    """The structure of the equations of a trim, without numbers that may differ between points.
+    """Structure of the equations of a trim, without the numbers that differ between points.
 
     layout: equations and names of the model
-    given: variables, outputs and rates whose values the points give; other imposed ones are 0
-    free: (variable, its scale), all variables that are not imposed
+    given: variables, outputs and rates whose values are set at each point; other imposed ones are 0
+    free: (variable, its scale) for all variables that are not imposed
     rates: (state whose rate is imposed, scale of the rate)
     outputs: (imposed output, its scale)
-    watched: (state or output, its scale) that has limits and is neither imposed nor unknown
+    watched: (state or output, its scale) with limits, neither imposed nor unknown
     """
 
     layout: Layout
@@ -53,23 +56,23 @@ class Structure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """r(z, c) = 0 as CasADi expressions, in scaled units, and as functions of rows (z, c).
+    """Equations r(z, c) = 0 as CasADi expressions in scaled units, and as functions of rows (z, c).
 
     layout: equations and names of the model
     z: (k, 1), the unknowns divided by their scales
     c: the values of `constants`, then the parameters
     x, u, y: states, inputs and watched outputs
     residual: (e, 1); the equations that the unknowns can move come first
-    jacobian: (m, k) of those
+    jacobian: (m, k), derivatives of these
     scales: (k,), one scaled unit of each unknown
     row_scales: (e,), one scaled unit of each equation
-    moved: m
-    names: the e equations, states for their rates and outputs
+    moved: m, number of equations that the unknowns can move
+    names: names of the e equations: states for their rates, and outputs
     unknowns: the k free variables that move an equation
-    idle: free variables that are in no equation; c gives their values
+    idle: free variables that are in no equation; their values are in c
     constants: names of the values in c
-    square: whether Newton's method can solve for z: m = k, and no row or column depends on others
-    by its zeros alone
+    square: whether Newton's method can solve for z: m = k, and the zeros of J do not make rows or
+        columns dependent
     """
 
     layout: Layout
@@ -91,13 +94,13 @@ class Equations:
 
     @cached_property
     def residual_rows(self) -> RowFunction:
-        """(z, c) -> r (e,) and J (m, k) row by row."""
+        """Function (z, c) -> r (e,) and J (m, k), row by row."""
         parts = [self.residual, ca.vec(self.jacobian.T)]
         return RowFunction(ca.Function("residual", [self.z, self.c], parts))
 
     @cached_property
     def point_rows(self) -> RowFunction:
-        """(z, c) -> x, u, the watched outputs y, r, and the derivatives of r row by row, in one
+        """Function (z, c) -> x, u, watched outputs y, r, and the derivatives of r, in one
         column."""
         unmoved = ca.SX(len(self.names) - self.moved, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unmoved)
@@ -106,7 +109,7 @@ class Equations:
 
     @cached_property
     def linear_rows(self) -> RowFunction:
-        """(z, c) -> x, u, y, A and B row by row, and r, in one column."""
+        """Function (z, c) -> x, u, y, A and B row by row, and r, in one column."""
         x, u = self.layout.symbols("x", "u")
         p = self.c[len(self.constants) :]
         f, _ = self.layout.expressions([components(x), components(u), components(p)], ())
@@ -119,8 +122,13 @@ class Equations:
 
 @lru_cache(maxsize=32)
 def step_rows(equations: Equations, steps: int) -> RowFunction:
-    """Return (z, c) -> z after a number of steps of Newton's method, none of them halved, and
-    whether it is settled: |r| fell at each of them, to `NEARLY` before the last."""
+    """Return the Function (z, c) -> z after some full steps of Newton's method, and whether it
+    settled.
+
+    A point is settled where |r| fell at each step, to `NEARLY` before the last.
+
+    steps: number of steps
+    """
     moved = equations.residual[: equations.moved]
     after = equations.z - ca.solve(equations.jacobian, moved)
     arguments = [equations.z, equations.c]
@@ -137,8 +145,10 @@ def step_rows(equations: Equations, steps: int) -> RowFunction:
 
 
 def structure_of(model: Model, condition: TrimCondition, varied: Sequence[str] = ()) -> Structure:
-    """The structure of a condition where these variables, outputs or rates have other values at
-    each point."""
+    """Return the structure of a condition.
+
+    varied: variables, outputs or rates whose values differ between the points
+    """
     zero = [name for name, value in condition.imposed.items() if value == 0.0]
     still = [name for name, rate in condition.rates.items() if rate == 0.0]
     unlimited = [name for name, ends in condition.limits.items() if tuple(ends) == _UNLIMITED]
@@ -157,11 +167,11 @@ def _structure(
     limited: tuple[str, ...],
     unlimited: tuple[str, ...],
 ) -> Structure:
-    """`structure_of` by names alone, which the conditions of a model share.
+    """Return `structure_of` from names alone, cached for all conditions with these names.
 
     imposed, zero: imposed names, and those imposed as 0
-    rates, still: the states whose rates are imposed, and of them those whose rate is 0
-    limited, unlimited: names with limits other than the model's, and those without limits
+    rates, still: states whose rates are imposed, and those of them whose rate is 0
+    limited, unlimited: names with limits other than the model's, and names without limits
     """
     given = {*varied}
     given.update(name for name in imposed if name not in zero or name in model.outputs)
@@ -188,8 +198,10 @@ def _structure(
 
 @lru_cache(maxsize=16)
 def equations(structure: Structure) -> Equations:
-    """The expressions of a structure. Raises BadInputError for a free variable that acts in steps
-    only."""
+    """Return the expressions of a structure.
+
+    Raises BadInputError for a free variable that acts only in steps.
+    """
     layout = structure.layout
     names = [name for name, _ in structure.free]
     (p,) = layout.symbols("p")
@@ -249,13 +261,13 @@ def equations(structure: Structure) -> Equations:
 
 
 class Evaluation(NamedTuple):
-    """The equations at one point.
+    """Values of the equations at one point.
 
     x, u: states and inputs, by name
     y: watched outputs
     residual: (e,), in scaled units
-    jacobian: (e, k), by the scaled unknowns
-    finite: whether all of them are numbers
+    jacobian: (e, k), derivatives by the scaled unknowns
+    finite: whether all of these are finite
     """
 
     x: Any
@@ -267,20 +279,20 @@ class Evaluation(NamedTuple):
 
 
 class TrimSystem:
-    """The equations of a condition at N points, each with its own values.
+    """Equations of a condition at N points, each with its own constants.
 
-    model, condition: of the equations; the condition gives the values that the points do not
-    structure, equations: their structure and their functions
-    begin: values of the variables where a search begins; idle variables stay there
+    model, condition: the aircraft, and the condition that gives the values common to all points
+    structure, equations: structure and functions of the equations
+    begin: initial values of the variables; idle variables stay there
     scales: (k,), one scaled unit of each unknown
-    start: (k,), the scaled unknowns where a search begins
-    limits: of the unknowns, in the units of the model
+    start: (k,), initial scaled unknowns
+    limits: limits of the unknowns, in the units of the model
     lowest, highest: (k,), limits of the unknowns in scaled units
     usual: (k,), usual size of an angle without limits, in scaled units, or inf for others
-    watched: limits of the states and outputs that are watched
+    watched: limits of the watched states and outputs
     row_scales: (e,), one scaled unit of each equation
     moved: number of equations that the unknowns can move, the first ones
-    is_quick: whether `quick_steps` is worth its evaluation
+    is_quick: whether `quick_steps` saves time
     steps: largest number of Newton steps
     """
 
@@ -291,8 +303,11 @@ class TrimSystem:
         varied: Sequence[str] = (),
         begin: Mapping[str, float] | None = None,
     ) -> None:
-        """varied: variables, outputs, rates and parameters that differ between points; begin: where
-        condition and declaration begin unless given."""
+        """Build the equations.
+
+        varied: variables, outputs, rates and parameters that differ between points
+        begin: initial values; by default those of the condition and the declaration
+        """
         if begin is None:
             begin = {**declared_start(model, condition.imposed), **condition.begin}
         self.model = model
@@ -312,7 +327,7 @@ class TrimSystem:
 
     @property
     def only_inputs(self) -> bool:
-        """True if all unknowns are inputs: the equations are then nearly affine, with one
+        """True if all unknowns are inputs. The equations are then nearly affine, with one
         solution."""
         return set(self.equations.unknowns) <= set(self.model.inputs)
 
@@ -322,31 +337,34 @@ class TrimSystem:
         return np.asarray(np.abs(z) > self.usual)
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:
-        """z (..., k), those that are far out less whole turns."""
+        """Return the unknowns z (..., k), with whole turns subtracted from angles that are far
+        out."""
         turn = np.where(np.isfinite(self.usual), 4.0 * self.usual, 1.0)
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
     @property
     def rows(self) -> tuple[RowsOf, ...]:
-        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
+        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
         return self.equations.residual_rows, self.equations.linear_rows
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
+        """Return r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
         residual, jacobian = self.rows[0](z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def quick_steps(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z (N, k) after a few steps of Newton's method, none of them halved; which points are
-        settled, and which are not (N,)."""
+        """Return the unknowns (N, k) after a few full Newton steps, and two masks (N,).
+
+        The masks are of the points that settled and of those that did not.
+        """
         after, flags = step_rows(self.equations, self.steps)(z, c)
         settled = flags[:, 0] == 1.0
         return after, settled, ~settled
 
     def at(self, z: np.ndarray, c: np.ndarray) -> Evaluation:
-        """The equations at one point, unknowns z (k,) and constants c (1, ..)."""
+        """Return the equations at one point, with unknowns z (k,) and constants c (1, ..)."""
         (rows,) = self.equations.point_rows(z[None], c)
         flat = rows[0]
         states = len(self.model.states)
@@ -365,7 +383,7 @@ class TrimSystem:
     def linear(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
+        """Return x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
         (flat,) = self.rows[1](z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
@@ -380,8 +398,8 @@ class TrimSystem:
         """Return the constants of the equations, one row for each of N points.
 
         count: N
-        columns: name of a variable, output, rate or parameter -> its values (N,); the others
-            have those of the condition and the model
+        columns: name of a variable, output, rate or parameter -> its values (N,). The others have
+            the values of the condition and the model.
         """
         columns = columns or {}
         names = self.equations.constants
@@ -394,8 +412,7 @@ class TrimSystem:
         return table
 
     def _constant(self, name: str, columns: Mapping[str, np.ndarray]) -> float | np.ndarray:
-        """Return the value of a constant without a column, or its values (N,) where a table gives
-        them."""
+        """Return the value of a constant without a column, or its values (N,) from a table."""
         if name in self.equations.idle:
             return self.begin[name]
         if name in self.model.rates:
@@ -408,13 +425,16 @@ class TrimSystem:
         return self.condition.values_at(name, columns.get(by, imposed.get(by, 0.0)))
 
     def unknowns(self, values: Mapping[str, float]) -> np.ndarray:
-        """(k,), the scaled unknowns among the values of all variables."""
+        """Return the scaled unknowns (k,).
+
+        values: name -> value of all variables
+        """
         return np.array([values[name] for name in self.equations.unknowns]) / self.scales
 
 
 @lru_cache(maxsize=64)
 def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]:
-    """Return `TrimSystem.lowest`, `highest` and `usual`."""
+    """Return `lowest`, `highest` and `usual` of a `TrimSystem`."""
     unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
     largest = [_USUAL.get(limits.model.unit(name), math.inf) for name in limits.names]
     ends = (limits.lowest, limits.highest, np.where(unlimited, largest, math.inf))
@@ -422,8 +442,7 @@ def _scaled_ends(limits: Limits, equations: Equations) -> tuple[np.ndarray, ...]
 
 
 def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]:
-    """Return the initial values of a search: those of the model's declaration, or those that belong
-    to the imposed values."""
+    """Return the initial values of a search: declared ones, or those for the imposed values."""
     values = {name: model.signals[name].start for name in model.variables}
     if model.extras.begin is not None:
         held = {name: signal.start for name, signal in model.parameters.items()}

@@ -1,5 +1,4 @@
-"""The report of a trim: every variable between its limits, each equation, and the outputs of any
-model."""
+"""Report of a trim: variables between their limits, equations, and outputs of the model."""
 
 from __future__ import annotations
 
@@ -88,9 +87,12 @@ class Performance(Result):
 
 @checks_arguments
 def trim_report(model: Model, condition: TrimCondition, point: OperatingPoint) -> Report:
-    """Every variable between its limits, the limits that bind, the verdict on each equation, other
-    trims found, the rates that are not balanced, and the outputs or the model's own report
-    (`Extras.describe_trim`); angles in degrees for people, in radians in the data."""
+    """Return the report of a trim.
+
+    It contains every variable between its limits, the binding limits, the verdict on each equation,
+    other trims found, the rates that are not balanced, and the outputs or the aircraft's own
+    description (`Extras.describe_trim`). Angles are in degrees in the text, in radians in the data.
+    """
     margins = all_margins(condition, point)
     # What the trim used up, or could.
     limited = [
@@ -186,8 +188,10 @@ def _equations(condition: TrimCondition, point: OperatingPoint) -> dict[str, dic
 
 
 def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return one row for each equation, those that do not balance first, without the imposed rates
-    where all are zero."""
+    """Return the table of equations, those that do not balance first.
+
+    The column of imposed rates is omitted where all are zero.
+    """
     states = point.model.states
     with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
     rows = []
@@ -210,9 +214,11 @@ def _equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]
 
 
 def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[OperatingPoint]:
-    """Return further solutions of a condition with as many equations as unknowns, found by Newton's
-    method from the declaration's initial values and from `STARTS` points between the limits, such
-    as the back side of the power curve. Others may exist."""
+    """Return further solutions of a condition with as many equations as unknowns.
+
+    They are found by Newton's method from the declared initial values and from `STARTS` points
+    between the limits. An example is the back side of the power curve. More solutions may exist.
+    """
     problem = TrimProblem.of(condition, point)
     trim = problem.unknowns(point.values)
     equations, unknowns = problem.count
@@ -229,7 +235,7 @@ def other_trims(condition: TrimCondition, point: OperatingPoint) -> list[Operati
 
 
 def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, Any], list[str]]:
-    """Return the search for the point, as data and in sentences: none about the usual case."""
+    """Return the search for the point as data and as sentences; the usual case has no sentence."""
     problem = TrimProblem.of(condition, point)
     equations, unknowns = problem.count
     sentences = []
@@ -271,8 +277,10 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
 
 
 def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
-    """A sentence where the Jacobian of as many equations as unknowns is singular at a solution: it
-    is one of many; "" elsewhere."""
+    """Return a note where the Jacobian of a square system is singular at a solution, else "".
+
+    Such a solution is one of many.
+    """
     equations, unknowns = problem.count
     jacobian = problem.at(z).jacobian[:equations]
     if not unknowns or equations != unknowns or np.linalg.cond(jacobian) < _SINGULAR:
@@ -286,7 +294,7 @@ def _singular_note(problem: TrimProblem, z: np.ndarray) -> str:
 
 
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
-    """Return another trim of the same condition, and the option that selects it."""
+    """Return a sentence on another trim of the condition, with the option that selects it."""
     model = problem.model
     apart = np.abs(problem.unknowns(other.values) - problem.unknowns(point.values)) > 1e-3
     names = [problem.free[i] for i in np.flatnonzero(apart)]
