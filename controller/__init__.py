@@ -1,4 +1,4 @@
-"""Control of the aircraft: the game, the critics that learn its value, and the closed loop."""
+"""Control of the aircraft: zero-sum games, their exact solution, critics and learners."""
 
 from hfa_support.public_names import public_names
 

@@ -1,2 +1,1 @@
-"""Critics: learned values and policies as functions of the state, and how they are read from
-files."""
+"""Critics: learned values and policies as functions of the state, and their files."""

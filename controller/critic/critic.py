@@ -1,8 +1,7 @@
-"""A critic: a learned policy u(z) and, where there is one, its value V(z); z is the deviation of
-the state from trim.
+"""Critics: learned policies u(z), and their values V(z) where known.
 
-Every critic has u and V as CasADi functions, whether it came as a matrix, as weights of a basis or
-as a network. So each can be judged, flown and exported.
+z is the deviation of the state from trim. Every critic has u and V as CasADi functions, whether it
+is a matrix, weights of a basis or a network. So each can be judged, flown and exported.
 """
 
 from __future__ import annotations
@@ -30,22 +29,23 @@ TOGETHER = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Critic(Reported):
-    """A policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
+    """Policy u(z), linearized u = -K z, and its value V(z), to second order z'Pz.
 
-    K: (m, n), -∂u/∂z at z = 0.
-    P: (n, n), ½ ∂²V/∂z² at z = 0, or None where only a policy is known.
-    origin: where it came from: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1".
-    weights: (M,), V = weights'ψ(z) + constant, or None where it did not come as weights.
-    basis: ψ, or None without weights.
-    constant: V(0).
-    precision: of the numbers in its file.
-    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z, or None where it is its own.
-    time: of a row of a history, s.
-    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, as many as the network has;
-        empty for matrices and polynomials.
-    variants: possible misreading of the file -> the critic that is read otherwise.
-    implies_policy: whether the policy of the network follows from its V or ∂V/∂z.
-    is_layer: whether it is the one layer of a network that acts on a basis.
+    K: (m, n), -∂u/∂z at z = 0
+    P: (n, n), ½ ∂²V/∂z² at z = 0, or None where only a policy is known
+    origin: source: "P", "K", "weights", "network FILE: 6 -> tanh 64 -> 1"
+    weights: (M,), V = weights'ψ(z) + constant, or None for a critic without weights
+    basis: ψ, or None without weights
+    constant: V(0)
+    precision: precision of the numbers in its file
+    feedback: (m, n), R⁻¹B', where the policy is u = -½ R⁻¹B' ∂V/∂z, or None for an independent
+        policy
+    time: time of a row of a history, s
+    network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for the outputs of the
+        network; empty for matrices and polynomials
+    variants: possible misreading of the file -> function that returns the critic read in this way
+    implies_policy: whether the policy of the network follows from its V or ∂V/∂z
+    is_layer: whether it is a network with one layer on a basis
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -74,7 +74,7 @@ class Critic(Reported):
 
     @property
     def is_quadratic(self) -> bool:
-        """True if V is z'Pz + constant and nothing else."""
+        """True if V has the form z'Pz + constant."""
         if self.network:
             return False
         if self.weights is None or self.basis is None:
@@ -83,13 +83,13 @@ class Critic(Reported):
 
     @property
     def finite(self) -> bool:
-        """True if K and P are numbers small enough to compute with: P S P may not overflow."""
+        """True if K and P are finite and so small that P S P cannot overflow."""
         matrices = [matrix for matrix in (self.K, self.P) if matrix is not None]
         return all(bool(np.all(np.abs(matrix) <= LARGEST_CRITIC_ENTRY)) for matrix in matrices)
 
     @property
     def linear(self) -> bool:
-        """True if the policy is u = -K z and nothing else."""
+        """True if the policy has the form u = -K z."""
         if self.network:
             return False
         if self.feedback is None or self.basis is None:
@@ -98,18 +98,21 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True if it is a network whose V, else slopes, else policy is a graph of matrices."""
+        """True if it is a network whose functions are graphs of matrices (MX).
+
+        The decisive function is V, else the gradient, else the policy.
+        """
         first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
         return first is not None and not first.is_a("SXFunction")
 
     @property
     def symbols(self) -> ca.SX:
-        """New symbols z (n,) for its functions, as `symbols_for` makes them."""
+        """Return new symbols z (n,) for its functions (`symbols_for`)."""
         return symbols_for(self.network.values(), self.K.shape[1])
 
     @cached_property
     def policy(self) -> ca.Function:
-        """z (n,) -> u (m,)."""
+        """CasADi Function z (n,) -> u (m,)."""
         if "policy" in self.network:
             return self.network["policy"]
         z = self.symbols
@@ -125,7 +128,7 @@ class Critic(Reported):
 
     @cached_property
     def value(self) -> ca.Function | None:
-        """z (n,) -> V, or None where only the policy or the gradient of V is known."""
+        """CasADi Function z (n,) -> V, or None where only the policy or the gradient is known."""
         if self.network:
             return self.network.get("V")
         if self.P is None:
@@ -136,7 +139,7 @@ class Critic(Reported):
 
     @cached_property
     def gradient(self) -> ca.Function | None:
-        """z (n,) -> ∂V/∂z (n,), or None where only a policy is known."""
+        """CasADi Function z (n,) -> ∂V/∂z (n,), or None where only a policy is known."""
         if "gradient" in self.network:
             return self.network["gradient"]
         if self.value is None:
@@ -145,7 +148,7 @@ class Critic(Reported):
         return ca.Function("gradient", [z], [ca.densify(ca.gradient(self.value(z), z))])
 
     def _beyond_quadratic(self, z: ca.SX) -> ca.SX:
-        """The terms of V = weights'ψ(z) that are not quadratic."""
+        """Return the terms of V = weights'ψ(z) that are not quadratic."""
         terms = ca.SX(0.0)
         if self.weights is None or self.basis is None:
             return terms
@@ -162,9 +165,9 @@ class Critic(Reported):
 
 @checks_arguments
 def from_gain(game: Game, K: ArrayLike) -> Critic:
-    """The policy u = -K z.
+    """Return the critic with the policy u = -K z.
 
-    game: that the critic should solve
+    game: the game to be solved
     K: (m, n)
 
     Raises BadInputError when K has another shape than B', or is complex.
@@ -179,9 +182,9 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
 
 @checks_arguments
 def from_value(game: Game, P: ArrayLike) -> Critic:
-    """V = z'Pz, u = -R⁻¹B'P z.
+    """Return the critic with the value V = z'Pz and the policy u = -R⁻¹B'P z.
 
-    game: that the critic should solve
+    game: the game to be solved
     P: (n, n)
 
     Raises BadInputError when P has another shape than A, or is complex.
@@ -207,9 +210,8 @@ def from_parts(
 ) -> Critic:
     """Return the critic with at least one of the parts "W" (weights of `functions`), "P" and "K".
 
-    The value is that of W, else of P; the policy is that of K, else follows from the value.
-
-    Raises BadInputError for a wrong shape, and where W and P are of different values.
+    The value is that of W, else that of P. The policy is that of K, else it follows from the value.
+    Raises BadInputError for a wrong shape, and where W and P have different values.
     """
     gain = from_gain(game, parts["K"]) if "K" in parts else None
     critic = gain
@@ -229,7 +231,7 @@ def from_parts(
 
 
 def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
-    """Return the value of a critic with the policy u = -K z."""
+    """Return the critic with its value unchanged and the policy u = -K z."""
     network = dict(critic.network)
     if network:
         z = ca.SX.sym("z", K.shape[1])
@@ -239,17 +241,18 @@ def _with_policy(critic: Critic, K: np.ndarray) -> Critic:
 
 
 def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
-    """Raise BadInputError where two P differ by more than printing six digits leaves."""
+    """Raise BadInputError where two P differ by more than the rounding of six printed digits."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
         raise BadInputError("W and P are of different values; leave one of them out")
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
-    """Return new symbols z (n,): scalars (SX), or one matrix (MX) where a function is a graph of
-    matrices, such as a wide network, which would need a minute and a gigabyte as scalars.
+    """Return new symbols z (n,) for the functions.
 
-    Annotations are SX for both: the code that uses them works with either.
+    They are scalars (SX), or one matrix (MX) where a function is a graph of matrices, such as a
+    wide network, which would need a minute and a gigabyte as scalars. Annotations state SX for
+    both, because the code that uses them accepts either.
     """
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)

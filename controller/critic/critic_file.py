@@ -1,4 +1,4 @@
-"""Critics in users' files: one critic, or one for each time of a history."""
+"""Reading of critics from users' files: one critic, or one for each time of a history."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """Options for reading a critic's file that does not store them.
+    """Settings for a critic's file that does not contain them.
 
-    basis: of weights: a name, or a list of functions for `features_of`; None: that of the file,
-        else "quadratic".
-    network: parts of a network's file, for `from_network`.
-    activation: between the layers of a state dict, and after a comma at its output.
-    scale: (n,), factors on the states at the network's inputs.
+    basis: basis of weights: a name, or a list of functions (`features_of`). With None it is that of
+        the file, else "quadratic".
+    network: parts of a network's file, for `from_network`
+    activation: activation between the layers of a state dict, and after a comma at its output
+    scale: (n,), factors on the states at the network's inputs
     """
 
     basis: str | None = None
@@ -51,7 +51,7 @@ class Reading:
         return self.basis is not None and re.search(r"[^a-z+]", self.basis) is not None
 
     def functions(self, states: int, names: tuple[str, ...]) -> Basis | ca.Function:
-        """The basis of weights on a plant with these states."""
+        """Return the basis of weights on a plant with these states."""
         if self.basis is not None and self.lists_functions:
             from controller.critic.features import features_of
 
@@ -60,22 +60,25 @@ class Reading:
 
 
 class CriticReader(Protocol):
-    """An entry point of `hfa.critics` that is named by a suffix."""
+    """Entry point of `hfa.critics` whose name is a suffix: a function that reads a critic."""
 
     def __call__(self, game: Game, path: str | Path, reading: Reading) -> Critic:
-        """Read the critic of a file, of the game's states. Raises BadInputError for a wrong
-        file."""
+        """Return the critic in a file, on the states of the game.
+
+        Raises BadInputError for a wrong file.
+        """
 
 
 def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> tuple[Critic, ...]:
-    """The critic in a file, or of a file with times one critic for each, with its `time`.
+    """Return the critics in a file: one, or one for each time of a history, with its `time`.
 
-    A file is a network (`is_network`), or holds any of W (also `weights`), P and K (also `gains`);
-    with `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n), matrices also
-    row by row, (N, m n), or as MATLAB stacks them, (m, n, N). The shape decides the meaning of an
-    array without a name. A file with other units than the plant is converted.
+    A file is a network (`is_network`), or contains any of W (also `weights`), P and K (also
+    `gains`). With `time` (also `times`, `t`) they may be W (N, M), P (N, n, n), K (N, m, n).
+    Matrices may also be given row by row, (N, m n), or stacked as in MATLAB, (m, n, N). The meaning
+    of an array without a name follows from its shape. A file in other units than the plant is
+    converted.
 
-    BadInputError, one line that names the file.
+    Raises BadInputError that names the file.
     """
     reading = reading or Reading()
     suffix = Path(path).suffix
@@ -107,7 +110,10 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 
 @checks_arguments
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
-    """The one critic of a file, of a history the last row. BadInputError, one line."""
+    """Return the critic in a file, or the last critic of a history.
+
+    Raises BadInputError that names the file.
+    """
     return critics_in(path, game, reading)[-1]
 
 
@@ -121,16 +127,17 @@ def read_critic(
     activation: str | None = None,
     scale: Any = None,
 ) -> Critic:
-    """The critic of a file of matrices or weights, or of a network; for a history, the last row.
+    """Return the critic in a file of matrices, weights or a network, or the last one of a history.
 
-    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads.
-    game: the game, with the states and inputs of the critic; without it a gain K alone is read.
-    basis: of weights: a name, or a list of functions; default: that of the file, else "quadratic".
-    network: the parts of a network's file and their kinds, as for `from_network`.
-    activation: between the layers of a state dict, and after a comma at its output.
-    scale: (n,), the network takes state i times scale[i].
+    path: .npz, .mat, .json, .csv, or a suffix that an installed package reads
+    game: the game, with the states and inputs of the critic; without it only a gain K can be read
+    basis: basis of weights: a name, or a list of functions; by default that of the file, else
+        "quadratic"
+    network: parts of a network's file and their kinds, as for `from_network`
+    activation: activation between the layers of a state dict, and after a comma at its output
+    scale: (n,), factors on the states at the network's inputs
 
-    BadInputError, one line that names the file.
+    Raises BadInputError that names the file.
 
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP
@@ -145,22 +152,22 @@ def read_critic(
 
 
 def critic_suffixes() -> tuple[str, ...]:
-    """Return the suffixes of all files that may hold a critic: matrices, and formats of
-    packages."""
+    """Return the suffixes of all files that may contain a critic, also in formats of packages."""
     return (*MATRIX_FILES, *(name for name in offered(CRITICS) if name.startswith(".")))
 
 
 def is_network(path: Path) -> bool:
-    """Return whether a package reads a file: by its suffix, or an .npz or .json by how its arrays
-    are named, like layers of a network."""
+    """Return whether a package reads the file as a network.
+
+    It decides by the suffix, or for .npz and .json by array names that are those of layers.
+    """
     if path.suffix.lower() not in MATRIX_FILES:
         return path.suffix.lower() in offered(CRITICS)
     return _format_of(path) != ""
 
 
 def _format_of(path: Path) -> str:
-    """Return the entry point in `CRITICS` that reads a file, or "" for the arrays of this
-    module."""
+    """Return the name of the entry point in `CRITICS` that reads a file, or "" for this module."""
     suffix = path.suffix.lower()
     names: list[str] = []
     try:
@@ -177,13 +184,13 @@ def _format_of(path: Path) -> str:
 
 
 def entries_in(path: str | Path) -> dict[str, Any]:
-    """The entries of a file, also under the names that this module uses."""
+    """Return the entries of a file, with the names of this module added to other names."""
     stored = read_arrays(path)
     return {own: stored[key] for key, own in _ALIASES.items() if key in stored} | stored
 
 
 def _part_by_shape(array: np.ndarray, game: Game) -> str:
-    """Return W, P or K, by the shape of an array without a name."""
+    """Return "W", "P" or "K" for an array without a name, by its shape."""
     shapes = {"P": game.A.shape, "K": game.B.T.shape}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
     if not fitting and max(array.shape, default=1) == array.size:
@@ -201,7 +208,7 @@ def single_parts(
 ) -> dict[str, np.ndarray]:
     """Return those of W (M,), P and K that the entries contain, by name, in the units of the plant.
 
-    functions: the basis of W
+    functions: basis of W
     """
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
@@ -227,10 +234,13 @@ def single_parts(
 def in_plant_units(
     parts: dict[str, np.ndarray], scales: np.ndarray, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """W ψ(s x), (s x)'P (s x) and K s x as functions of x: W (..., M), P (..., n, n), K (..., m,
-    n).
+    """Return the parts of a critic on s x as parts on x: W ψ(s x), (s x)'P (s x), K s x.
 
-    An array of another shape than the plant's is kept, and refused where it is used.
+    An array of another shape than the plant's is unchanged, and refused where it is used.
+
+    parts: W (..., M), P (..., n, n), K (..., m, n)
+    scales: s, (n,)
+    functions: basis of W
     """
     factors = {"K": scales, "P": np.outer(scales, scales)}
     if isinstance(functions, Basis) and len(scales) == functions.states:

@@ -1,4 +1,4 @@
-"""Critics over time: of a file, or of a learner's history, one for each time."""
+"""Critics over time, from a file or from the history of a learner."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hfa_support.errors import BadInputError, numbers_in
 def critics_over_time(
     game: Game, times: np.ndarray, functions: str = "quadratic", **parts: np.ndarray | None
 ) -> tuple[Critic, ...]:
-    """The critic at each time, of a learner's history.
+    """Return the critic at each time of a learner's history.
 
     times: (N,), s, increasing from 0 or later.
     functions: name of the basis of W.
@@ -71,7 +71,8 @@ def critics_over_time(
 def rows_over_time(
     entries: Mapping[str, Any], game: Game, reading: Reading
 ) -> tuple[Critic, ...] | None:
-    """Return the critics of a history, or None where the file has times and only the last row."""
+    """Return the critics of a history, or None where the file has times but only one row of
+    parts."""
     if reading.lists_functions:
         raise BadInputError("a list of --basis belongs to weights W without times")
     times = np.ravel(numbers_in("time", entries["time"]))
@@ -93,7 +94,7 @@ def rows_over_time(
 
 
 def _stacked(name: str, value: Any, count: int, size: tuple[int, ...], psi: Basis) -> np.ndarray:
-    """One part of a critic at each time, (N, *size), or that of the last row alone, (*size)."""
+    """Return one part of a critic at each time, (N, *size), or of the last row alone, (*size)."""
     array = numbers_in(name, value)
     if array.shape in ((count, *size), size):
         return array

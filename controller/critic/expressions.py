@@ -1,4 +1,4 @@
-"""Critics of expressions of the state: networks, and lists of functions."""
+"""Critics defined by expressions of the state: networks, and lists of functions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,15 @@ def from_functions(
     precision: str = "float64",
     variants: Mapping[str, Callable[[], Critic]] | None = None,
 ) -> Critic:
-    """The critic of expressions of the symbols z (n,): "V", "gradient" (∂V/∂z) or "policy", or V
-    and a policy.
+    """Return the critic whose functions are given as expressions of the symbols z.
 
     K and P are their exact derivatives at z = 0.
+
+    z: (n,), symbols
+    outputs: "V", "gradient" (∂V/∂z) or "policy", or both "V" and "policy" -> expression
+    origin: source of the critic
+    precision: precision of the numbers in its file
+    variants: possible misreading of the file -> function that returns the critic read in this way
     """
     V = outputs.get("V")
     u = outputs.get("policy")
@@ -52,7 +57,7 @@ def from_functions(
 
 
 def _derivative_at_0(expression: ca.SX, z: ca.SX) -> np.ndarray:
-    """∂expression/∂z at z = 0, (k, n), one reverse sweep a row."""
+    """Return ∂expression/∂z at z = 0, (k, n), computed by one reverse sweep for each row."""
     weights = type(z).sym("w", expression.numel())
     rows = ca.Function("rows", [z, weights], [ca.jtimes(expression, z, weights, True)])
     each_row = rows(np.zeros((z.numel(), expression.numel())), np.eye(expression.numel()))

@@ -1,4 +1,4 @@
-"""Functions of the state, and numbers, written as formulas. Nothing of a text is executed."""
+"""Functions of the state and numbers written as formulas. No text is executed."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _LONGEST = 20_000
 
 
 def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Function:
-    """z (n,) -> the functions of a list such as "x1**2, x1*x2, sin(alpha)".
+    """Return the CasADi Function z (n,) -> functions of a list such as "x1**2, x1*x2, sin(alpha)".
 
-    The list may hold numbers, x1 ... xn or the names of the states, + - * / **, and the functions
-    in `_FUNCTIONS`. BadInputError, one line, names anything else.
+    The list may contain numbers, x1 ... xn or the names of the states, + - * / **, and the
+    functions in `_FUNCTIONS`. Raises BadInputError, one line, that names anything else.
     """
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}
@@ -46,9 +46,9 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
 
 
 def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
-    """The CasADi expressions of a list of formulas.
+    """Return the CasADi expressions of a list of formulas.
 
-    known: the symbols, for a message
+    known: the names of the symbols, for a message
     """
     tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
     assert isinstance(tree, ast.Tuple)
@@ -56,7 +56,7 @@ def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.
 
 
 def _expression(node: ast.AST, symbols: Mapping[str, ca.SX], known: str) -> ca.SX:
-    """The CasADi expression of one node of the syntax tree."""
+    """Return the CasADi expression of one node of the syntax tree."""
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             return ca.SX(float(number))

@@ -1,4 +1,4 @@
-"""Critics that are weights of functions of the state."""
+"""Critics defined by weights of functions of the state."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ def from_weights(
     constant: float = 0.0,
     precision: str = "float64",
 ) -> Critic:
-    """V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
+    """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    game: that the critic should solve
+    game: the game to be solved
     weights: W, (M,)
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
     constant: V(0)
-    precision: of the numbers in its file
+    precision: precision of the numbers in its file
 
-    Raises BadInputError when W has another length than the basis, or is complex, and where the
-    constant is no finite number.
+    Raises BadInputError when W has another length than the basis, or is complex, and when the
+    constant is not a finite number.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

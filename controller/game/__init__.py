@@ -1,2 +1,1 @@
-"""The common data of learning and checking: the game, the basis, the files and the result; no
-algorithm."""
+"""Data shared by learners and checks: games, bases, files and training runs, without algorithms."""

@@ -1,8 +1,8 @@
-"""Child process of `array_file`: writes the entries that SciPy reads in a .mat file to standard
-output, as .npz.
+"""Child process of `array_file` that writes the entries of a .mat file to standard output, as .npz.
 
-A damaged file can crash or hang the process that reads it. Arguments: the file, and the bytes that
-it may unpack to. The array "paths" is JSON: the names on the way to the arrays "0", "1" and so on.
+A damaged file can crash or hang the process in which SciPy reads it. Arguments: the file, and the
+bytes that it may unpack to. The array "paths" is JSON with the names that lead to the arrays "0",
+"1" and so on.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _BYTES = {"double": 8, "single": 4, "int64": 8, "uint64": 8, "int32": 4, "uint32
 def leaves(
     value: Any, path: tuple[str, ...], largest: int
 ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-    """Yield arrays of numbers and of text with their names, of single structures field by field.
+    """Yield arrays of numbers and of text with their names; single structures field by field.
+
     Other values are omitted. Raises ValueError for a sparse matrix that is too large as a full one.
     """
     if isinstance(value, dict):
@@ -51,7 +52,7 @@ def _is_text(cell: Any) -> bool:
 
 
 def main(path: str, largest: int) -> None:
-    """Read, then write all at once."""
+    """Read the file, then write all entries at once."""
     warnings.simplefilter("ignore")
     try:
         import resource  # a small file can ask for any amount of memory

@@ -1,7 +1,6 @@
-"""Arrays by name in .json, .npz, .npy, .mat and .csv files: one reader a format, one mapping name
--> value.
+"""Arrays by name from .json, .npz, .npy, .mat and .csv files, with one reader for each format.
 
-Whatever a file holds, the answer is that mapping or one line that names the fault of the file.
+The result is a mapping name -> value. A faulty file gives one line that names the fault.
 """
 
 from __future__ import annotations
@@ -19,12 +18,13 @@ from hfa_support.files import LARGEST, MATRIX_FILES, read_json, regular_file
 
 
 def read_arrays(path: str | Path) -> dict[str, Any]:
-    """Return name -> array; for JSON the Python value, for a structure a mapping. BadInputError,
-    one line that names the file.
+    """Return name -> array of a file. A JSON value is unchanged, and a structure is a mapping.
 
-    .npy and .csv: a matrix under the name of the file, W.npy or P.csv; A.csv with B.csv and so on
-    beside it; of an .npy file of any other name under `file_entries.UNKNOWN`. .csv: a first row and
-    a first column of words are names, with units as in "speed [ft/s]"."""
+    A .npy or .csv file is a matrix with the name of the file, W.npy or P.csv. A.csv is read with
+    B.csv and so on in its folder. A .npy file with any other name is stored under
+    `file_entries.UNKNOWN`. In .csv files a first row and a first column of words are names, with
+    units as in "speed [ft/s]". Raises BadInputError that names the file.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:
         raise BadInputError(

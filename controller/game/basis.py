@@ -1,5 +1,5 @@
-"""The critic's basis: monomials ψ(z), their gradient, and the way between the weights W and the
-matrix P."""
+"""Basis of a critic: monomials ψ(z), their gradient, and conversion between weights W and matrix
+P."""
 
 from __future__ import annotations
 
@@ -54,19 +54,18 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states of each monomial, (M, most), and their powers, or 0 where a row is
-        filled up."""
+        """Return the states of each monomial, (M, most), and their powers, padded with 0."""
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)
 
     def psi(self, z: np.ndarray) -> np.ndarray:
-        """ψ(z): (..., n) -> (..., M)."""
+        """Return ψ(z), (..., M), for z (..., n)."""
         factors, powers = self._factors
         return np.asarray(np.prod(z[..., factors] ** powers, axis=-1))
 
     def gradient(self, z: np.ndarray) -> np.ndarray:
-        """∂ψ/∂z: (..., n) -> (..., M, n)."""
+        """Return ∂ψ/∂z, (..., M, n), for z (..., n)."""
         factors, powers = self._factors
         slopes = np.zeros((*z.shape[:-1], self.size, self.states))
         rows = np.arange(self.size)
@@ -78,33 +77,37 @@ class Basis(Reported):
         return slopes
 
     def matrix(self, weights: np.ndarray) -> np.ndarray:
-        """P of the quadratic part z'Pz of W'ψ(z): P_ii = W, P_ij = W/2; (n, n) symmetric."""
+        """Return P of the quadratic part z'Pz of W'ψ(z), (n, n) symmetric: P_ii = W, P_ij = W/2."""
         P = np.zeros((self.states, self.states))
         P[self._upper] = 0.5 * np.asarray(weights)[: self.quadratic_size]
         return P + P.T
 
     def weights(self, P: np.ndarray) -> np.ndarray:
-        """W with W'ψ(z) = z'Pz, (M,): weights beyond the quadratic ones are 0. P: (n, n)
-        symmetric."""
+        """Return W with W'ψ(z) = z'Pz, (M,); weights of terms that are not quadratic are 0.
+
+        P: (n, n), symmetric
+        """
         weights = np.zeros(self.size)
         weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper]
         return weights
 
     def scaling(self, scales: np.ndarray) -> np.ndarray:
-        """s with ψ(diag(scales) y) = s * ψ(y), (M,): weights in the coordinates y = z / scales are
-        s * W."""
+        """Return s with ψ(diag(scales) y) = s * ψ(y), (M,).
+
+        Weights in the coordinates y = z / scales are s * W.
+        """
         return np.prod(np.asarray(scales, dtype=float) ** self.exponents, axis=-1)
 
 
 @checks_arguments
 def basis(name: str, states: int) -> Basis:
-    """Return the basis of this name on `states` channels.
+    """Return the basis with this name for a number of states.
 
-    "quadratic": z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear": and z_i. "quadratic+quartic":
-    and z_i⁴. "paper": M = 25 on the paper's six channels, the quadratic ones and four fourth powers
-    (`PAPER_QUARTIC_CHANNELS`, our assumption).
+    "quadratic" contains z_i z_j for i <= j, M = n(n+1)/2. "quadratic+linear" adds z_i,
+    "quadratic+quartic" adds z_i⁴. "paper" has M = 25 functions of the paper's six states: the
+    quadratic ones and four fourth powers (`PAPER_QUARTIC_CHANNELS`, our assumption).
 
-    Raises BadInputError for an unknown name, and for "paper" on another number of channels.
+    Raises BadInputError for an unknown name, and for "paper" with another number of states.
 
     >>> from controller import basis
     >>> basis("quadratic", 6).size
@@ -121,7 +124,7 @@ def basis(name: str, states: int) -> Basis:
 
 
 def _paper(states: int) -> np.ndarray:
-    """(4, 6) exponents of the fourth powers of the paper's channels."""
+    """Return the exponents (4, 6) of the fourth powers of the paper's states."""
     if states != PAPER_STATES:
         raise BadInputError(
             f"basis 'paper' is for {PAPER_STATES} states, not {states}; choose 'quadratic'"

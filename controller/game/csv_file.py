@@ -1,4 +1,4 @@
-"""Matrices in .csv files, one a file, whose first row and first column may be names with units."""
+"""Matrices in .csv files, one in each file, with optional names and units."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,
 
 
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
-    """The matrix of each file by its name, and names and units of states and inputs, if given.
+    """Return the matrix of each file by its name, and the names and units of states and inputs.
 
-    ValueError names the fault of a file.
+    Names and units are omitted where the files have none. Raises ValueError that names the fault.
     """
     sides: dict[str, list[list[str]]] = {}
     matrices = {}
@@ -29,11 +29,14 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
-    """The matrix of a .csv file, and the names of its rows and of its columns, [] without names.
+    """Return the matrix in a .csv file, and the names of its rows and columns, [] without names.
 
-    name: of the matrix in messages.
-    A first row without a number names the columns; a first column without a number the rows.
-    Raises ValueError for rows of different lengths, for no rows, and for a cell that is no number.
+    A first row without a number contains names of columns, a first column without a number names of
+    rows. Raises ValueError for rows of different lengths, for a file without rows, and for a cell
+    that is not a number.
+
+    name: name of the matrix in messages
+    path: the file
     """
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
@@ -59,8 +62,10 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
-    """Names and units of states, from A, and inputs, from B. Raises ValueError where the states are
-    in another order."""
+    """Return names and units of states, from A, and of inputs, from B.
+
+    Raises ValueError where the states are in another order.
+    """
     parts = {
         name: [
             [re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", word.strip(), re.DOTALL)[0] for word in side]

@@ -1,4 +1,4 @@
-"""Entries of users' files, of plants and of critics: their texts, names and units."""
+"""Entries of users' files of plants and critics: texts, names and units."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def found_in(stored: Mapping[str, Any]) -> str:
 
 
 def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Return the texts of an entry, or () for other content.
+    """Return the texts of an entry, or () for any other content.
 
     Raises BadInputError for control characters.
     """
@@ -38,11 +38,12 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 
 def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
-    """s with x_file = s x, (n,), from the entry `state_units`.
+    """Return s with x_file = s x, (n,), from the entry `state_units`.
 
-    Ones where the file or the plant states no units. Raises BadInputError for units that are
-    neither the plant's nor their SI or English ones, and where `states` or `inputs` of the file are
-    the plant's in another order."""
+    It is 1 where the file or the plant has no units. Raises BadInputError for units that are
+    neither the plant's nor their SI or English equivalents, and where `states` or `inputs` of the
+    file are the plant's in another order.
+    """
     for key in ("states", "inputs"):
         in_file = words(stored, key)
         of_plant = getattr(plant, key)

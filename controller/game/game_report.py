@@ -15,7 +15,7 @@ _MOST = 12
 
 
 def game_report(game: Game) -> Report:
-    """The matrices, with the names of their rows and columns."""
+    """Return the report of the matrices, with the names of their rows and columns."""
     states = game.names.states
     inputs = game.names.inputs
     disturbances = numbered("d", game.E.shape[1])

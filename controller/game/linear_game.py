@@ -1,4 +1,4 @@
-"""The game on a linear model, with its names: weights by name, or as matrices."""
+"""Games on a linear model, with weights given by name or as matrices."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ def game(
     delta: float = np.inf,
     E: ArrayLike | None = None,
 ) -> Game:
-    """J = ∫ z'Qz + u'Ru - δ² d'd dt on z' = A z + B u + E d, with the names of the linear model.
+    """Return the game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d, on a linear model.
 
-    linear: A and B, and its names and units
-    Q: (n, n), or its diagonal, (n,), or state -> its weight, 0 for states that are not named;
-        1/nominal² on the diagonal unless given
-    R: (m, m), or its diagonal, (m,), or input -> its weight, of every input; 1/nominal² on the
-        diagonal unless given
+    The game has the names and units of the model.
+
+    linear: the linear model, with A and B
+    Q: (n, n), or its diagonal, (n,), or state -> weight, 0 for other states; by default
+        diag(1/nominal²)
+    R: (m, m), or its diagonal, (m,), or input -> weight, for every input; by default
+        diag(1/nominal²)
     delta: > 0, or inf for LQR, without a disturbance
-    E: (n, k), how the disturbance acts; unless given that of the model's own disturbances, and the
-        identity where it has none
+    E: (n, k), disturbance matrix; by default that of the model's disturbances, else the identity
 
     Raises BadInputError when a name is unknown, a weight is missing, or a matrix does not fit.
 
@@ -56,7 +57,7 @@ def game(
 
 
 def _weights(matrix: str, given: Any, linear: LinearModel, names: tuple[str, ...]) -> np.ndarray:
-    """The weights of these states or inputs as a matrix, 1/nominal² where none are given."""
+    """Return the weights of states or inputs as a matrix, by default diag(1/nominal²)."""
     if given is None:
         return nominal_weights(linear.model, names)
     if not isinstance(given, Mapping):

@@ -20,8 +20,11 @@ _CHILD = Path(__file__).with_name("_loadmat.py")
 
 
 def structures(path: Path) -> dict[str, Any]:
-    """Name -> array, of a structure a mapping, as SciPy reads it in a child process, which a
-    damaged file may crash or hang. ValueError names the fault."""
+    """Return name -> array of a .mat file; a structure is a mapping.
+
+    SciPy reads the file in a child process, because a damaged file may crash or hang it. Raises
+    ValueError that names the fault.
+    """
     command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
@@ -37,8 +40,10 @@ def structures(path: Path) -> dict[str, Any]:
 
 
 def _nested(arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Return name -> array, or a mapping for a structure, from the arrays "0", "1", ... and the
-    JSON "paths", which lists the names that lead to each."""
+    """Return name -> array, or a mapping for a structure.
+
+    arrays: the arrays "0", "1", ..., and the JSON text "paths" with the names that lead to each
+    """
     entries: dict[str, Any] = {}
     for number, (*outer, name) in enumerate(json.loads(str(arrays["paths"]))):
         inside = entries

@@ -28,9 +28,10 @@ class PlantNames(NamedTuple):
     origin: str = "the plant"
 
     def completed(self, n: int, m: int) -> PlantNames:
-        """The names of n states and m inputs: x1, x2, ..., u1, ... and "" where there are none.
+        """Return the names of n states and m inputs, with x1, x2, ..., u1, ... and "" where
+        unknown.
 
-        Raises BadInputError where the names are of another number of states or inputs.
+        Raises BadInputError where the numbers of names differ from n and m.
         """
         return PlantNames(
             _as_many("states", self.states, numbered("x", n)),
@@ -42,8 +43,8 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the texts, or the default ones without texts. Raises BadInputError for a wrong number
-    of them."""
+    """Return the texts, or the default ones without texts. Raises BadInputError for a wrong
+    number."""
     if not texts:
         return usual
     if len(texts) != len(usual):

@@ -1,5 +1,7 @@
-"""Files of one matrix, named after the matrix: .npy and .csv; those of a plant are in one
-folder."""
+"""Files with one matrix each, named after the matrix: .npy and .csv.
+
+The files of a plant are in one folder.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,11 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Name -> matrix, of .csv also names and units where it has any; `UNKNOWN` of an .npy file of
-    another name than those of a plant and a critic."""
+    """Return name -> matrix of a file and of those that belong to it.
+
+    A .csv file also gives names and units. A .npy file with a name of neither a plant nor a critic
+    is stored under `UNKNOWN`.
+    """
     if path.suffix.lower() == ".csv":
         return matrices_and_names(_beside(path))
     if path.stem not in (*PLANT, *CRITIC):
@@ -31,7 +36,7 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Name -> file of the matrices that belong together without names inside."""
+    """Return name -> file of the matrices that belong together."""
     if path.stem not in (*PLANT[:1], *CRITIC):
         called = "a .csv holds one matrix and is named after it: A and B in one folder, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")

@@ -1,5 +1,4 @@
-"""The result of every learner: the weights over time and the rank of its data. Nothing is
-judged."""
+"""Results of learners: weights over time and the rank of the data, without a judgement."""
 
 from __future__ import annotations
 
@@ -95,18 +94,20 @@ class TrainingRun(Result, Reported):
 
     @property
     def P(self) -> Matrix:
-        """P of the quadratic part of the last weights, (n, n), value z'P z."""
+        """P of the quadratic part z'P z of the last weights, (n, n)."""
         return basis(self.basis, self.K.shape[1]).matrix(self.weights[-1])
 
     @property
     def W(self) -> Vector:
-        """The last weights of the basis."""
+        """Last weights of the basis, (M,)."""
         return self.weights[-1]
 
     @property
     def weight_units(self) -> list[str]:
-        """Unit of each weight, V having none, where those of the states are known:
-        1/((ft/s) (rad))."""
+        """Unit of each weight, for V without a unit: 1/((ft/s) (rad)).
+
+        The list is empty where the units of the states are unknown.
+        """
         state_units = self.names.state_units
         if not any(state_units):
             return []
@@ -120,21 +121,21 @@ class TrainingRun(Result, Reported):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the residual stays settled, s, or inf when it does not."""
+        """First time from which the residual stays settled, s, or inf."""
         return settled_at(self.time, self.settling_residual, SETTLED)
 
     @property
     def settled(self) -> bool:
         """True if the data determine the weights and the residual has settled.
 
-        A settled critic need not be right: only the judge, which uses A, decides.
+        A settled critic may be wrong. Only the judge, which uses A, decides.
         """
         has_rank = self.excitation.rank >= self.excitation.size
         return has_rank and math.isfinite(self.settling_time)
 
     @property
     def outcome(self) -> str:
-        """ "settled", or the reason why not."""
+        """ "settled", or the reason for not being settled."""
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not math.isfinite(self.settling_time):
@@ -143,10 +144,12 @@ class TrainingRun(Result, Reported):
         return "settled"
 
     def report(self, *, history: bool = False) -> Report:
-        """The outcome, the data, P and K.
+        """Return the report of the outcome, the data, P and K.
 
-        Its data contain the last weights under `W`, which `hfa verify --weights` reads; with
-        `history` also all rows over time."""
+        The data contain the last weights as `W`, which `hfa verify --weights` reads.
+
+        history: whether the data also contain all rows over time
+        """
         m, n = self.K.shape
         names = self.names.completed(n, m)
         data = self.as_data()
@@ -176,7 +179,7 @@ class TrainingRun(Result, Reported):
         )
 
     def _records(self) -> Table:
-        """One row for each kept tick: time, residuals, weights."""
+        """Return one row for each recorded tick: time, residuals, weights."""
         columns = [f"W{i + 1}" for i in range(self.weights.shape[1])]
         units = self.weight_units
         if units:

@@ -1,4 +1,4 @@
-"""Plants in users' files: their matrices, names and units."""
+"""Plants in users' files: matrices, names and units."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _OF_CONTROL = {"state_labels": "states", "input_labels": "inputs"}
 
 @dataclass(frozen=True)
 class Defaults:
-    """Defaults of a game for entries that its file does not have.
+    """Defaults for entries of a game that its file does not have.
 
-    values: of E, Q, R, delta, where there is a default
-    words: by the same keys, for the note: "as in the paper"
+    values: E, Q, R, delta -> default, where there is one
+    words: by the same keys, the source of the default for a note: "as in the paper"
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -39,14 +39,14 @@ class Defaults:
 
 
 class StoredGame(NamedTuple):
-    """The game of a file, with notes.
+    """Game in a file, with notes.
 
-    notes: entries that were not used, defaults that were used
+    notes: unused entries, and defaults that were used
     provenance: origin of the plant in the file: entry -> text
-    discrete: of a plant in discrete time the game with the step `game`, made by its package; else
+    discrete: for a plant in discrete time the game with the step `game`, made by its package; else
         None
-    has_time: whether the file states continuous or discrete
-    stated: its entries A, B, E, Q, R and delta
+    has_time: whether the file states continuous or discrete time
+    stated: names of the entries A, B, E, Q, R and delta in the file
     """
 
     game: Game
@@ -69,17 +69,18 @@ def stored_game(
     defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
     **changes: Any,
 ) -> StoredGame:
-    """The game of the plant in a file: keys A, B, Q, R and optionally E and delta.
+    """Return the game of the plant in a file with A, B, Q, R and optionally E and delta.
 
-    found: entries that `read_arrays` has read
+    found: entries already read by `read_arrays`
     defaults: (parts, names) -> defaults for missing entries
-    changes: of Q, R, delta, where they are not None
+    changes: Q, R, delta in place of those of the file, where not None
 
-    An argument overrides the file, and the file overrides the defaults. Without any, E is the
-    identity and delta is inf (no disturbance: the linear quadratic regulator). A structure with A
-    and B is read where the file has neither at its top. With time = "discrete" it is a step of a
-    game in discrete time, with `discount` and cross weights `N` where the file has them. Raises
-    BadInputError, one line that names the file."""
+    An argument overrides the file, and the file overrides the defaults. Without any of them, E is
+    the identity and delta is inf (no disturbance: the linear quadratic regulator). A structure with
+    A and B is read where the top level of the file has neither. With time = "discrete" the plant is
+    a step of a game in discrete time, with `discount` and cross weights `N` where the file has
+    them. Raises BadInputError that names the file.
+    """
     contents = read_arrays(path) if found is None else found
     with said_of(path):
         stored, notes = entries_of(contents, {"A", "B"})
@@ -117,13 +118,13 @@ def has_all(found: dict[str, Any], *names: str) -> bool:
 
 
 def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
-    """The entries of a plant by the names of this project, and notes on them.
+    """Return the entries of a plant by the names of this project, and notes on them.
 
-    found: the arrays that `read_arrays` has read
-    needed: entries that the plant must have; where the file has none of them, but one structure in
-        it has all, the entries are those of the structure
+    found: arrays read by `read_arrays`
+    needed: entries that the plant must have. Where the file has none of them but one structure in
+        it has all, the entries are those of the structure.
 
-    Raises BadInputError where python-control's `dt` says discrete time.
+    Raises BadInputError where python-control's `dt` indicates discrete time.
     """
     notes: list[str] = []
     if not needed & set(found):
@@ -156,7 +157,7 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
 
 
 def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
-    """The game in discrete time whose step this is; None in continuous time."""
+    """Return the game in discrete time of which this is a step, or None in continuous time."""
     if not is_discrete(stored):
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
@@ -171,11 +172,11 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
 
 
 def one_number(name: str, value: Any) -> float:
-    """An entry of a file that must be one number.
+    """Return an entry of a file that must be a single number.
 
     value: a number, a 1 x 1 matrix (MATLAB), or the text "inf" (JSON)
 
-    Raises BadInputError where it is anything else.
+    Raises BadInputError for any other value.
     """
     if isinstance(value, str):
         if value.strip().lower() in ("inf", "infinity"):
@@ -188,7 +189,7 @@ def one_number(name: str, value: Any) -> float:
 
 
 def _unused(stored: Mapping[str, Any]) -> list[str]:
-    """Return a note that names the unused entries; [] without any.
+    """Return a note that names the unused entries, or [] without any.
 
     Files of this project, whose `schema` begins with "hfa.", have further entries and get no note.
     """
@@ -206,7 +207,7 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Names and units that a file has one for each of; the others are noted."""
+    """Return the names and units in a file, and append a note for each wrong number of them."""
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
         texts = words(stored, key)
@@ -223,7 +224,7 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
 
 
 def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> Game:
-    """The game with its defaults, which are noted."""
+    """Return the game, completed by defaults, for which notes are appended."""
     n, m = parts["B"].shape
     values = {"E": np.eye(n), "delta": math.inf, **defaults.values}
     described = {"E": "the identity", "delta": "inf (no disturbance)", **defaults.words}
@@ -241,8 +242,10 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
 
 
 def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Texts of the provenance block: of JSON and .mat a structure, of .npz entries
-    `provenance.version` and so on."""
+    """Return the texts of the provenance in a file.
+
+    It is a structure in JSON and .mat, and entries `provenance.version` and so on in .npz.
+    """
     block = stored.get("provenance", {})
     entries = dict(block) if isinstance(block, dict) else {}
     for key in stored:

@@ -1,4 +1,4 @@
-"""The weights of a game: those where none are given, and how they read in one line."""
+"""Default weights of a game, and the report of weights in one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHOWN = 40
 
 
 def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
-    """diag(1/nominal²) of these states or inputs: a deviation of its nominal size costs 1."""
+    """Return diag(1/nominal²) of states or inputs; a deviation of nominal size then costs 1."""
     return np.diag([model.signals[name].nominal ** -2.0 for name in names])
 
 
@@ -22,7 +22,7 @@ def weights_line(
 ) -> str:
     """Return a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
 
-    whose: "Q", "R", "delta" -> whose it is, or None where the game was handed over with all of them
+    whose: "Q", "R", "delta" -> source, or None for a game given as a whole
     """
     texts = {"Q": _matrix_text(Q), "R": _matrix_text(R), "delta": f"{delta:g}"}
     whose = whose or dict.fromkeys(texts, "of the game")

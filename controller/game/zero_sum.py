@@ -1,4 +1,4 @@
-"""The zero-sum game on a linear model: its costs, and the policies implied by a value gradient."""
+"""Zero-sum games on a linear model: costs, and policies implied by a value."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ SEMIDEFINITE = 1e-12
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Game(ByValue, Reported):
-    """J = ∫ z'Qz + u'Ru - δ² d'd dt,  z' = A z + B u + E d,  u minimizes and d maximizes (paper Eq.
-    15-16).
+    """Zero-sum game J = ∫ z'Qz + u'Ru - δ² d'd dt, z' = A z + B u + E d (paper Eq. 15-16).
+
+    u minimizes and d maximizes J.
 
     A: (n, n)
     B: (n, m)
@@ -35,7 +36,7 @@ class Game(ByValue, Reported):
     Q: (n, n), symmetric positive semidefinite; or its diagonal, (n,)
     R: (m, m), symmetric positive definite; or its diagonal, (m,)
     delta: > 0; by default inf: no disturbance, LQR
-    names: of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
+    names: names of the states and inputs, for reports; by default x1, x2, ... and u1, u2, ...
 
     Raises BadInputError when a shape, a sign or a number is wrong.
 
@@ -69,7 +70,7 @@ class Game(ByValue, Reported):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check everything once, so that no solver has to."""
+        """Check all fields once, so that no solver has to."""
         if self.Q is None or self.R is None:
             raise BadInputError("a game has no Q or no R; give both, as matrices or diagonals")
         if self.E is None:
@@ -100,7 +101,7 @@ class Game(ByValue, Reported):
         return hash((float(self.A.sum()), float(self.B.sum()), self.delta))
 
     def report(self) -> Report:
-        """The matrices, with the names of their rows and columns."""
+        """Return the report of the matrices, with the names of their rows and columns."""
         from controller.game.game_report import game_report
 
         return game_report(self)
@@ -112,12 +113,12 @@ class Game(ByValue, Reported):
 
     @cached_property
     def S_control(self) -> np.ndarray:
-        """B R⁻¹ B', (n, n), of the control."""
+        """B R⁻¹ B', (n, n), the quadratic term of the control."""
         return self.B @ self.R_inverse_B_transposed
 
     @cached_property
     def S_disturbance(self) -> np.ndarray:
-        """E E', (n, n), of the disturbance, before the division by δ²."""
+        """E E', (n, n), the quadratic term of the disturbance without the factor δ⁻²."""
         return self.E @ self.E.T
 
     @cached_property
@@ -126,11 +127,12 @@ class Game(ByValue, Reported):
         return self.S_control - self.S_disturbance / self.delta**2
 
     def gain(self, P: np.ndarray) -> np.ndarray:
-        """K = R⁻¹ B' P, (m, n): the control policy of the value z'Pz is u = -K z."""
+        """Return K = R⁻¹ B' P, (m, n); the policy of the value z'Pz is u = -K z."""
         return self.R_inverse_B_transposed @ P
 
     def checked_gain(self, K: ArrayLike) -> np.ndarray:
-        """K as floats. Raises BadInputError when it has another shape than B', or is complex."""
+        """Return K as floats. Raises BadInputError for another shape than that of B', or complex
+        numbers."""
         K = numbers_in("K", K)
         n, m = self.B.shape
         if K.shape != (m, n):
@@ -142,11 +144,12 @@ class Game(ByValue, Reported):
         return K
 
     def disturbance_gain(self, P: np.ndarray) -> np.ndarray:
-        """L = δ⁻² E' P, (k, n): the worst disturbance for the value z'Pz is d = L z."""
+        """Return L = δ⁻² E' P, (k, n); the worst disturbance for the value z'Pz is d = L z."""
         return self.E.T @ P / self.delta**2
 
     def residual(self, P: np.ndarray) -> np.ndarray:
-        """A'P + P A + Q - P S P, (n, n): zero at a solution of the game Riccati equation."""
+        """Return A'P + P A + Q - P S P, (n, n), which is zero at a solution of the game Riccati
+        equation."""
         return self.A.T @ P + P @ self.A + self.Q - P @ self.S @ P
 
     def with_delta(self, delta: float) -> Game:
@@ -155,7 +158,7 @@ class Game(ByValue, Reported):
 
 
 def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return the matrix with a diagonal of numbers, (n, n); anything else as it is."""
+    """Return the diagonal matrix (n, n) of a list of numbers, or any other value unchanged."""
     if isinstance(weights, np.ndarray):
         is_row = weights.ndim == 1
     else:
@@ -193,8 +196,10 @@ def _checked_delta(delta: float) -> float:
 
 
 def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
-    """Raise BadInputError unless symmetric and positive semidefinite, or, strictly, definite by
-    more than rounding."""
+    """Raise BadInputError unless a matrix is symmetric and positive semidefinite.
+
+    strictly: whether it must be positive definite by more than rounding
+    """
     scale = np.abs(matrix).max(initial=0.0)
     if np.abs(matrix - matrix.T).max(initial=0.0) > 1e-12 * scale:
         raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
@@ -213,16 +218,17 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 
 
 def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix, (n, n), is positive semidefinite but for rounding, in any
-    units.
+    """Return whether a symmetric matrix (n, n) is positive semidefinite but for rounding.
 
-    Decided in units in which the diagonal is 1, where rounding of a sum of squares C'C is that of
-    numbers of size 1: weights of very different size are no reason to overlook a negative one."""
+    The decision does not depend on units. It is made where the diagonal is 1: there the rounding of
+    a sum of squares C'C is that of numbers of size 1, and weights of very different size cannot
+    hide a negative one.
+    """
     return least_scaled_eigenvalue(matrix) >= -SEMIDEFINITE
 
 
 def is_definite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix, (n, n), is positive definite by more than rounding, in any
+    """Return whether a symmetric matrix (n, n) is positive definite by more than rounding, in any
     units."""
     smallest_diagonal = np.diag(matrix).min(initial=np.inf)
     rounding = 10 * len(matrix) * np.finfo(float).eps
@@ -230,9 +236,9 @@ def is_definite(matrix: np.ndarray) -> bool:
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
-    """The smallest eigenvalue of M_ij / sqrt(M_ii M_jj), without rows and columns of zeros.
+    """Return the smallest eigenvalue of M_ij / sqrt(M_ii M_jj), without rows and columns of zeros.
 
-    -inf where an entry of the diagonal is negative, or 0 in a row that is not.
+    The result is -inf where a diagonal entry is negative, or is 0 in a nonzero row.
     """
     diagonal = np.diag(matrix)
     if (diagonal < 0.0).any():
@@ -250,5 +256,5 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
 
 def shape_text(shape: tuple[int, ...]) -> str:
-    """Return the shape for a message, "5 x 6"."""
+    """Return the shape as text, "5 x 6"."""
     return " x ".join(map(str, shape))

@@ -46,9 +46,9 @@ def modes_of(
     families: name of a mode -> the states that take part most
 
     Participation of state k in mode i: |w_ki v_ki| / Σ_k |w_ki v_ki| with right and left
-        eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family
-        of states with the largest share, or after the state where that is in no family. When two
-        modes belong to one family, the faster is called "fast", the slower "slow".
+    eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family
+    of states with the largest share, or after the state where that is in no family. When two
+    modes belong to one family, the faster is called "fast", the slower "slow".
 
     >>> import numpy as np
     >>> from trim import modes_of

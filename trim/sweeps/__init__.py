@@ -1,1 +1,1 @@
-"""Many operating points at once: grids, chunks, stores."""
+"""Trims and linear models of many points: grids, lists and stores."""

@@ -1,4 +1,4 @@
-"""Newton's method of `trim.point.newton` in C: the same steps for one point after the other."""
+"""Newton's method of `trim.point.newton` as compiled C code, for one point after the other."""
 
 from __future__ import annotations
 
@@ -176,9 +176,9 @@ void {symbol}_linear(long long count, const double *c, const double *z, double *
 
 
 class CompiledTrim:
-    """The loops of a library: Newton's method, the equations, and the linear models.
+    """Compiled loops over points: Newton's method, the equations and the linear models.
 
-    rows: numbers of equations, and of a row of `Equations.linear_rows`
+    rows: numbers of equations, and of entries in a row of `Equations.linear_rows`
     """
 
     def __init__(self, symbol: str, library: Path, rows: tuple[int, int]) -> None:
@@ -189,15 +189,20 @@ class CompiledTrim:
         self._rows = rows
 
     def newton(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z (N, k) after Newton's method from z (N, k) with the constants c (N, ..), which points
-        are settled (N,), and where a Jacobian is singular (N,)."""
+        """Return the unknowns (N, k) after Newton's method, and two masks (N,).
+
+        The masks are of the points that settled and of those with a singular Jacobian.
+
+        z: (N, k), initial unknowns
+        c: (N, ..), constants
+        """
         ends = np.array(z, order="C")
         status = np.empty(len(z), dtype=np.int8)
         _run(self._newton, c, ends, status)
         return ends, status == _SETTLED, status == _SINGULAR
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r (N, e) and J (N, k, k)."""
+        """Return r (N, e) and J (N, k, k)."""
         count, k = z.shape
         residual = np.empty((count, self._rows[0]))
         jacobian = np.empty((count, k, k))
@@ -205,16 +210,16 @@ class CompiledTrim:
         return residual, jacobian
 
     def linear(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray]:
-        """(N, ..), a row of `Equations.linear_rows` a point."""
+        """Return (N, ..), for each point a row of `Equations.linear_rows`."""
         flat = np.empty((len(z), self._rows[1]))
         _run(self._linear, c, z, flat)
         return (flat,)
 
 
 class CompiledSystem(SharedSystem):
-    """A system whose steps and linear models run as machine code, where a compiler works.
+    """Trim system whose steps and linear models are machine code, where a compiler works.
 
-    machine: the loops, or None without a compiler, or where there is no square system
+    machine: the loops, or None without a compiler or a square system
     """
 
     def __init__(self, *arguments: Any) -> None:
@@ -229,15 +234,17 @@ class CompiledSystem(SharedSystem):
     def quick_steps(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z (N, k) after Newton's method, which points are settled, and where a Jacobian is
-        singular (N,)."""
+        """Return the unknowns (N, k) after Newton's method, and two masks (N,).
+
+        The masks are of the points that settled and of those with a singular Jacobian.
+        """
         if self.machine is None:
             return super().quick_steps(z, c)
         return self.machine.newton(z, c)
 
     @property
     def rows(self) -> tuple[RowsOf, ...]:
-        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
+        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
         if self.machine is None:
             return super().rows
         return self.machine.residuals, self.machine.linear
@@ -245,8 +252,10 @@ class CompiledSystem(SharedSystem):
 
 @lru_cache(maxsize=16)
 def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
-    """The loops over these functions of (z, c), as many equations as unknowns; None, with one note,
-    where no compiler works."""
+    """Return the compiled loops over these functions of (z, c), or None without a working compiler.
+
+    The system must be square. A note is printed in place of the loops.
+    """
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}
     whole = ca.Function("linear", linear.sx_in(), linear.call(linear.sx_in()))

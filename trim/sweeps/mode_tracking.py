@@ -1,4 +1,4 @@
-"""Modes followed through the points of a sweep by the continuity of their eigenvectors."""
+"""Tracking of modes through the points of a sweep, by the continuity of their eigenvectors."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class _Modes(NamedTuple):
     """Modes of one point or of many.
 
     values: (.., n), eigenvalues
-    right: (.., n, n), eigenvectors, columns
-    left: (.., n, n), left eigenvectors, rows; left right = 1
+    right: (.., n, n), eigenvectors as columns
+    left: (.., n, n), left eigenvectors as rows; left right = 1
     """
 
     values: np.ndarray
@@ -49,25 +49,27 @@ class _Modes(NamedTuple):
 def track_modes(
     A: np.ndarray, states: tuple[str, ...], model: Model, neighbours: np.ndarray | None = None
 ) -> np.ndarray:
-    """Eigenvalues (N, n) of N system matrices (N, n, n), paired so that a column follows one mode.
+    """Return the eigenvalues (N, n) of N matrices (N, n, n), each column following one mode.
 
-    states: names of the rows of each matrix, states of the model.
-    neighbours: (M, 2) pairs of points that lie next to each other, or None for points along a path.
+    A: (N, n, n)
+    states: names of the rows of each matrix, states of the model
+    model: the aircraft
+    neighbours: (M, 2), pairs of adjacent points, or None for points along a path
 
-    Two neighbours are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) -
-    2 |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
-    projectors on the modes of either point along all other modes. The first term holds on to the
+    Two neighbours are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) - 2
+    |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
+    projectors on the modes of either point along all other modes. The first term preserves the
     shape of a mode where eigenvalues cross, in any units and also where two shapes are nearly
-    parallel. The second tells the two members of a pair apart. From the first point on, the
+    parallel. The second distinguishes the two members of a pair. From the first point on, the
     pairings are followed along the tree of neighbours that are most alike. The first point is
     ordered fastest first, positive imaginary part first.
 
-    Between two points the columns of modes that cross can still change places where their shapes
-    are nearly parallel or turn by much from point to point: 3 % of random crossings of shapes a few
-    degrees apart, on 11 to 41 points. More points pair them rightly.
+    Between two points the columns of modes that cross can still be exchanged where their shapes are
+    nearly parallel or change much from point to point. This happens in 3 % of random crossings of
+    shapes a few degrees apart, on 11 to 41 points. More points avoid it.
 
-    Eigenvalues that meet at a point have no shapes of their own there: behind it they are paired
-    with the last point at which they were apart. Those that meet at every point, such as two
+    Eigenvalues that coincide at a point have no shapes of their own there. After it they are paired
+    with the last point at which they were distinct. Those that coincide at every point, such as two
     integrators, need no order.
     """
     for name in states:
@@ -97,7 +99,7 @@ def track_modes(
 
 
 def _inverse(right: np.ndarray) -> np.ndarray:
-    """The left eigenvectors (N, n, n); modes that meet share their common subspace."""
+    """Return the left eigenvectors (N, n, n). Modes that coincide share their common subspace."""
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
@@ -110,14 +112,17 @@ def _inverse(right: np.ndarray) -> np.ndarray:
 def _pair_over_meetings(
     point: int, origin: np.ndarray, order: np.ndarray, modes: _Modes, meeting: np.ndarray
 ) -> None:
-    """Pair the modes that met at the point before with the last point at which they were apart.
+    """Pair the modes that coincided at the previous point with the last point at which they were
+    distinct.
 
-    Their shapes there tell them apart, and their eigenvalues less the mean of those that met, which
-    change sign.
+    They are distinguished by their shapes there, and by their eigenvalues less the mean of those
+    that coincided, which change sign.
 
-    origin: (N,), the point that each is reached from, or -1 for the first
-    order: (N, n), the eigenvalue of each mode at each point; that of `point` is changed in place
-    meeting: (N, n, n), which eigenvalues of a point meet
+    point: number of the point
+    origin: (N,), the point from which each is reached, or -1 for the first
+    order: (N, n), the eigenvalue of each mode at each point; the row of `point` is changed in place
+    modes: modes of all points
+    meeting: (N, n, n), which eigenvalues of a point coincide
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -143,8 +148,9 @@ def _pair_over_meetings(
 
 
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Pairs of points that join all N points, (M, 2): the neighbours, and those pairs of the path
-    whose two points the neighbours do not join.
+    """Return pairs of points that connect all N points, (M, 2).
+
+    They are the neighbours, and those pairs of the path that the neighbours do not connect.
 
     neighbours: (K, 2), pairs of points
     path: (N - 1, 2), the pairs (0, 1), (1, 2), ...
@@ -161,8 +167,11 @@ def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
 
 
 def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np.ndarray]]:
-    """The steps of the tree of pairs that are most alike, from the first point on: the two points,
-    and, (n,), the eigenvalue there that matches each."""
+    """Yield the steps of the tree of most similar pairs, from the first point on.
+
+    A step has its two points, and for each eigenvalue of the first the number of its match at the
+    second, (n,).
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -185,11 +194,11 @@ def _along_tree(pairs: np.ndarray, modes: _Modes) -> Iterator[tuple[int, int, np
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the matching of the eigenvalues of the two points of each pair, and its gain.
 
-    modes: of all points
+    modes: modes of all points
     pairs: (M, 2), pairs of points
 
-    Returns, (M, n), for every eigenvalue of the first point the number of the one at the second,
-    and, (M,), the sum of gains that this maximizes.
+    The matching (M, n) has for every eigenvalue of the first point the number of the one at the
+    second. The gain (M,) is the sum that the matching maximizes.
     """
     matches = np.empty((len(pairs), modes.values.shape[1]), dtype=int)
     sums = np.empty(len(pairs))
@@ -208,8 +217,10 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
-    """min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|), (.., n, n): the gain of matching
-    eigenvalue i of a point with j of the other."""
+    """Return the gain of matching eigenvalue i of a point with j of another, (.., n, n).
+
+    It is min(|tr P_i Q_j|, 1) - 2 |λ_i - μ_j| / (|λ_i| + |μ_j|).
+    """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
     size = np.abs(modes.values)[..., None] + np.abs(others.values)[..., None, :]
@@ -217,11 +228,15 @@ def _gain(modes: _Modes, others: _Modes) -> np.ndarray:
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """The permutation (n,) of largest gain (n, n) that keeps both members of a conjugate pair
+    """Return the permutation (n,) of largest gain that keeps the members of conjugate pairs
     together.
 
-    Where a pair meets two real eigenvalues both ways gain the same: the member of positive
-    imaginary part matches the lower one."""
+    Where a pair meets two real eigenvalues both matchings have one gain; the member with positive
+    imaginary part then matches the lower one.
+
+    gain: (n, n)
+    values, others: (n,), eigenvalues of both points
+    """
     from scipy.optimize import linear_sum_assignment
 
     upper = np.flatnonzero(values.imag > 0)

@@ -1,6 +1,8 @@
-"""Trims and linear models of many points. Newton's method solves all of them at once; unsolved
-points begin again at solved neighbours, then use `find_operating_point`. A point without a trim
-keeps its status and the reason."""
+"""Trims and linear models of many points.
+
+Newton's method solves all points at once. Unsolved points begin again at solved neighbours, and
+then use `find_operating_point`. A point without a trim keeps its status and the reason.
+"""
 
 from __future__ import annotations
 
@@ -52,12 +54,12 @@ class Points(NamedTuple):
     """N points of n states and m inputs, in the units of the model.
 
     status: (N,), index into `STATUS`
-    states: (N, n), where trimmed, or what balance would take where beyond limits
-    inputs: (N, m), likewise
+    states: (N, n); beyond limits, the values that balance would require
+    inputs: (N, m), with the values beyond limits as for `states`
     A: (N, n, n), nan where not trimmed
     B: (N, n, m), nan where not trimmed
-    failures: number of a point that `find_operating_point` could not trim -> why
-    one_by_one: (N,), whether the point went to `find_operating_point`, a thousand times slower
+    failures: number of a point without a trim -> reason of `find_operating_point`
+    one_by_one: (N,), whether the point needed `find_operating_point`, a thousand times slower
     """
 
     status: np.ndarray
@@ -80,20 +82,21 @@ def trim_points(
     compile_code: bool | None = None,
     progress: Progress | None = None,
 ) -> Points:
-    """Trim and linearize every row of `values`; a row without a trim keeps its status instead of
-    raising.
+    """Trim and linearize every row of `values`. A row without a trim keeps its status.
 
+    model: the aircraft
     variables: one for each column of values: variables or rates imposed in place of the condition's
         values, or parameters
     values: (N, number of variables)
-    condition: the model's own trim unless given
+    condition: by default the model's own trim
     start: initial point of the search at each point
-    compile_code: run as machine code; by default from `COMPILE_FROM` points on
-    progress: called with (points settled, points in all)
+    compile_code: whether machine code is used; by default from `COMPILE_FROM` points on
+    progress: called with (settled points, all points)
 
-    Newton's method needs as many equations as unknowns; without that, point by point. The status is
-    BEYOND_LIMITS only if all unknowns are inputs. With free states a second solution may exist
-    within the limits."""
+    Newton's method needs as many equations as unknowns; otherwise the points are solved one by one.
+    The status is BEYOND_LIMITS only if all unknowns are inputs. With free states a second solution
+    may exist within the limits.
+    """
     values = numbers_in("values", values)
     if values.ndim != 2 or values.shape[1] != len(variables):
         raise BadInputError(
@@ -122,8 +125,10 @@ def trim_points(
 def _resolved(
     variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return the points with the first of each group of the model's `alternatives` in place of the
-    others: speed in place of kcas."""
+    """Return variables, values and condition with the first alternatives imposed: speed for kcas.
+
+    The alternatives are groups of names, of which a trim imposes one.
+    """
     if not condition.model.extras.alternatives:
         return variables, values, condition
     condition = condition.freed_for(variables)
@@ -141,7 +146,7 @@ def _resolved(
 
 
 def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model:
-    """The model with the parameters of one point."""
+    """Return the model with the parameters of one point."""
     values = zip(variables, row.tolist(), strict=True)
     return model.with_parameters(
         **{name: value for name, value in values if name in model.parameters}
@@ -151,8 +156,7 @@ def model_at(model: Model, variables: tuple[str, ...], row: np.ndarray) -> Model
 def condition_at(
     condition: TrimCondition, variables: tuple[str, ...], row: np.ndarray
 ) -> TrimCondition:
-    """The condition of one point. Raises BadInputError where one of its values lies outside its
-    limits."""
+    """Return the condition of one point. Raises BadInputError for a value outside its limits."""
     imposable = (*condition.model.holdable, *condition.model.rates)
     hold = {
         name: value
@@ -163,7 +167,7 @@ def condition_at(
 
 
 def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """The parameters of each point, (N, number of them): the model's, but for those that vary."""
+    """Return the parameters of each point, (N, number of parameters)."""
     constants = np.tile(model.p, (len(values), 1))
     for column, name in enumerate(variables):
         if name in model.parameters:
@@ -176,8 +180,10 @@ _last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
 
 
 def _system(*request: Any) -> TrimSystem:
-    """The system of (model, condition, variables, start, compile_code): that of the last call
-    where these are the same objects, as in many calls with one point each."""
+    """Return the trim system of (model, condition, variables, start, compile_code).
+
+    The last system is reused for identical objects, for example in many calls with one point each.
+    """
     global _last_system
     last = _last_system
     if last is not None and all(a is b for a, b in zip(request, last[0], strict=True)):
@@ -193,7 +199,7 @@ def _system(*request: Any) -> TrimSystem:
 
 
 def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
-    """Return the points that Newton's method settles; NO_TRIM elsewhere."""
+    """Return the points that Newton's method settles; the status of others is NO_TRIM."""
     model = system.model
     n = len(model.states)
     m = len(model.inputs)
@@ -223,7 +229,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
 
 
 def _true_rows(mask: np.ndarray) -> np.ndarray:
-    """Return which rows of a mask (N, k) are true throughout, (N,): soon known where all are."""
+    """Return which rows of a mask (N, k) are true throughout, (N,). It is fast where all are."""
     return np.full(len(mask), True) if mask.all() else np.asarray(mask.all(axis=1))
 
 
@@ -232,13 +238,14 @@ def _starts(
     variables: tuple[str, ...],
     values: np.ndarray,
 ) -> np.ndarray:
-    """Return (N, k), the initial unknowns of each point: quadratic in a single variable, linear
-    in several, about the solution at the center of the point's cell.
+    """Return the initial unknowns of each point, (N, k).
 
-    The cells are the model's, so that no row depends on its neighbours. Their searches begin at the
-    model's initial point. Terms that change by more than `_STEEPEST` over a cell may lead to
-    another solution and count as 0. Inputs alone have one solution: their searches begin as those
-    of single trims do, with the same bits."""
+    They are a Taylor polynomial about the solution at the center of the point's cell: quadratic for
+    a single variable, linear for several. The cells are those of the model, so that no row depends
+    on its neighbours. Their searches begin at the model's initial point. Terms that change by more
+    than `_STEEPEST` over a cell may lead to another solution and count as 0. If all unknowns are
+    inputs there is one solution: the searches then begin as those of single trims, with equal bits.
+    """
     if system.only_inputs or not variables:
         return np.tile(system.start, (len(values), 1))
     signals = {**system.model.rates, **system.model.signals}
@@ -275,7 +282,7 @@ def _starts(
 
 
 def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """Return (N, k), the initial unknowns of the model's `begin` for these values."""
+    """Return the initial unknowns from the model's `begin` for these values, (N, k)."""
     starts = np.tile(system.start, (len(values), 1))
     if system.model.extras.begin is None:
         return starts
@@ -288,15 +295,17 @@ def _begun(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -
 
 
 def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> np.ndarray:
-    """The constants of the equations at each row of values."""
+    """Return the constants of the equations at each row of values."""
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Repeat Newton's method for the points that are not settled, each from the solution of the
-    settled point next to it, until no more of them settle. z and settled are changed in place."""
+    """Repeat Newton's method for unsettled points, from the solutions of settled neighbours.
+
+    This is repeated until no further point settles. z and settled are changed in place.
+    """
     from scipy.spatial import cKDTree
 
     spread = np.ptp(values, axis=0)
@@ -328,7 +337,7 @@ def _settle_alone(
     row: np.ndarray,
     start: OperatingPoint | None,
 ) -> None:
-    """Point i by `find_operating_point`: its arrays, or the reason in `failures`."""
+    """Solve point i by `find_operating_point`, and store its arrays or the reason in `failures`."""
     try:
         model = model_at(system.model, variables, row)
         point = find_operating_point(model, condition_at(system.condition, variables, row), start)

@@ -1,4 +1,4 @@
-"""Terms of the equations that depend on the constants of a point alone, computed once a point."""
+"""Precomputation of terms of the equations that depend on the constants of a point alone."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from trim.point.system import Equations, RowsOf, TrimSystem
 
 
 class SharedSystem(TrimSystem):
-    """A system whose constants are followed by the terms that depend on them alone, unless a few
-    quick steps settle its points."""
+    """Trim system whose constants are followed by the terms that depend on them alone.
+
+    Points that a few quick steps settle do not use these terms.
+    """
 
     @cached_property
     def _shared(self) -> tuple[RowFunction, ...]:
@@ -22,13 +24,13 @@ class SharedSystem(TrimSystem):
 
     @property
     def rows(self) -> tuple[RowsOf, ...]:
-        """(z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
+        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
         return super().rows if self.is_quick else self._shared[1:]
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return the constants of `TrimSystem.constants`, with the shared terms."""
+        """Return the constants of `TrimSystem.constants`, followed by the shared terms."""
         c = super().constants(count, columns)
         if not self.is_quick:
             (c,) = self._shared[0](c)
@@ -42,8 +44,10 @@ def _shared_rows(equations: Equations) -> tuple[RowFunction, ...]:
 
 
 def without_shared(*functions: ca.Function) -> list[ca.Function]:
-    """Return c -> (c, g), g the terms of functions of (z, c) that do not depend on z, and each of
-    these functions in z and (c, g)."""
+    """Return the Function c -> (c, g), then each of the given functions in z and (c, g).
+
+    g are the terms of the functions of (z, c) that do not depend on z.
+    """
     z, c = functions[0].sx_in()
     outputs = [part for function in functions for part in function.call([z, c])]
     parts, names, terms = ca.extract_parametric(outputs, c)

@@ -1,5 +1,4 @@
-"""Trims and linear models over many points: the function that makes their arrays, and a sweep in
-memory."""
+"""Trims and linear models over many points: computation of their arrays, and sweeps in memory."""
 
 from __future__ import annotations
 
@@ -74,8 +73,11 @@ def run_points(
     compile_code: bool,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The arrays of a sweep by name for the points of a task; and by number of a point `failures`,
-    why it has no trim, and `kinked`, its notes on kinks. Workers run this."""
+    """Return the arrays of a sweep by name, for the points of one task. Workers run this function.
+
+    Two entries are dictionaries by number of a point: `failures`, why it has no trim, and `kinked`,
+    its notes on kinks.
+    """
     points = trim_points(
         model,
         variables,
@@ -115,7 +117,7 @@ def run_points(
 
 
 def slow_note(one_by_one: int, count: int) -> list[str]:
-    """Return a sentence where many points were trimmed one by one."""
+    """Return a note where many points were trimmed one by one."""
     if one_by_one < _MANY_SLOW:
         return []
     return [
@@ -136,12 +138,12 @@ class SweptMode(NamedTuple):
 
     @property
     def frequency(self) -> np.ndarray:
-        """ω_n = |λ|, rad/s, in the shape of `eigenvalue`."""
+        """Return ω_n = |λ|, rad/s, in the shape of `eigenvalue`."""
         return np.abs(self.eigenvalue)
 
     @property
     def damping(self) -> np.ndarray:
-        """ζ = -Re λ / |λ|, in the shape of `eigenvalue`; nan for λ = 0."""
+        """Return ζ = -Re λ / |λ|, in the shape of `eigenvalue`, or nan for λ = 0."""
         with np.errstate(invalid="ignore"):
             return np.asarray(-self.eigenvalue.real / self.frequency)
 
@@ -186,7 +188,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def model(self) -> Model:
-        """Whose trims these are."""
+        """The aircraft."""
         return self.plan.model
 
     @property
@@ -201,12 +203,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def trimmed(self) -> np.ndarray:
-        """(N,) true where a trim was found."""
+        """Mask of the points with a trim, (N,)."""
         return np.array([reason == "" for reason in self.reasons])
 
     @property
     def modes(self) -> ByName[SweptMode]:
-        """The modes over the points, also by name: modes["phugoid"].damping."""
+        """Modes over the points, indexed by number or name: modes["phugoid"].damping."""
         names = np.array(self.mode_names)
         return ByName(
             SweptMode(name, self.eigenvalues[:, names == name])
@@ -215,7 +217,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
     @property
     def slow(self) -> np.ndarray:
-        """(k,), true for eigenvalues below a share of the fastest everywhere."""
+        """Mask of the eigenvalues that are below a share of the fastest at every point, (k,)."""
         size = np.nanmax(np.abs(self.eigenvalues), axis=0)
         return np.asarray(size < _SLOW * size.max())
 
@@ -232,19 +234,19 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return warnings
 
     def figure(self) -> Figure:
-        """Return the root locus on a new figure, as `plot` draws it."""
+        """Return a new figure with the root locus."""
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
     def plot(self) -> np.ndarray:
-        """Draw the root locus over the last variable in a figure of pyplot; returns its Axes.
+        """Draw the root locus over the last variable in a figure of pyplot, and return its Axes.
 
-        One color a mode, the slow ones enlarged; both ends marked. BadInputError when no point has
-        a trim: there is nothing to draw.
+        Each mode has one color, slow modes are enlarged, and both ends are marked. Raises
+        BadInputError when no point has a trim.
         """
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
-        """The root locus, drawn on an empty figure."""
+        """Draw the root locus on an empty figure, and return the figure."""
         if not self.mode_names:
             raise BadInputError("no point of the sweep has a trim: no root locus is drawn")
         slow = self.slow
@@ -270,8 +272,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return figure
 
     def _draw(self, axes: Axes, columns: np.ndarray, ends: np.ndarray) -> None:
-        """Draw the chosen columns of eigenvalues, (k,) booleans, one line for each mode, and the
-        ends of the columns `ends`."""
+        """Draw columns of eigenvalues, one line for each mode, and mark the ends of some.
+
+        columns: (k,), mask of the drawn columns
+        ends: (k,), mask of the columns with marked ends
+        """
         names = list(dict.fromkeys(self.mode_names))
         for column in np.flatnonzero(columns).tolist():
             name = self.mode_names[column]
@@ -302,8 +307,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         axes.grid(alpha=0.3)
 
     def _mark_values(self, axes: Axes, columns: np.ndarray) -> None:
-        """Draw an arrow in the direction of the sweep along each line of the upper half, and values
-        of the variable along long ones."""
+        """Draw the direction of the sweep and values of its variable along the lines of the upper
+        half."""
         names = list(dict.fromkeys(self.mode_names))
         width, height = axes.dataLim.size
         trimmed = np.flatnonzero(self.trimmed)
@@ -345,11 +350,12 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 )
 
     def report(self) -> Report:
-        """Return one line for each point: the varied values and the eigenvalues of each mode, or
-        why there is no trim; the first and last lines of a long sweep.
+        """Return the report: for each point its values and the eigenvalues of each mode, or the
+        reason.
 
-        A conjugate pair has one column; where it splits into two real eigenvalues, it has both.
-        Where the modes of two columns meet in a conjugate pair, each column has one of its members.
+        A long sweep is reported by its first and last lines. A conjugate pair has one column, which
+        contains both eigenvalues where the pair splits. Where the modes of two columns meet in a
+        conjugate pair, each column has one of its members.
         """
         count = len(self.reasons)
         failed = np.flatnonzero(~self.trimmed).tolist()
@@ -371,7 +377,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         )
 
     def _table(self) -> Table:
-        """The varied values and the eigenvalues of each mode, one row for each point."""
+        """Return the varied values and the eigenvalues of each mode, one row for each point."""
         modes = self.modes
         varied = zip(self.variables, self.plan.units, strict=True)
         header = (
@@ -397,8 +403,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return tuple(map(shown_value, self.values[i], self.plan.units))
 
     def records(self) -> Table:
-        """Return one row for each point: the varied values, status, reason, operating point,
-        eigenvalues, entries of A and B."""
+        """Return one row for each point.
+
+        It has the varied values, status, reason, operating point, eigenvalues, and entries of A and
+        B.
+        """
         model = self.model
         varied = zip(self.variables, self.plan.units, strict=True)
         header = [f"{name} [{unit}]" for name, unit in varied]
@@ -434,17 +443,23 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return len(self.reasons)
 
     def __getitem__(self, index: Any) -> Any:
-        """The linear model of a point, sweep[0], or the values of a swept variable, a state or an
-        input, (N,), sweep["alpha"].
+        """Return the linear model of a point, sweep[0], or the values of a name, sweep["alpha"],
+        (N,).
 
-        NoSolutionError with its reason where the point has no trim."""
+        A name is a swept variable, a state or an input. Raises NoSolutionError with the reason
+        where the point has no trim.
+        """
         from trim.sweeps.sweep_points import column, linear_model_at
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The sweep as an `xarray.Dataset`: states, inputs, A, B and eigenvalues over the axes of
-        the grid, or over the points of a list, with names, units and reasons. Needs xarray."""
+        """Return the sweep as an `xarray.Dataset` over the axes of the grid or the points of a
+        list.
+
+        It contains states, inputs, A, B and eigenvalues with names, units and reasons. Needs
+        xarray.
+        """
         import xarray
 
         plan = self.plan
@@ -476,7 +491,8 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
-    """The eigenvalues of a mode; a pair as one text, a single member of it with its sign."""
+    """Return the eigenvalues of a mode as text: a pair once, a single member of it with its
+    sign."""
     words = []
     for value in eigenvalues:
         paired = value.imag != 0 and value.conjugate() in eigenvalues
@@ -500,19 +516,22 @@ def sweep(
     progress: Progress | None = None,
     **columns: Sequence[float] | np.ndarray,
 ) -> Sweep:
-    """Trim and linearize at every point of the product of the given values, or, when `listed`, at
-    every row of these columns: a `SweepPlan` run in memory.
+    """Trim and linearize at every combination of the given values.
+
+    With `listed` the values are columns, and every row is one point. The sweep is a `SweepPlan` run
+    in memory.
 
     model: the aircraft
     grid: trim variable or parameter of the model -> imposed values, in its units
-    condition: of the other variables; default: the model's own trim; the grid overrides it.
+    condition: condition of the other variables; by default the model's own trim. The grid overrides
+        it.
     start: initial point of the search at each point
     listed: whether the values of the grid are columns, one row for each point
-    progress: called with (points done, points in all)
+    progress: called with (finished points, all points)
     columns: further variables of the grid, by name: speed=[60.0, 70.0]
 
-    A point that has no trim becomes a row with its reason. Raises BadInputError when a name is
-    unknown, a value lies outside its limits, or the grid is empty or has more than `MOST_POINTS`
+    A point without a trim becomes a row with its reason. Raises BadInputError when a name is
+    unknown, a value is outside its limits, or the grid is empty or has more than `MOST_POINTS`
     points.
 
     >>> import hfa
@@ -525,7 +544,7 @@ def sweep(
 
 
 def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
-    """Trim every point of a plan, in memory."""
+    """Return the sweep of a plan, in memory."""
     if plan.count > MOST_POINTS:
         raise BadInputError(
             f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory"
@@ -559,7 +578,10 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
 
 
 def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return for each point why it has no trim, "" where it has one. rows: of `run_points`."""
+    """Return for each point why it has no trim, or "" where it has one.
+
+    rows: result of `run_points`
+    """
     reasons = [rows["failures"].get(i, "") for i in range(plan.count)]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
@@ -572,7 +594,7 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str, ...]:
-    """The name of the mode of A that each of its eigenvalues (k,) belongs to."""
+    """Return the name of the mode for each eigenvalue (k,) of A."""
     modes = modes_of(A, model.linear, model.modes)
     names = []
     for value in eigenvalues:
@@ -583,8 +605,10 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 
 
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
-    """(M, 2) numbers, among the trimmed points, of those that follow one another along a line of
-    the grid."""
+    """Return pairs of trimmed points that are adjacent along a line of the grid, (M, 2).
+
+    The numbers count the trimmed points alone.
+    """
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)
     pairs = []

@@ -11,11 +11,11 @@ from hfa_aircraft.model import Model
 
 
 class SweepArray(NamedTuple):
-    """One array over the points of a sweep.
+    """Declaration of an array over the points of a sweep.
 
-    axes: its axes besides those of the points.
-    units: of all entries; or the name of the coordinate that holds the unit of each.
-    meaning: in words.
+    axes: its axes besides those of the points
+    units: unit of all entries, or the name of the coordinate with the unit of each
+    meaning: in words
     """
 
     axes: tuple[str, ...]
@@ -24,8 +24,7 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Return attributes of the CF conventions; `units_of` where entries have different
-        units."""
+        """Return the attributes of the CF conventions, with `units_of` where units differ."""
         kind = "units" if self.units == "1/s" else "units_of"
         return {"long_name": self.meaning, kind: self.units}
 
@@ -40,7 +39,7 @@ ARRAYS = {
 
 
 def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the coordinates of the axes for xarray: (axis, names), and (axis, unit of each).
+    """Return the coordinates of the axes for xarray: (axis, names) and (axis, units).
 
     rates: names of the states whose rates are the rows of A and B.
     """
@@ -59,5 +58,5 @@ def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.n
 
 
 def _words(words: Iterable[str]) -> np.ndarray:
-    """Words of any length, which Zarr stores as such."""
+    """Return words of any length in the form that Zarr stores."""
     return np.array([*words], dtype=object)

@@ -1,4 +1,4 @@
-"""The points of a sweep: variables and their values, and any part of them on demand."""
+"""Points of a sweep: variables, their values, and parts of the table of points."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOST_POINTS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Steps:
-    """`count` values from `start` on, `step` apart: a range of any length in three numbers."""
+    """Range of any length: `count` values from `start` on, `step` apart."""
 
     start: float
     step: float
@@ -58,7 +58,7 @@ class SweepPlan:
     listed: bool = False
 
     def __post_init__(self) -> None:
-        """Check everything before anything runs."""
+        """Check all fields before a point is trimmed."""
         model = self.model
         if self.condition is None:
             object.__setattr__(self, "condition", usual_condition(model))
@@ -109,8 +109,7 @@ class SweepPlan:
 
     @property
     def text(self) -> str:
-        """The plan as JSON text: plans with the same text visit the same points in the same
-        order."""
+        """Return the plan as JSON text. Plans with one text have one sequence of points."""
         axes = {}
         for name, values in self.axes.items():
             axes[name] = asdict(values) if isinstance(values, Steps) else list(values)
@@ -139,7 +138,7 @@ class SweepPlan:
 
     @property
     def _ends(self) -> dict[str, tuple[float, float]]:
-        """Variable -> its lowest and highest value."""
+        """Return variable -> its lowest and highest value."""
         ends = {}
         for name, values in self.axes.items():
             few = values
@@ -150,8 +149,7 @@ class SweepPlan:
 
     @property
     def sizes(self) -> list[int]:
-        """Number of values of each variable of a grid, in order, or for a list the number of its
-        rows."""
+        """Number of values of each variable of a grid, in order; for a list its number of rows."""
         lengths = [len(values) for values in self.axes.values()]
         return lengths[:1] if self.listed else lengths
 
@@ -168,7 +166,7 @@ class SweepPlan:
 
     @property
     def grid(self) -> dict[str, Any]:
-        """Variable -> its unit and its values, listed, or start, step and count."""
+        """Variable -> its unit and values, which are listed or given by start, step and count."""
         grid = {}
         for (name, values), unit in zip(self.axes.items(), self.units, strict=True):
             content = asdict(values) if isinstance(values, Steps) else {"values": list(values)}
@@ -176,7 +174,7 @@ class SweepPlan:
         return grid
 
     def values(self, start: int, stop: int) -> np.ndarray:
-        """Rows start .. stop - 1 of the (N, variables) table of values."""
+        """Return rows start .. stop - 1 of the table of values, (stop - start, variables)."""
         index = np.arange(start, stop)
         indices = np.unravel_index(index, self.sizes)
         columns = []
@@ -186,7 +184,7 @@ class SweepPlan:
         return np.stack(columns, axis=-1)
 
     def task(self, start: int, stop: int) -> tuple[Any, ...]:
-        """Arguments of `run_points` for rows start .. stop - 1."""
+        """Return the arguments of `run_points` for rows start .. stop - 1."""
         values = self.values(start, stop)
         compiled = self.count >= COMPILE_FROM
         return self.model, self.variables, values, self.condition, self.start, compiled

@@ -1,4 +1,4 @@
-"""A point of a sweep as a linear model."""
+"""Points of a sweep as linear models."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 
 def linear_model_at(swept: Sweep, index: int) -> LinearModel:
-    """Return the linear model of a point, its operating point in it.
+    """Return the linear model of a point, with its operating point.
 
-    index: of the point; from the end where negative.
+    index: number of the point, counted from the end where negative
 
-    IndexError beyond the points. Raises NoSolutionError where the point has no trim, with its
-    reason."""
+    Raises IndexError beyond the points. Raises NoSolutionError with the reason where the point has
+    no trim.
+    """
     count = len(swept.reasons)
     if not -count <= index < count:
         raise IndexError(f"point {index} does not exist; the sweep has {count} points")
