@@ -1,4 +1,4 @@
-"""Plants of the user's, in arrays and files, on which the game is the paper's."""
+"""Plants from arrays and files, with the game of the paper by default."""
 
 from __future__ import annotations
 
@@ -27,15 +27,16 @@ if TYPE_CHECKING:
 def published_game(
     A: LinearModel | np.ndarray, B: np.ndarray | None = None, **changes: Any
 ) -> Game:
-    """The game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E = I.
+    """Return the game of paper Section 5.1 on (A, B) or on a linear model: its Q, R, delta and E =
+    I.
 
     A: (n, n), or a linear model
     B: (n, m), where A is a matrix
-    changes: of Q, R, delta, E
+    changes: Q, R, delta or E in place of the paper's
 
-    A linear model with more than the paper's six states has weight 0
-    and no disturbance on the others; with anything else than six states and five inputs Q and R
-    must be given. Of a linear model in SI units it is the same game: Q, R and E are converted.
+    Further states of a linear model have weight 0 and no disturbance. Without the paper's six
+    states and five inputs, Q and R must be given. For a linear model in SI units Q, R and E are
+    converted.
 
     >>> import hfa
     >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)
@@ -57,9 +58,10 @@ def published_game(
 
 @checks_arguments
 def load_game(path: str | Path, **changes: Any) -> Game:
-    """The game of a plant's file, by `stored_game` with `paper_defaults`; notes become warnings.
+    """Return the game of a plant's file (`stored_game` with `paper_defaults`). Notes become
+    warnings.
 
-    changes: of Q, R, delta.
+    changes: Q, R or delta in place of those of the file
 
     >>> import hfa
     >>> game = hfa.load_game("plant.npz", delta=20.0)  # doctest: +SKIP
@@ -71,11 +73,12 @@ def load_game(path: str | Path, **changes: Any) -> Game:
 
 
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return the paper's E, Q, R and delta as defaults for a plant file that may be the aircraft's.
+    """Return the paper's E, Q, R and delta as defaults for a plant that may be the paper's
+    aircraft.
 
-    The plant is regarded as the aircraft's where its states and inputs have the aircraft's names,
-    or where it has no names, six states and five inputs, and not both Q and R. Where the file names
-    the aircraft's states in m/s it is the same game in m/s. Any other plant has no defaults.
+    The plant is regarded as this aircraft where its states and inputs have the aircraft's names, or
+    where it has no names, six states and five inputs, and not both Q and R. Where the file gives
+    the aircraft's states in m/s, the defaults are converted. Any other plant has no defaults.
     """
     m = len(INPUTS)
     n = len(LINEAR_STATES)

@@ -1,4 +1,4 @@
-"""The game of paper Section 5.1 on the flexible aircraft: its Q, R, delta and E, and its box."""
+"""Game of paper Section 5.1 on the flexible aircraft: Q, R, delta, E and the box of states."""
 
 from __future__ import annotations
 
@@ -65,9 +65,11 @@ def usual_game(
 ) -> Game:
     """Return the default game on (A, B) of a model.
 
-    Of a model with the aircraft's states and inputs the paper's; else 1/nominal² on the diagonals
-    of Q and R, and delta inf (no disturbance). names: of the plant, unless given those of the
-    model. changes: of Q, R, delta.
+    It is the paper's game for a model with the aircraft's states and inputs. Other models have
+    1/nominal² on the diagonals of Q and R, and delta inf (no disturbance).
+
+    names: names of the plant; by default those of the model
+    changes: Q, R or delta in place of the defaults
     """
     names = names or PlantNames(
         model.linear,

@@ -1,1 +1,1 @@
-"""The recorded data, the learning laws and the runner that ticks them."""
+"""Learning of critics from recorded data: the data, the laws and the runner of their ticks."""
