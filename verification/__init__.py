@@ -1,5 +1,5 @@
-"""Is it true: the exact game solution with its certificate, and everything that is checked against
-it."""
+"""Checks: critics against the exact game solution, and linear models against the printed
+matrices."""
 
 from hfa_support.public_names import public_names
 

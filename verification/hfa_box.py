@@ -1,4 +1,4 @@
-"""The box of states over which critics of the paper's aircraft are compared."""
+"""Box of states over which critics of the paper's aircraft are compared."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ def ordinary_box(
     inputs: tuple[str, ...] = INPUTS,
     state_units: tuple[str, ...] = (),
 ) -> Box | None:
-    """Return the usual deviations where states, inputs and units (English or SI, or () for not
-    stated) are those of the paper's aircraft; else None."""
+    """Return the box of usual deviations of the paper's aircraft, or None for another plant.
+
+    States, inputs and units (English or SI, or () where unknown) must be those of the aircraft.
+    """
     if (states, inputs) != (LINEAR_STATES, INPUTS):
         return None
     widths = np.array(ORDINARY_DEVIATIONS)

@@ -1,5 +1,4 @@
-"""The main job, checked: both printed pairs regenerated from one aircraft, entry by entry, with a
-verdict."""
+"""Regeneration of both printed pairs from one aircraft, compared entry by entry, with a verdict."""
 
 from __future__ import annotations
 
@@ -69,7 +68,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """A and B, entry by entry, the spectra and the checks."""
+        """Return the report of A and B, entry by entry, the spectra and the checks."""
         model = self.model
         printed_deg = self.published.dihedral_deg
         spectra = [
@@ -108,12 +107,13 @@ class Regeneration(ByValue, Result, Reported):
         return all(pair.ok for pair in self.pairs)
 
     def picture(self) -> Picture:
-        """Every entry's difference from its print."""
+        """Return the picture of every entry's difference from the printed value."""
         text = "Difference of every entry from its print"
         return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
     def summary(self) -> Report:
-        """The verdict, the checks and the entries farthest from the print; the data of all."""
+        """Return the verdict, the checks and the entries with the largest differences; the data
+        have all."""
         angles = [f"{pair.published.dihedral_deg:g} deg" for pair in self.pairs]
         rows = []
         for checks in zip(*(pair.checks for pair in self.pairs), strict=True):
@@ -132,11 +132,12 @@ class Regeneration(ByValue, Result, Reported):
 
     @property
     def verdict(self) -> str:
-        """ "yes" if both pairs were regenerated, in words."""
+        """Verdict in words: yes if both printed pairs were regenerated."""
         return f"Both printed pairs regenerated: {'yes' if self.ok else 'NO'}"
 
     def report(self) -> Report:
-        """Both pairs with the print, entry by entry, the spectra and the verdict."""
+        """Return both pairs compared with the printed values, entry by entry, the spectra and the
+        verdict."""
         reports = [pair.report() for pair in self.pairs]
         return Report(
             title="",
@@ -153,7 +154,7 @@ class Regeneration(ByValue, Result, Reported):
 
 
 def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
-    """Draw regenerated minus printed, every entry, in half units of the last printed digit."""
+    """Draw regenerated minus printed entries, in half units of the last printed digit."""
     figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]
@@ -176,15 +177,18 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
 
 @checks_arguments
 def regenerate_all(aircraft: Model) -> Regeneration:
-    """Trim and linearize at both printed angles and compare the result with the print."""
+    """Trim and linearize at both printed angles, and compare the results with the printed
+    matrices."""
     return Regeneration(
         tuple(check_pair(regenerate(aircraft, printed), printed) for printed in published_models())
     )
 
 
 def check_pair(model: LinearModel, published: PublishedModel) -> RegeneratedPair:
-    """Every entry of A and B against its print; the spectrum and its stability against those of the
-    printed A."""
+    """Compare A, B and the spectrum of a model with a printed pair.
+
+    Stability is compared with that of the printed A.
+    """
     entries = compare(model, published)
     printed = _spectrum(published.A)
     computed = _spectrum(model.A)

@@ -1,5 +1,4 @@
-"""The Bellman residual of every recorded sample as a function of the weights, in scaled
-coordinates."""
+"""Bellman residual of every recorded sample as a function of the weights, in scaled coordinates."""
 
 from __future__ import annotations
 
@@ -19,8 +18,11 @@ MOST_REFINEMENTS = 20
 
 
 class PartialGame(NamedTuple):
-    """Game that is being solved: discount β >= 0 [1/s] and the share s in [0, 1] of the final
-    1/δ²."""
+    """Auxiliary game on the way to the final one.
+
+    discount: β >= 0, 1/s
+    share: s in [0, 1], the share of the final 1/δ²
+    """
 
     discount: float
     share: float
@@ -32,8 +34,12 @@ GAME = PartialGame(0.0, 1.0)
 
 
 class Residuals(NamedTuple):
-    """regressors: (N_h, M), σ_j. residuals: (N_h,), e_j. size: (N_h,), sum of the magnitudes of
-    e_j's terms."""
+    """Bellman residuals of a stack at given weights.
+
+    regressors: σ_j, (N_h, M)
+    residuals: e_j, (N_h,)
+    size: sum of the magnitudes of the terms of e_j, (N_h,)
+    """
 
     regressors: np.ndarray
     residuals: np.ndarray
@@ -41,24 +47,28 @@ class Residuals(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """|e| over the size of the terms that cancel in it."""
+        """|e| divided by the size of the terms that cancel in it."""
         return float(np.linalg.norm(self.residuals) / np.linalg.norm(self.size))
 
 
 @dataclass(frozen=True, eq=False)
 class StackEquations:
-    """e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j,  σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j),  S_s =
-    S_u - s S_d/δ².
+    """Bellman residuals e_j(W) of a recorded stack, in the coordinates y = z / scales.
 
-    P is the quadratic part of W: u = -R⁻¹B'P z and d = s δ⁻²E'P z are its extremals, so for a
-    quadratic basis this is the paper's residual (Eq. 32-34) with policies re-evaluated at the
-    stored states, and ∂e_j/∂W = σ_j. With the discount, F_j - β z_j is the drift of A - βI, and β =
-    0, s = 1 is the game itself.
+    e_j(W) = W'σ_j + z_j'Q z_j + z_j'P S_s P z_j,  σ_j = ∂ψ_j (F_j - β z_j - S_s P z_j),
+    S_s = S_u - s S_d/δ².
 
-    All matrices are in the coordinates y = z / scales. control (n, m) and disturbance (n, k): roots
-    of S_u and S_d/δ², S_u = G G'. Where few inputs hold a large P in check, P S_u P is a small
-    difference of large numbers and |G'P z|² is not. drift_matrix: least-squares fit of F = A z to
-    the stack, used only to test whether a policy stabilizes."""
+    P is the quadratic part of W. Its extremal policies are u = -R⁻¹B'P z and d = s δ⁻²E'P z, so
+    that for a quadratic basis this is the paper's residual (Eq. 32-34) with policies re-evaluated
+    at the stored states, and ∂e_j/∂W = σ_j. F_j - β z_j is the drift of the discounted plant A -
+    βI. β = 0, s = 1 is the game itself.
+
+    control: G, (n, m), with S_u = G G'. Where few inputs hold a large P in check, P S_u P is a
+        small difference of large numbers and |G'P z|² is not.
+    disturbance: (n, k), the root of S_d/δ²
+    drift_matrix: least-squares fit of F = A z to the stack, used only to test whether a policy
+        stabilizes
+    """
 
     basis: Basis
     scales: np.ndarray
@@ -72,7 +82,7 @@ class StackEquations:
 
     @classmethod
     def build(cls, game: Game, basis: Basis, stack: Stack, scales: np.ndarray) -> StackEquations:
-        """The equations of a stack; from the game only B, E, Q, R and δ are read, never A."""
+        """Return the equations of a stack. Of the game only B, E, Q, R and δ are read, never A."""
         states = stack.states / scales
         drifts = stack.drifts / scales
         outer = np.outer(scales, scales)
@@ -89,15 +99,16 @@ class StackEquations:
         )
 
     def excitation(self, weights: np.ndarray) -> Excitation:
-        """Richness of the stack at scaled weights (M,), with the policies of the game."""
+        """Return the richness of the stack at scaled weights (M,), with the policies of the
+        game."""
         with np.errstate(over="ignore"):  # regressors that overflow when squared count as nothing
             return excitation(self.at(weights, GAME).regressors, self.basis.psi(self.states))
 
     def at(self, weights: np.ndarray, problem: PartialGame) -> Residuals:
-        """Regressors and residuals of all samples at scaled weights (M,), which are not written to
-        afterwards.
+        """Return the regressors and residuals of all samples at scaled weights (M,).
 
-        The last result is kept, because a law uses the same weights several times a tick.
+        The last result is cached, because a law uses the same weights several times a tick; so the
+        weights must not be changed in place.
         """
         last_weights, last_problem, last_residuals = self._last
         if last_weights is weights and last_problem == problem:
@@ -114,19 +125,24 @@ class StackEquations:
 
     @cached_property
     def _last(self) -> list[Any]:
-        """Weights, problem and answer of the last `at`."""
+        """Weights, problem and result of the last call of `at`."""
         return [None, None, None]
 
     @cached_property
     def state_cost(self) -> np.ndarray:
-        """z_j'Q z_j, (N_h,)."""
+        """State cost z_j'Q z_j, (N_h,)."""
         return np.asarray(np.einsum("ji,ji->j", self.states @ self.Q, self.states))
 
     def _policies(
         self, half_gradient: np.ndarray, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,): the effect of both extremal policies
-        on the state, and their cost."""
+        """Return the effect of both extremal policies on the state, and their cost.
+
+        They are S_s ½∇V, (N_h, n), and ½∇V' S_s ½∇V, (N_h,).
+
+        half_gradient: ½∇V, (N_h, n)
+        problem: discount and share
+        """
         inputs = half_gradient @ self.control
         pushed = inputs @ self.control.T
         cost = _squares(inputs)
@@ -140,9 +156,14 @@ class StackEquations:
     def along_step(
         self, weights: np.ndarray, step: np.ndarray, found: Residuals, problem: PartialGame
     ) -> tuple[np.ndarray, np.ndarray]:
-        """l and q of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j, (N_h,) each.
+        """Return l and q, (N_h,) each, of the exact e_j(W - f N) = e_j(W) + f l_j + f² q_j.
 
         For a quadratic basis l = -σN and q_j = -(P_N z_j)' S_s (P_N z_j).
+
+        weights: W, scaled
+        step: N
+        found: residuals at W
+        problem: discount and share
         """
         pushed, policy_cost = self._policies(self.states @ self.basis.matrix(step), problem)
         linear = -found.regressors @ step
@@ -155,26 +176,28 @@ class StackEquations:
         return linear, quadratic
 
     def along(self, rates: np.ndarray) -> np.ndarray:
-        """∂ψ_j rates_j, (N_h, M)."""
+        """Return ∂ψ_j rates_j, (N_h, M)."""
         product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
         return product
 
     def closed_loop_eigenvalues(self, weights: np.ndarray, problem: PartialGame) -> np.ndarray:
-        """Eigenvalues of A - βI - S_s P with A from the stack, (n,), 1/s."""
+        """Return the eigenvalues of A - βI - S_s P with A fitted to the stack, (n,), 1/s."""
         pushed, _ = self._policies(self.basis.matrix(weights), problem)
         return np.linalg.eigvals(self.drift_matrix - pushed.T) - problem.discount
 
     def margin(self, weights: np.ndarray, problem: PartialGame) -> float:
-        """Distance of the closed-loop eigenvalues from the imaginary axis, 1/s; positive when
-        stable."""
+        """Return the distance of the closed-loop eigenvalues from the imaginary axis, 1/s.
+
+        It is positive for a stable loop.
+        """
         return -float(self.closed_loop_eigenvalues(weights, problem).real.max())
 
     def scaled(self, weights: np.ndarray) -> np.ndarray:
-        """Weights of the model's coordinates z -> weights of y = z / scales."""
+        """Return weights for y = z / scales from weights for the model's coordinates z."""
         return weights * self._scaling
 
     def unscaled(self, weights: np.ndarray) -> np.ndarray:
-        """Weights of y = z / scales -> weights of the model's coordinates z."""
+        """Return weights for the model's coordinates z from weights for y = z / scales."""
         return weights / self._scaling
 
     @cached_property
@@ -182,13 +205,16 @@ class StackEquations:
         return self.basis.scaling(self.scales)
 
     def reported_residuals(self, weights: np.ndarray) -> dict[str, float]:
-        """Return the reported sizes of the residual e of the game's Hamilton-Jacobi-Isaacs
-        equation, with ∇V = ∂ψ'W.
+        """Return the reported norms of the residual e of the game's Hamilton-Jacobi-Isaacs
+        equation.
 
-        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V (paper Eq. 33 with the extremal policies put in).
-        residual_norm: |e| over |z'Qz|. settling_residual: over the size of the terms that cancel in
-        e, in [0, 1], which identifies a settled critic; relative to z'Qz alone, rounding would
-        exceed the limit where Q is small compared with the value."""
+        e_j = ∇V'F_j + z'Qz - ¼ ∇V' S ∇V with ∇V = ∂ψ'W (paper Eq. 33 with the extremal policies).
+
+        residual_norm: |e| divided by |z'Qz|
+        settling_residual: |e| divided by the size of the terms that cancel in e, in [0, 1]. It
+            decides whether a critic has settled, because relative to z'Qz alone rounding would
+            exceed the limit where Q is small compared with the value.
+        """
         gradient = np.einsum("jmi,m->ji", self.gradient, weights)
         change = gradient * self.drifts
         cost = self.state_cost
@@ -202,22 +228,27 @@ class StackEquations:
 
 
 def _squares(rows: np.ndarray) -> np.ndarray:
-    """|row|² of each row."""
+    """Return |row|² for each row."""
     return np.asarray(np.einsum("ji,ji->j", rows, rows))
 
 
 def control_root(game: Game) -> np.ndarray:
-    """G with G G' = B R⁻¹B', (n, m)."""
+    """Return G with G G' = B R⁻¹B', (n, m)."""
     root: np.ndarray = np.linalg.solve(np.linalg.cholesky(game.R), game.B.T).T
     return root
 
 
 def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
-    """N with σ̄ N = ē in the least-squares sense, (M,): W - N is the full policy-iteration step.
+    """Return N with σ̄ N = ē in the least-squares sense, (M,); W - N is the full policy-iteration
+    step.
 
-    σ̄ = σ/n, ē = e/n. Solved by QR of (σ̄, ē) without dropping singular values: near the edge of
-    stability σ̄ is nearly singular, and the direction that a pseudo-inverse with a tolerance would
-    drop is the one that matters. Raises numpy.linalg.LinAlgError when σ̄ is singular."""
+    σ̄ = σ/n and ē = e/n are solved by QR of (σ̄, ē) without dropping singular values. Near the
+    limit of stability σ̄ is nearly singular, and a pseudo-inverse with a tolerance would drop the
+    decisive direction. Raises numpy.linalg.LinAlgError when σ̄ is singular.
+
+    found: regressors σ and residuals e
+    normaliser: n, (N_h,)
+    """
     from scipy.linalg.lapack import dtrtrs
 
     size = found.regressors.shape[1]
@@ -231,15 +262,16 @@ def newton_step(found: Residuals, normaliser: np.ndarray) -> np.ndarray:
 
 
 class Riccati(NamedTuple):
-    """A'P + PA + Q - PSP with S = G G' - D D', of drifts that were recorded.
+    """Riccati equation A'P + PA + Q - PSP = 0 with S = G G' - D D', from recorded drifts.
 
     A: (n, n), fitted to the drifts
     control: G, (n, m)
     disturbance: D, (n, k)
     Q: (n, n)
 
-    P S P is taken from its roots: where few inputs hold a large P in check, |G'P| is not a small
-    difference of large numbers, and S P is."""
+    P S P is computed from its roots. Where few inputs hold a large P in check, S P is a small
+    difference of large numbers and |G'P| is not.
+    """
 
     A: np.ndarray
     control: np.ndarray
@@ -247,16 +279,17 @@ class Riccati(NamedTuple):
     Q: np.ndarray
 
     def residual(self, P: np.ndarray) -> np.ndarray:
-        """A'P + PA + Q - PSP, (n, n)."""
+        """Return A'P + PA + Q - PSP, (n, n)."""
         pushed = P @ self.control
         disturbed = P @ self.disturbance
         return self.A.T @ P + P @ self.A + self.Q - pushed @ pushed.T + disturbed @ disturbed.T
 
     def correction(self, P: np.ndarray) -> np.ndarray:
-        """N with (A - S P)'N + N (A - S P) = `residual`, (n, n): P - N is the next policy
+        """Return N, (n, n), with (A - S P)'N + N (A - S P) = `residual`; P - N is the next policy
         iteration.
 
-        Solved as n² linear equations. Raises numpy.linalg.LinAlgError when they are singular.
+        It is the solution of n² linear equations. Raises numpy.linalg.LinAlgError when they are
+        singular.
         """
         closed = (
             self.A
@@ -269,7 +302,7 @@ class Riccati(NamedTuple):
         return np.asarray(step + step.T) / 2.0
 
     def refined(self, P: np.ndarray) -> np.ndarray:
-        """P - N repeated until the correction no longer halves, which is rounding."""
+        """Return P after corrections P <- P - N, repeated until they no longer halve (rounding)."""
         last = np.inf
         for _ in range(MOST_REFINEMENTS):
             try:

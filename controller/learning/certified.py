@@ -1,9 +1,11 @@
-"""The certified law: recorded data to the exact game solution within a predefined time.
+"""The certified law, which finds the exact game solution from recorded data within a predefined
+time.
 
 Newton (policy-iteration) steps on the recorded stack, limited to where theory guarantees stability,
-lead from the discounted LQ problem to the game: the discount is removed first, then 1/δ² is raised.
-In between the law of one number, y' = -k (y^(1-η) + y^(1+η)), makes the residual of the stack
-vanish at the predefined time."""
+lead from the discounted LQ problem to the game. The discount is removed first, then 1/δ² is raised.
+In between, the scalar law y' = -k (y^(1-η) + y^(1+η)) makes the residual of the stack vanish at the
+predefined time.
+"""
 
 from __future__ import annotations
 
@@ -40,12 +42,13 @@ from hfa_support.progress import Progress
 
 
 def decay_rate(time: float, eta: float, theta: float) -> float:
-    """k = π / (2 η θ T): with it y' = -k (y^(1-η) + y^(1+η)) is 0 from θT on, whatever y(0)."""
+    """Return k = π / (2 η θ T), with which y' = -k (y^(1-η) + y^(1+η)) reaches 0 at θT from any
+    y(0)."""
     return math.pi / (2.0 * eta * theta * time)
 
 
 def after(y: float, rate: float, eta: float, step: float) -> float:
-    """Exact value of y' = -rate (y^(1-η) + y^(1+η)) after `step` seconds from y >= 0.
+    """Return the exact y after `step` seconds of y' = -rate (y^(1-η) + y^(1+η)), from y >= 0.
 
     x = y^η obeys x' = -η rate (1 + x²), so that y₊ = tan(max(0, atan(y^η) - η rate step))^(1/η).
     """
@@ -55,12 +58,13 @@ def after(y: float, rate: float, eta: float, step: float) -> float:
 def fraction_to_reach(
     constant: np.ndarray, linear: np.ndarray, quadratic: np.ndarray, target: float
 ) -> float:
-    """The smallest f in (0, 1] with |constant + f linear + f² quadratic| = target, else the best f
-    in (0, 1].
+    """Return the smallest f in (0, 1] with |constant + f linear + f² quadratic| = target.
 
-    The vectors are residuals along a Newton direction, (N_h,). When no f reaches the target, the f
-    with the smallest norm is returned (exact line search; Benner & Byers 1998), or 1 when no step
-    lowers it."""
+    When no f reaches the target, the f of smallest norm is returned (exact line search; Benner and
+    Byers 1998), or 1 when no step lowers the norm.
+
+    constant, linear, quadratic: residuals along a Newton direction, (N_h,)
+    """
     square = np.array(
         [
             quadratic @ quadratic,
@@ -85,8 +89,10 @@ def fraction_to_reach(
 
 
 def _roots_in_unit_interval(polynomial: np.ndarray) -> list[float]:
-    """Roots f in (0, 1] of a polynomial, ascending; found as 1/f, whose leading coefficient is
-    never the small one."""
+    """Return the real roots of a polynomial in (0, 1], ascending.
+
+    They are computed as 1/f, because the leading coefficient of that polynomial is never small.
+    """
     reversed_ = polynomial[::-1] / np.abs(polynomial).max()
     if not np.all(np.isfinite(reversed_)):
         return []
@@ -110,7 +116,10 @@ NO_STEP = 1e-30
 
 
 class Point(NamedTuple):
-    """Current point of the learning. weights: (M,), scaled coordinates."""
+    """Current point of the learning.
+
+    weights: (M,), in scaled coordinates
+    """
 
     weights: np.ndarray
     problem: PartialGame
@@ -124,16 +133,17 @@ def iterate(
     to_the_floor: bool,
     most: int = 100,
 ) -> tuple[Point, bool]:
-    """(point, converged): the last point of full Newton steps W <- W - N at a fixed problem.
+    """Return the last point of full Newton steps W <- W - N at a fixed problem, and whether it
+    converged.
 
-    equations: of which the steps are taken
-    here: weights and problem to begin with
-    normaliser: as `newton_step` takes it
-    to_the_floor: continue until the correction no longer halves; otherwise stop at TRACKING
-    most: steps
+    equations: Bellman residuals of the stack
+    here: initial weights, and the problem
+    normaliser: as for `newton_step`
+    to_the_floor: whether to continue until the correction no longer halves, in place of TRACKING
+    most: largest number of steps
 
     On an LQ problem (share 0) the steps are those of Kleinman (1968), which converge from every
-    stabilizing policy, and each is guarded by `stabilizing_step`. A singular or infinite step ends
+    stabilizing policy. Each is safeguarded by `stabilizing_step`. A singular or infinite step ends
     them without convergence.
     """
     last_correction = np.inf
@@ -160,10 +170,11 @@ def iterate(
 def stabilizing_step(
     equations: StackEquations, here: Point, step: np.ndarray, fraction: float
 ) -> Point:
-    """W - f N, with f halved until the policy stabilizes the recorded plant.
+    """Return the point W - f N, with f halved until the policy stabilizes the recorded plant.
 
-    On the LQ problem every f in (0, 1] does so in exact arithmetic with exact data; rounding and
-    noise can break it. Raises NoSolutionError when no step does."""
+    On the LQ problem every f in (0, 1] does so in exact arithmetic with exact data, but rounding
+    and noise can prevent it. Raises NoSolutionError when no step does.
+    """
     for _ in range(MOST_HALVINGS):
         trial = here.weights - fraction * step
         if equations.margin(trial, here.problem) > 0.0:
@@ -177,19 +188,22 @@ def stabilizing_step(
 
 
 def discount_at(progress: float, start: float) -> float:
-    """β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s: β₀ at p = 0, 0 at p = 1, and slow where P changes (β
-    below 1)."""
+    """Return β(p) = β₀ (1 - p) / (1 + 2 β₀ p), 1/s.
+
+    It is β₀ at p = 0, 0 at p = 1, and slow where P changes (β below 1).
+    """
     return start * (1.0 - progress) / (1.0 + 2.0 * start * progress)
 
 
 def lower_discount(
     equations: StackEquations, here: Point, target: float, normaliser: np.ndarray
 ) -> Point:
-    """Follow the LQ solution to a smaller discount β.
+    """Return the LQ solution at a smaller discount β.
 
     A step of at most half the stability margin keeps the policy stabilizing, and from a stabilizing
-    policy the full Newton iteration of an LQ problem converges, so only a plant that no input can
-    stabilize stops this: NoSolutionError."""
+    policy the full Newton iteration of an LQ problem converges. Raises NoSolutionError for a plant
+    that no input can stabilize.
+    """
     while here.problem.discount > target:
         discount = here.problem.discount
         lower = max(target, discount - 0.5 * equations.margin(here.weights, here.problem))
@@ -212,14 +226,12 @@ def _not_brought_to_rest(discount: float) -> NoSolutionError:
 def raise_disturbance(
     equations: StackEquations, here: Point, target: float, normaliser: np.ndarray, delta: float
 ) -> Point:
-    """Follow the game solution to a larger share s of 1/δ².
+    """Return the game solution at a larger share s of 1/δ².
 
     For δ above its minimum the solution exists for every s in [0, 1] and grows with s (monotonicity
-    of the H-infinity Riccati equation in δ; Basar & Bernhard 1995). A step is taken only when the
-    iteration converged to P >= 0 with A - S_s P Hurwitz, of which there is one, and is halved
-    otherwise.
-
-    Raises NoSolutionError with the δ at which the solution ends.
+    of the H-infinity Riccati equation in δ; Basar and Bernhard 1995). A step is accepted only when
+    the iteration converges to the P >= 0 with A - S_s P Hurwitz, which is unique. Otherwise it is
+    halved. Raises NoSolutionError with the δ at which the solution ceases to exist.
     """
     if not equations.disturbance.any():
         return here._replace(problem=here.problem._replace(share=target))
@@ -268,14 +280,16 @@ MOST_SAMPLES = 100_000
 
 
 def enough_for(weights: int, least: int) -> int:
-    """Return the default number of samples for M weights: `least`, or half as many
-    again as weights."""
+    """Return the default number of samples: `least`, or 1.5 times the number of weights if
+    larger."""
     return max(least, weights + (weights + 1) // 2)
 
 
 def initial_weights(value: Any, basis: Basis) -> np.ndarray:
-    """W(0), (M,): one number for all weights. Raises BadInputError for another size or too large an
-    entry."""
+    """Return W(0), (M,), from one number for all weights or from M numbers.
+
+    Raises BadInputError for another size or too large an entry.
+    """
     all_of_them = np.full(basis.size, value) if np.isscalar(value) else value
     weights = checked_matrix("initial_weights", all_of_them, LARGEST_WEIGHT, ndim=1)
     if weights.size != basis.size:
@@ -288,12 +302,18 @@ def initial_weights(value: Any, basis: Basis) -> np.ndarray:
 
 @dataclass(frozen=True)
 class CertifiedSettings:
-    """predefined_time T_w, tick: s. eta in (0, 1). theta in (0, 1): the share of each stage's time
-    that is used.
+    """Settings of the certified law.
 
-    samples: N_h >= M, chosen from a pool of `pool_samples` random states; None means 50 of 500, and
-    more where the basis has more than 33 weights (`enough_for`). initial_weights: W(0) in the
-    model's units, a number for all or (M,)."""
+    predefined_time: T_w, s
+    tick: s
+    eta: in (0, 1)
+    theta: in (0, 1), the share of each stage's time that is used
+    basis: name of the basis
+    samples: N_h >= M, chosen from the pool; None means 50, and more for a basis of more than 33
+        weights (`enough_for`)
+    pool_samples: number of random states in the pool; None means 500, and more likewise
+    initial_weights: W(0) in the model's units, one number for all or (M,)
+    """
 
     predefined_time: float = 10.0
     tick: float = 0.01
@@ -305,7 +325,7 @@ class CertifiedSettings:
     initial_weights: float | tuple[float, ...] = 100.0
 
     def __post_init__(self) -> None:
-        """Refuse settings that cannot run, by name."""
+        """Raise BadInputError for settings that cannot run, by name."""
         for name in ("predefined_time", "tick", "eta", "theta"):
             refuse_unless_positive(name, getattr(self, name))
         for name in ("eta", "theta"):
@@ -326,20 +346,22 @@ class CertifiedSettings:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedLaw:
-    """Two stages of T = T_w/2 each on the recorded stack (z_j, F_j); from the game only B, E, Q, R,
-    δ are read.
+    """Certified law in two stages of T = T_w/2 each, on the recorded stack (z_j, F_j).
 
-    Stage 1, the LQ problem (1/δ² = 0): W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|, k = π/(2 η θ
-    T), with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē along
-    itself, so |ē| obeys the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In a tick,
-    Newton sub-steps W <- W - f N are taken with the f that puts |ē| on the exact scalar value;
-    while it is out of reach, f minimizes |ē|. For f in (0, 1] such a step keeps a stabilizing
-    policy stabilizing: with P₁ = P - N the full step and A_f = A - S(P - fN), A_f'P₁ + P₁A_f = -Q -
-    (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁). A start that is not stabilizing gets the discount β = its
-    abscissa + margin, i.e. drift F - βz.
+    Of the game only B, E, Q, R and δ are read.
 
-    Stage 2: β is lowered to 0, then 1/δ² raised to its value along a clock that ends at T + θT,
-    with Newton steps that follow the solution (`policy_iteration`)."""
+    Stage 1 solves the LQ problem (1/δ² = 0): W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|, k =
+    π/(2 η θ T), with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē
+    along itself, so that |ē| obeys the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on.
+    In a tick, Newton sub-steps W <- W - f N are taken with the f that gives |ē| the exact scalar
+    value. While it is out of reach, f minimizes |ē|. For f in (0, 1] such a step keeps a
+    stabilizing policy stabilizing: with P₁ = P - N the full step and A_f = A - S(P - fN), A_f'P₁ +
+    P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁). Initial weights that are not stabilizing get
+    a discount β, their abscissa plus a margin, so that the drift is F - βz.
+
+    Stage 2 lowers β to 0 and then raises 1/δ² to its value, along a clock that ends at T + θT, with
+    Newton steps that follow the solution.
+    """
 
     game: Game
     stack: Stack
@@ -350,7 +372,7 @@ class CertifiedLaw:
 
     @cached_property
     def equations(self) -> StackEquations:
-        """The Bellman residuals of the stack."""
+        """Bellman residuals of the stack."""
         return StackEquations.build(self.game, self.basis, self.stack, self.stack.channel_scales())
 
     @property
@@ -360,15 +382,15 @@ class CertifiedLaw:
 
     @property
     def ticks(self) -> int:
-        """T_w over the tick, rounded up; the last tick is cut at T_w."""
+        """Number of ticks, T_w over the tick, rounded up; the last tick ends at T_w."""
         return int(np.ceil(self.settings.predefined_time / self.settings.tick - 1e-9))
 
     def time(self, tick: int) -> float:
-        """Time after `tick` ticks, s."""
+        """Return the time after `tick` ticks, s."""
         return min(tick * self.settings.tick, self.settings.predefined_time)
 
     def start(self) -> Memory:
-        """W(0) with the discount that makes it stabilizing."""
+        """Return W(0) with the discount that makes it stabilizing."""
         weights = self.equations.scaled(initial_weights(self.settings.initial_weights, self.basis))
         eigenvalues = self.equations.closed_loop_eigenvalues(weights, LQ)
         abscissa = float(eigenvalues.real.max())
@@ -379,13 +401,15 @@ class CertifiedLaw:
         return here, self._normaliser(here), discount
 
     def _normaliser(self, here: Point) -> np.ndarray:
-        """n_j = sqrt(1 + σ_j'σ_j), (N_h,)."""
+        """Return n_j = sqrt(1 + σ_j'σ_j), (N_h,)."""
         regressors = self.equations.at(here.weights, here.problem).regressors
         return np.sqrt(1.0 + np.sum(regressors**2, axis=1))
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """Advance by one tick: stage 1 up to T, stage 2 after it; a tick that contains T does
-        both."""
+        """Return the memory after one tick: stage 1 up to T, stage 2 after it.
+
+        A tick that contains T belongs to both stages.
+        """
         begin = self.time(tick)
         end = self.time(tick + 1)
         T = self.stage_time
@@ -414,14 +438,16 @@ class CertifiedLaw:
         return iterate(self.equations, here, normaliser, to_the_floor=True)[0]
 
     def _law_residual(self, here: Point, normaliser: np.ndarray) -> float:
-        """|ē| of the problem that is being solved now."""
+        """Return |ē| of the current problem."""
         return float(
             np.linalg.norm(self.equations.at(here.weights, here.problem).residuals / normaliser)
         )
 
     def _descend(self, here: Point, normaliser: np.ndarray, target: float) -> Point:
-        """Newton sub-steps until |ē| is at its target, or no longer falls (noisy data have a
-        floor)."""
+        """Return the point after Newton sub-steps, until |ē| is at its target or no longer falls.
+
+        It no longer falls where data are noisy.
+        """
         last = np.inf
         for _ in range(MOST_SUBSTEPS):
             bellman = self.equations.at(here.weights, here.problem)
@@ -441,8 +467,10 @@ class CertifiedLaw:
     def _stage_two(
         self, here: Point, normaliser: np.ndarray, first_discount: float, clock: float
     ) -> Point:
-        """Follow the ramp to its state at `clock` (1 at the end): half of it for β when there is
-        one, then 1/δ²."""
+        """Return the point on the ramp at `clock` (1 at the end).
+
+        Half of the ramp lowers β, if there is a discount; the rest raises 1/δ².
+        """
         clock = 1.0 if clock >= 1.0 - 1e-12 else clock
         split = 0.5 if first_discount > 0.0 else 0.0
         if here.problem.discount > 0.0:
@@ -465,7 +493,7 @@ class CertifiedLaw:
         return here
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `ticks.run`."""
+        """Return the row of the history after `tick` ticks (`ticks.run`)."""
         here, normaliser, _ = memory
         return {
             "time": self.time(tick),
@@ -475,7 +503,7 @@ class CertifiedLaw:
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """The training run of finished ticks."""
+        """Return the training run of finished ticks."""
         here, _, first_discount = finished.memory
         return training_run(
             "certified",
@@ -495,12 +523,14 @@ class CertifiedLaw:
 def certified_law(
     game: Game, chosen: CertifiedSettings, seed: int, pool: Stack | None = None
 ) -> CertifiedLaw:
-    """The law on a pool of recorded samples, by default random states (`recording.random_pool`).
+    """Return the certified law on a pool of samples, by default random states
+    (`recording.random_pool`).
 
-    The drifts are replaced by their linear fit over the whole pool: the game is on a linear plant,
-    so exact drifts stay as they are, and noise of relative size ε in 500 samples moves P by about ε
-    instead of tens of ε. Of the pool the `samples` most different ones are kept. Raises
-    BadInputError when the pool has not rank M."""
+    The drifts are replaced by their linear fit over the whole pool. The game has a linear plant, so
+    that exact drifts are unchanged, and noise of relative size ε in 500 samples changes P by about
+    ε in place of tens of ε. The `samples` most different ones are used. Raises BadInputError when
+    the rank of the pool is not M.
+    """
     functions = basis(chosen.basis, game.A.shape[0])
     samples = enough_for(functions.size, 50) if chosen.samples is None else chosen.samples
     pool_samples = max(500, 5 * samples) if chosen.pool_samples is None else chosen.pool_samples
@@ -522,20 +552,21 @@ def learn(
     progress: Progress | None = None,
     **options: Any,
 ) -> TrainingRun:
-    """The value z'Pz and the gain K of a game, learned with the certified law (a law of your own:
-    `run`).
+    """Return the value z'Pz and the gain K of a game, learned with the certified law.
 
-    game: which game
+    `run` is for a law of your own.
+
+    game: the game
     law: "certified"
-    seed: of the samples
-    pool: recorded samples (z, F) to learn from; by default states drawn with `seed`
+    seed: seed of the samples
+    pool: recorded samples (z, F); by default states drawn with `seed`
     progress: called with (fraction done, 1, residual)
     options: fields of `CertifiedSettings`
 
-    Whether the result is right is judged by `hfa.check_critic`, which uses A. Raises BadInputError
-    for an unknown law or option and for data that cannot determine the weights. Raises
-    NoSolutionError when the law cannot reach its end: no game value at this delta, (A, B) not
-    stabilizable, overflow.
+    `hfa.check_critic`, which uses A, judges whether the result is right. Raises BadInputError for
+    an unknown law or option, and for data that cannot determine the weights. Raises NoSolutionError
+    when the law cannot reach its end: no game value at this delta, (A, B) not stabilizable,
+    overflow.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], delta=2.0)

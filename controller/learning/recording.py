@@ -1,5 +1,4 @@
-"""The recorded stack (z_j, F_j): where it comes from, which samples are kept, and whether it is
-rich enough."""
+"""Recorded stacks (z_j, F_j): their sources, the choice of samples, and their rank."""
 
 from __future__ import annotations
 
@@ -31,8 +30,8 @@ class Stack(Reported):
     states: z_j, (N_h, n)
     drifts: F_j = z' - B u - E d, (N_h, n)
 
-    F must not carry the reference forcing r(t) = A x_d - x_d': the value z'Pz answers F = A z
-    alone. Raises BadInputError when the shapes differ or a number is not finite.
+    F must not contain the reference forcing r(t) = A x_d - x_d', because the value z'Pz belongs to
+    F = A z alone. Raises BadInputError when the shapes differ or a number is not finite.
     """
 
     how_to_make: ClassVar[str] = "record(game, states) or random_pool(game, count, seed)"
@@ -41,7 +40,7 @@ class Stack(Reported):
     drifts: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check both arrays once and make them read-only."""
+        """Check both arrays and make them read-only."""
         for name in ("states", "drifts"):
             object.__setattr__(
                 self, name, checked_matrix(f"stack {name}", getattr(self, name), LARGEST)
@@ -54,30 +53,31 @@ class Stack(Reported):
 
     @property
     def samples(self) -> int:
-        """Number N_h of samples."""
+        """Number of samples, N_h."""
         return int(self.states.shape[0])
 
     def drift_fit(self) -> np.ndarray:
-        """Â with F = Â z in the least-squares sense, (n, n)."""
+        """Return Â with F = Â z in the least-squares sense, (n, n)."""
         fit: np.ndarray = np.linalg.lstsq(self.states, self.drifts, rcond=None)[0].T
         return fit
 
     def linear(self) -> tuple[Stack, float]:
-        """The stack with its drifts replaced by Â z_j, and the misfit |F - Â z| / |F| that this
-        removed.
+        """Return the stack with the drifts Â z_j, and the misfit |F - Â z| / |F|.
 
         The misfit is rounding when the drifts are exact; otherwise it has the size of the noise or
-        of a reference forcing."""
+        of a reference forcing.
+        """
         fitted = self.states @ self.drift_fit().T
         size = float(np.linalg.norm(self.drifts))
         misfit = float(np.linalg.norm(self.drifts - fitted)) / size if size > 0.0 else 0.0
         return Stack(self.states, fitted), misfit
 
     def channel_scales(self) -> np.ndarray:
-        """Root mean square of each channel, (n,): the scales in which the learning laws work.
+        """Return the root mean square of each state, (n,), the scales of the learning laws.
 
-        Raises BadInputError when a channel is zero in every sample: nothing can be learned about
-        it."""
+        Raises BadInputError when a state is zero in every sample, because its effect cannot be
+        learned.
+        """
         scales = np.sqrt(np.mean(self.states**2, axis=0))
         if np.any(scales == 0.0):
             raise BadInputError(
@@ -88,7 +88,7 @@ class Stack(Reported):
 
 @checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
-    """The stack F_j = A z_j at given states (N, n): the noise-free derivatives of the plant."""
+    """Return the stack F_j = A z_j at given states (N, n), without noise."""
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(
@@ -99,8 +99,9 @@ def record(game: Game, states: np.ndarray) -> Stack:
 
 @checks_arguments
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
-    """`count` states drawn uniformly from a box, with their drifts; half_widths: (n,), by default
-    `natural_spread`.
+    """Return `count` states drawn uniformly from a box, with their drifts.
+
+    half_widths: (n,), by default `natural_spread`
 
     >>> import hfa
     >>> from controller import random_pool
@@ -118,14 +119,16 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
 
 
 def natural_spread(game: Game) -> np.ndarray:
-    """Return the standard deviation of each state under white inputs and disturbances, (n,): sqrt
-    of the diagonal of X with
+    """Return the standard deviation of each state under white inputs and disturbances, (n,).
 
-    (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0, β = max(abscissa of A, 0) + a tenth of its
+    It is the square root of the diagonal of X with
+
+    (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0, β = max(abscissa of A, 0) + a tenth of the
     spectral radius.
 
-    A change of units of the states changes it in the same way, so that the samples suit any units.
-    A state that neither reaches gets 1."""
+    It scales with the units of the states, so that the samples suit any units. The deviation of a
+    state that no input or disturbance reaches is 1.
+    """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
     balanced, (units, _) = matrix_balance(game.A, permute=False, separate=True)
@@ -139,16 +142,17 @@ def natural_spread(game: Game) -> np.ndarray:
 
 
 def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
-    """The `samples` most different rows of a pool: pivoted QR on the unit basis vectors
-    ψ(z_j)/|ψ(z_j)|.
+    """Return the `samples` most different rows of a pool.
 
-    Each sample is the one with the largest part that the samples before it do not span; after M
-    samples the next M are chosen in the same way from the rest, and so on. All rows have the length
-    1: the first one left begins, lest rounding, which differs from processor to processor, decides.
-    Source: Golub & Van Loan, Matrix Computations, section 5.4.2.
+    They are found by pivoted QR on the unit basis vectors ψ(z_j)/|ψ(z_j)|. Each sample has the
+    largest component outside the span of the samples before it. After M samples the next M are
+    chosen in the same way from the rest, and so on. All rows have length 1, so that the first row
+    left begins each round; rounding, which differs between processors, would otherwise decide.
+    Source: Golub and Van Loan, Matrix Computations, section 5.4.2.
 
-    Raises BadInputError when samples < M, when the pool is smaller, or when even the chosen rows
-    have not rank M."""
+    Raises BadInputError when samples < M, when the pool is smaller, or when the rank of the chosen
+    rows is below M.
+    """
     from scipy.linalg import qr
 
     if samples < basis.size:
@@ -174,26 +178,28 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
 
 
 def unit_rows(matrix: np.ndarray) -> np.ndarray:
-    """Each row divided by its length. A row of zeros is unchanged."""
+    """Return each row divided by its length; a row of zeros is unchanged."""
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
     return matrix / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def rank(rows: np.ndarray) -> int:
-    """Numerical rank: the number of singular values that exceed RANK_TOLERANCE times the
-    largest."""
+    """Return the number of singular values above RANK_TOLERANCE times the largest."""
     values = np.linalg.svd(rows, compute_uv=False)
     return int(np.sum(values > RANK_TOLERANCE * values[0]))
 
 
 def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
-    """Richness of a stack.
+    """Return the richness of a stack.
 
-    regressors: (N_h, M), σ_j; the eigenvalues are of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ / sqrt(1 +
-    σ'σ). samples: (N_h, M), ψ(z_j); rank and condition are of these, with unit rows: σ = L'ψ with L
-    the Lyapunov operator of the closed loop, invertible for every stabilizing policy, so that the
-    rank of the regressors is the rank of ψ and does not hang on rounding when the closed loop is
-    stiff."""
+    regressors: σ_j, (N_h, M). The eigenvalues are those of Σ = Σ_j σ̄_j σ̄_j' with σ̄ = σ / sqrt(1
+        + σ'σ).
+    samples: ψ(z_j), (N_h, M). Rank and condition are those of unit rows of ψ.
+
+    σ = L'ψ with L the Lyapunov operator of the closed loop, which is invertible for every
+    stabilizing policy. So the rank of the regressors equals that of ψ, which does not depend on
+    rounding when the closed loop is stiff.
+    """
     rows = unit_rows(samples)
     count, size = rows.shape
     values = _singular_values(rows)
@@ -211,7 +217,7 @@ def excitation(regressors: np.ndarray, samples: np.ndarray) -> Excitation:
 
 
 def _singular_values(matrix: np.ndarray) -> np.ndarray:
-    """The M singular values of an (N_h, M) matrix, descending; those beyond N_h are 0."""
+    """Return the M singular values of an (N_h, M) matrix, descending, and 0 beyond N_h."""
     values = np.zeros(matrix.shape[1])
     computed = np.linalg.svd(matrix, compute_uv=False)
     values[: len(computed)] = computed
@@ -219,8 +225,10 @@ def _singular_values(matrix: np.ndarray) -> np.ndarray:
 
 
 def refuse_poor(found: int, needed: int, what: str) -> None:
-    """Raise BadInputError unless the rank is full: with less, a small residual does not determine
-    the weights."""
+    """Raise BadInputError unless the rank is full.
+
+    With a lower rank a small residual does not determine the weights.
+    """
     if found < needed:
         raise BadInputError(
             f"{what} has rank {found} of {needed} (singular values below {RANK_TOLERANCE:g} of the"

@@ -1,4 +1,4 @@
-"""The common part of all learners: ticks, with history and progress, and the returned run."""
+"""Runner of learners: ticks, history, progress and the resulting training run."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ SILENCE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A finished run of ticks.
+    """Finished run of ticks.
 
-    memory: at the last tick
-    history: rows by name, (rows, ...)
+    memory: memory after the last tick
+    history: name -> rows, (rows, ...)
     """
 
     memory: Any
@@ -35,14 +35,13 @@ class Run:
 
 
 def run(learner: Any, *, progress: Progress | None = None) -> Run:
-    """Run all ticks of a learner, any object with four members.
+    """Run all ticks of a learner, any object with the four members below.
 
-    ticks: number of steps
-    start(): the memory before the first, whatever the learner carries from one tick to the next
-    advance(tick, memory): the memory after tick number `tick` (0 .. ticks - 1), a pure function
-    observe(tick, memory): the row after `tick` ticks (0 .. ticks): "time", s, and further values to
-        keep, with the same names each time; with "law_residual_norm", the residual that the learner
-        drives to zero, the progress shows it
+    ticks: number of steps start(): returns the memory before the first tick, any object that is
+        passed from tick to tick advance(tick, memory): returns the memory after tick number `tick`
+        (0 .. ticks - 1), a pure function observe(tick, memory): returns the row after `tick` ticks
+        (0 .. ticks): "time", s, and further values with constant names. "law_residual_norm", the
+        residual that the learner drives to zero, is shown as progress.
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]
@@ -69,7 +68,10 @@ def training_run(
     excitation: Excitation,
     **rest: Any,
 ) -> TrainingRun:
-    """The training run of a finished history; rest: settings, seed, diagnostics."""
+    """Return the training run of a finished history.
+
+    rest: settings, seed, diagnostics
+    """
     P = equations.basis.matrix(history["weights"][-1])
     return TrainingRun(
         law=law,
@@ -87,7 +89,7 @@ def training_run(
 
 
 def _row(learner: Any, tick: int, memory: Any) -> Mapping[str, Any]:
-    """Return a row of the history, inf for a residual that overflows; the learner reports its own
+    """Return a row of the history, with inf for an overflow; the learner itself reports its
     failure."""
     with np.errstate(over="ignore", invalid="ignore"):
         return learner.observe(tick, memory)

@@ -1,1 +1,1 @@
-"""The exact solution of the game, certified by a second derivation."""
+"""Exact solution of games, certified by two independent derivations."""

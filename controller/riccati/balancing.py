@@ -1,4 +1,5 @@
-"""Matrices and games in units in which their numbers are of similar size, and eigenvalues there."""
+"""Balancing: matrices and games in units in which their entries have similar size, and
+eigenvalues."""
 
 from __future__ import annotations
 
@@ -19,9 +20,9 @@ MAYBE_ON_AXIS = 1e-6
 
 
 class Spectrum(NamedTuple):
-    """Eigenvalues of M, sorted by real part, then imaginary part.
+    """Eigenvalues of a matrix M, sorted by real part, then imaginary part.
 
-    balanced: M balanced by a diagonal similarity.
+    balanced: M balanced by a diagonal similarity
     """
 
     eigenvalues: np.ndarray
@@ -42,12 +43,14 @@ class Spectrum(NamedTuple):
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:
-        """`axis_distance`, and the ω >= 0 where it is, rad/s.
+        """`axis_distance`, and the frequency ω >= 0 at which it is attained, rad/s.
 
-        Begun at the imaginary parts of the eigenvalues that seem nearest. σ_min passes a level
-        only where jω is an eigenvalue of [[M, -level I], [level I, -M']]; between two of these it
-        may be lower. Source: Byers, SIAM J. Scientific and Statistical Computing 9 (1988), 875-881;
-        Boyd and Balakrishnan, Systems and Control Letters 15 (1990), 1-7."""
+        The search begins at the imaginary parts of the eigenvalues that seem nearest. σ_min crosses
+        a level only where jω is an eigenvalue of [[M, -level I], [level I, -M']]; between two of
+        these frequencies it may be lower. Source: Byers, SIAM J. Scientific and Statistical
+        Computing 9 (1988), 875-881; Boyd and Balakrishnan, Systems and Control Letters 15 (1990),
+        1-7.
+        """
         n = len(self.balanced)
         norm = float(np.linalg.norm(self.balanced, 2))
         if norm == 0.0:
@@ -68,8 +71,11 @@ class Spectrum(NamedTuple):
         return distance / norm, frequency
 
     def _likely_frequencies(self) -> np.ndarray:
-        """Imaginary parts of eigenvalues, rad/s: of all, or of those that are nearest to first
-        order, |Re λ| over their condition."""
+        """Return the imaginary parts of the eigenvalues nearest to the axis, rad/s.
+
+        The distance is |Re λ| over the condition of λ, to first order. For few eigenvalues all are
+        returned.
+        """
         if len(np.unique(np.abs(self.eigenvalues.imag))) <= FEW:
             return np.unique(np.abs(self.eigenvalues.imag))
         values, vectors = np.linalg.eig(self.balanced)
@@ -78,7 +84,7 @@ class Spectrum(NamedTuple):
         return np.unique(np.abs(values.imag[nearest]))
 
     def _least_singular_value(self, frequencies: np.ndarray) -> tuple[float, float]:
-        """The least σ_min(M - jω I) over these frequencies, and the frequency."""
+        """Return the least σ_min(M - jω I) over these frequencies, and its frequency."""
         shifted = self.balanced - 1j * frequencies[:, None, None] * np.eye(len(self.balanced))
         smallest = np.linalg.svd(shifted, compute_uv=False)[:, -1]
         index = int(np.argmin(smallest))
@@ -86,28 +92,28 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(matrix: np.ndarray) -> Spectrum:
-    """The eigenvalues of a matrix, (n, n), complex also where all are real."""
+    """Return the eigenvalues of a matrix (n, n), complex even where all are real."""
     scaled, _ = balanced(matrix)
     eigenvalues = np.linalg.eigvals(scaled).astype(complex)
     return Spectrum(eigenvalues[np.lexsort((eigenvalues.imag, eigenvalues.real))], scaled)
 
 
 def is_hurwitz(matrix: np.ndarray) -> bool:
-    """True when every eigenvalue has a negative real part."""
+    """Return whether every eigenvalue has a negative real part."""
     return spectrum(matrix).abscissa < 0.0
 
 
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """D⁻¹ M D, its rows and columns of similar size, and the diagonal of D, powers of two.
+    """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, powers of two.
 
-    Of LAPACK itself: SciPy's `matrix_balance` takes ten times as long around it.
+    LAPACK is called directly, because SciPy's `matrix_balance` takes ten times as long.
     """
     scaled, scalings = balanced_stack(matrix[None])
     return scaled[0], scalings[0]
 
 
 def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """`balanced` of each matrix (N, n, n), and the diagonals, (N, n)."""
+    """Return `balanced` of each matrix (N, n, n), and the diagonals, (N, n)."""
     from scipy.linalg.lapack import dgebal
 
     found = [dgebal(matrix, scale=1, permute=0) for matrix in np.asarray_chkfinite(matrices)]
@@ -115,22 +121,23 @@ def balanced_stack(matrices: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
 
 
 def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """[[A, -S], [-Q, -A']], (..., 2n, 2n)."""
+    """Return [[A, -S], [-Q, -A']], (..., 2n, 2n)."""
     rows = [np.concatenate(row, axis=-1) for row in ([A, -S], [-Q, -A.mT])]
     return np.concatenate(rows, axis=-2)
 
 
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """Units u (..., n), powers of two: in y, z_i = u_i y_i, the Hamiltonian is balanced.
+    """Return units u (..., n), powers of two, with which the Hamiltonian in y, z_i = u_i y_i, is
+    balanced.
 
     A: (..., n, n)
     S: (..., n, n)
     Q: (..., n, n)
 
-    Powers of two make the change of units free of rounding. The units are taken from the game
-    rather than from P, so that an entry of P that is zero up to rounding stays small. Without costs
-    (Q = 0) they are such that |S P| = |A|.
-    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
+    Powers of two make the change of units free of rounding. The units follow from the game and not
+    from P, so that an entry of P that is zero up to rounding stays small. Without costs (Q = 0)
+    they make |S P| = |A|. Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J.
+    Sci. Comput. 22 (2001).
     """
     n = A.shape[-1]
     matrices = hamiltonian(A, S, Q).reshape(-1, 2 * n, 2 * n)

@@ -1,6 +1,7 @@
-"""Solutions X of the Riccati equation of one normal form: as many digits as there are, none tested.
+"""Solutions X of the Riccati equation of one normal form with as many digits as possible, untested.
 
-By the Schur form, and by doubling."""
+They are computed by the Schur form and by doubling.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +25,19 @@ _NO_GRAPH = "the Hamiltonian has no stable subspace that is the graph of a P"
 
 
 def by_schur(form: NormalForm) -> np.ndarray:
-    """X, (n, n), of the ordered Schur form of the Hamiltonian, refined with twice the digits.
+    """Return X, (n, n), from the ordered Schur form of the Hamiltonian, refined with twice the
+    digits.
 
-    Raises NoSolutionError when the stable subspace has no graph, or does not exist.
-    Source: Laub, IEEE Trans. Automatic Control 24 (1979), 913-921."""
+    Raises NoSolutionError when the stable subspace is no graph, or does not exist. Source: Laub,
+    IEEE Trans. Automatic Control 24 (1979), 913-921.
+    """
     return refined(form, unrefined(form))
 
 
 def unrefined(form: NormalForm) -> np.ndarray:
-    """`by_schur` to about ten digits and much faster, for a search.
+    """Return X by the Schur form to about ten digits, much faster than `by_schur`, for a search.
 
-    0 where nothing is paid for and A is Hurwitz: there the Schur form finds rounding.
+    X is 0 where Q = 0 and A is Hurwitz, because the Schur form gives rounding there.
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)
@@ -49,10 +52,11 @@ def unrefined(form: NormalForm) -> np.ndarray:
 
 
 def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
-    """X + Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0 (Kleinman's step), repeated.
+    """Return X after Kleinman's steps Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0.
 
-    Where the condition takes nearly all digits corrections shrink and grow again, and the X after
-    the smallest one counts."""
+    Where the condition takes nearly all digits, corrections shrink and grow again. The X after the
+    smallest correction is returned.
+    """
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 
     X = (X + X.T) / 2.0
@@ -77,8 +81,9 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
 
 
 def by_refined_doubling(form: NormalForm) -> np.ndarray:
-    """X, (n, n), by doubling, `refined`.
+    """Return X, (n, n), by doubling, then `refined`.
 
-    Raises NoSolutionError where rounding leaves none."""
+    Raises NoSolutionError where no solution is left by rounding.
+    """
     with np.errstate(all="ignore"):
         return refined(form, by_doubling(form[None])[0])

@@ -1,10 +1,11 @@
-"""The certificate of a game solution: the tests that tell the value of the game from other roots.
+"""Certificate of a game solution: tests that distinguish the value of the game from other roots.
 
-A root P of the Riccati equation can have a residual of 1e-13 and still be worthless: it may be
-non-stabilizing, or indefinite (delta below its minimum), or the solution of another game. Only all
-the tests together count. Everything is measured in normal form, so that the verdict does not depend
+A root P of the Riccati equation can have a residual of 1e-13 and still be worthless. It may be
+non-stabilizing, indefinite (delta below its minimum), or the solution of another game. Only all
+tests together suffice. Everything is measured in normal form, so that the verdict does not depend
 on the user's units. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11; Zhou,
-Doyle and Glover, Chapter 13."""
+Doyle and Glover, Chapter 13.
+"""
 
 from __future__ import annotations
 
@@ -87,12 +88,12 @@ class Certificate(Checked, Result):
 
 
 class Loops(NamedTuple):
-    """Both closed loops of an X, of one game or of a stack.
+    """Both closed loops of a solution X, for one game or for a stack.
 
     game: (..., n), eigenvalues of A - S X
     control: (..., n), eigenvalues of A - B K, K = B'X
     right: (..., n, n), eigenvectors of A - B K
-    left: (..., n, n), the inverse of these
+    left: (..., n, n), inverse of `right`
     """
 
     game: np.ndarray
@@ -102,9 +103,9 @@ class Loops(NamedTuple):
 
 
 class Certified(NamedTuple):
-    """X, (n, n), of one normal form, and the tests that it passed.
+    """Solution X (n, n) of one normal form, with the tests that it passed.
 
-    form: that of the game, or the same game in coordinates in which X is accurate
+    form: normal form of the game, or of the game in coordinates in which X is accurate
     """
 
     X: np.ndarray
@@ -114,11 +115,12 @@ class Certified(NamedTuple):
 
 
 def certified_solution(form: NormalForm) -> Certified:
-    """The solution of the normal form of one game.
+    """Return the certified solution of the normal form of one game.
 
-    The derivations by eigenvectors and by doubling come first. Where these have not the
-    digits, the Schur form and refined doublings decide, in coordinates in which X is of
-    moderate size. Raises NoSolutionError with the reason of the first test that fails."""
+    Eigenvectors and doubling are tried first. Where these lack digits, the Schur form and refined
+    doubling decide, in coordinates in which X is of moderate size. Raises NoSolutionError with the
+    reason of the first failed test.
+    """
     stack = certified_stack(form[None])
     if stack.holds[0]:
         loops = Loops(*(array[0] for array in stack.loops))
@@ -127,12 +129,12 @@ def certified_solution(form: NormalForm) -> Certified:
 
 
 class CertifiedStack(NamedTuple):
-    """The results of the fast derivations for a stack of N games.
+    """Solutions of N games by the fast derivations.
 
-    X: (N, n, n), nan where a test does not hold, possibly only by rounding
-    holds: (N,), whether every test does
-    measured: the value of each test by name, (N,) each
-    loops: of X
+    X: (N, n, n), nan where a test fails, possibly only by rounding
+    holds: (N,), whether all tests hold
+    measured: name of a test -> its values, (N,)
+    loops: closed loops of X
     """
 
     X: np.ndarray
@@ -152,7 +154,7 @@ class CertifiedStack(NamedTuple):
 
 
 def certified_stack(form: NormalForm) -> CertifiedStack:
-    """The solutions of a stack of normal forms by the fast derivations."""
+    """Return the solutions of a stack of normal forms by the fast derivations."""
     _refuse_overflow(form)
     with np.errstate(all="ignore"):  # what overflows is not certified
         derived = by_eigenvectors(form)
@@ -176,9 +178,9 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 
 
 def carefully_certified(form: NormalForm) -> Certified:
-    """`certified_solution` by the Schur form and refined doublings.
+    """Return `certified_solution` by the Schur form and refined doubling.
 
-    NoSolutionError with the reason in the last coordinates where all fail.
+    Raises NoSolutionError with the reason in the last coordinates where all fail.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)
@@ -196,8 +198,10 @@ def carefully_certified(form: NormalForm) -> Certified:
 
 
 def reach_checks(form: NormalForm) -> tuple[Check, ...]:
-    """An input must reach every mode that does not decay by more than rounding; form: not turned,
-    as turning hides the entries that are 0."""
+    """Return the check that inputs reach every mode that does not decay, by more than rounding.
+
+    form: not turned, because turning hides the entries that are 0
+    """
     return checks_of(TEST_OF_REACH, {"reach": sought_reach(form[None])[0]})
 
 
@@ -209,12 +213,13 @@ def sought_reach(form: NormalForm) -> np.ndarray:
 
 
 def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
-    """Return a reach below the least one of each game, (N,), by the loop of its input.
+    """Return a lower bound of the least reach of each game, (N,), from its closed loop.
 
-    For w*w = 1 and Re λ >= 0 w*[A - λI, B] [I; -K] = w*(A - B K - λI) is no smaller than the
+    For w*w = 1 and Re λ >= 0, w*[A - λI, B] [I; -K] = w*(A - B K - λI) is no smaller than the
     distance of λ from the eigenvalues of A - B K over the condition of its eigenvectors (Bauer and
-    Fike), less rounding. Of |A| + |B| + |λ| it is least where |λ| is the decay rate beyond the
-    largest eigenvalue."""
+    Fike), less rounding. Relative to |A| + |B| + |λ| it is least where |λ| is the decay rate beyond
+    the largest eigenvalue.
+    """
     decay = -loops.control.real.max(axis=-1)
     condition = norms(loops.right) * norms(loops.left)
     gains = np.sqrt(1.0 + norms(form.B.mT @ X) ** 2)
@@ -226,7 +231,10 @@ def shown_reach(form: NormalForm, X: np.ndarray, loops: Loops) -> np.ndarray:
 def _certified_in(
     form: NormalForm, given: NormalForm | None = None
 ) -> tuple[np.ndarray, NormalForm, tuple[Check, ...]]:
-    """Return X in these coordinates, and its tests; given: see `hamiltonian_checks`."""
+    """Return X in these coordinates, the form, and the tests of X.
+
+    given: as for `hamiltonian_checks`
+    """
     from controller.riccati.careful_derivations import by_refined_doubling, by_schur
 
     checks = hamiltonian_checks(form, given)
@@ -240,11 +248,12 @@ def _certified_in(
 
 
 def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tuple[Check, ...]:
-    """H = [[A, -S], [-Q, -A']] must have n eigenvalues on each side of the imaginary axis, and none
-    near it.
+    """Return the checks of the eigenvalues of H = [[A, -S], [-Q, -A']].
+
+    There must be n eigenvalues on each side of the imaginary axis, and none near it.
 
     given: the form of which `form` is the levelled one. Levelling enlarges the rounding of the
-        entries of the given one, so that these must not be able to move an eigenvalue to the axis
+        given entries, which must not be able to move an eigenvalue to the axis.
     """
     _refuse_overflow(form)
     of_hamiltonian = spectrum(form.hamiltonian)
@@ -263,12 +272,14 @@ def hamiltonian_checks(form: NormalForm, given: NormalForm | None = None) -> tup
 
 
 def distance_by_entries(given: NormalForm, levelled: NormalForm, frequencies: np.ndarray) -> float:
-    """Return the smallest relative change of the entries of A, B B', E E' and Q that could give the
-    Hamiltonian an eigenvalue jω, for the ω of least distance among these.
+    """Return the smallest relative change of entries that may give the Hamiltonian an eigenvalue
+    jω.
 
-    1 / ρ(|(H - jω I)⁻¹| |H|), the inverse computed in the levelled coordinates, |H| the sizes of
-    the terms of its entries. It does not depend on units. Source: Higham, Accuracy and Stability of
-    Numerical Algorithms, Section 7.2."""
+    The entries are those of A, B B', E E' and Q; ω is the most critical of the frequencies. The
+    result is 1 / ρ(|(H - jω I)⁻¹| |H|), with the inverse computed in the levelled coordinates and
+    |H| the sizes of the terms of its entries. It does not depend on units. Source: Higham, Accuracy
+    and Stability of Numerical Algorithms, Section 7.2.
+    """
     n = len(given.A)
     into = levelled.T * given.units  # from given to levelled
     back = np.linalg.inv(into)
@@ -303,7 +314,8 @@ def _hamiltonian_checks(
 
 
 def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
-    """The tests of the X of one game: equation, symmetry, sign, and both closed loops."""
+    """Return the checks of the solution X of one game: equation, symmetry, sign, and both closed
+    loops."""
     if not np.all(np.isfinite(X)):
         reason = "P has entries that are not finite"
         return (at_most("residual", np.nan, RESIDUAL, reason),)
@@ -311,14 +323,15 @@ def solution_checks(form: NormalForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def agreement_checks(X: np.ndarray, second_X: np.ndarray) -> tuple[Check, ...]:
-    """max |X - X2| / max |X|: two derivations must give one answer."""
+    """Return the check that two derivations agree: max |X - X2| / max |X|."""
     return checks_of(TEST_OF_AGREEMENT, measured_agreement(X, second_X))
 
 
 def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None) -> Loops:
-    """Return the closed loops of X, of one game or of a stack; X finite.
+    """Return the closed loops of finite solutions X, for one game or for a stack.
 
-    game: the eigenvalues of A - S X where they are known"""
+    game: eigenvalues of A - S X, where they are known
+    """
     if game is None:
         game = np.linalg.eigvals(form.A - form.S @ X)
     control, right = np.linalg.eig(form.A - form.B @ (form.B.mT @ X))
@@ -326,7 +339,7 @@ def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None
 
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
-    """The values of `TESTS_OF_P`, of one game or of a stack; X finite."""
+    """Return the values of `TESTS_OF_P` for finite X, for one game or for a stack."""
     size = _size(X)
     return {
         "residual": form.relative_residual(X),
@@ -338,12 +351,12 @@ def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured
 
 
 def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
-    """The value of `TEST_OF_AGREEMENT`, of one game or of a stack."""
+    """Return the value of `TEST_OF_AGREEMENT`, for one game or for a stack."""
     return {"second_derivation": largest(X - second_X) / _size(X)}
 
 
 def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
-    """The checks of one game."""
+    """Return the checks of one game from its measured values."""
     checks = []
     for name, (relation, limit, reason) in tests.items():
         value = float(measured[name])
@@ -360,13 +373,13 @@ def _refuse_overflow(form: NormalForm) -> None:
 
 
 def refuse_failures(checks: tuple[Check, ...]) -> None:
-    """NoSolutionError with the reason of the first that failed."""
+    """Raise NoSolutionError with the reason of the first failed check."""
     for check in checks:
         if not check.ok:
             raise NoSolutionError(check.reason)
 
 
 def _size(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest entry of each matrix, 1 where all are 0."""
+    """Return the largest entry of each matrix, or 1 where all entries are 0."""
     sizes = largest(matrices)
     return np.where(sizes > 0.0, sizes, 1.0)

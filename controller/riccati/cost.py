@@ -1,4 +1,4 @@
-"""The cost of a pair of linear policies, and the loss of another gain than the exact one."""
+"""Cost of a pair of linear policies, and the loss of a gain compared with the exact one."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ class FlightCost(Result):
 
 
 def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
-    """Compare the gain K (m, n) with that of the exact solution, in flight."""
+    """Return the cost, L2 gain and distance to instability of a gain K (m, n), compared with the
+    optimum."""
     exact_gain = bounded_real_gain(game, exact.K)
     exact_distance = spectrum(game.A - game.B @ exact.K).axis_distance()
     is_moderate = np.all(np.abs(K) <= LARGEST_CRITIC_ENTRY)
@@ -70,8 +71,10 @@ def flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
-    """Largest and mean eigenvalue of P*^-1 D, D of `loss_matrix`, on the states that cost
-    something."""
+    """Return the largest and the mean eigenvalue of P*⁻¹ D, on the states with a positive cost.
+
+    D is the `loss_matrix`.
+    """
     D = loss_matrix(game, exact, K)
     if D is None:
         return math.inf, math.inf
@@ -88,11 +91,15 @@ def _lost(game: Game, exact: Solution, K: np.ndarray) -> tuple[float, float]:
 
 
 def loss_matrix(game: Game, exact: Solution, K: np.ndarray) -> np.ndarray | None:
-    """D >= 0, (n, n): with u = -K z, which stabilizes, the worst disturbance costs z'(P* + D) z, or
-    None without bound.
+    """Return D >= 0, (n, n): under u = -K z the worst disturbance costs z'(P* + D) z.
 
-    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*: the cost equation of K
-    less that of K*, so that small losses keep their digits. Newton steps from D = 0."""
+    F'D + D F + (K - K*)'R(K - K*) + δ⁻² D E E' D = 0,  F = A - B K + E L*.
+
+    This is the cost equation of K minus that of K*, so that small losses keep their digits. It is
+    solved by Newton steps from D = 0. The result is None where the cost has no bound.
+
+    K: (m, n), stabilizing
+    """
     from scipy.linalg import solve_continuous_lyapunov
 
     change = K - exact.K

@@ -1,7 +1,8 @@
-"""The smallest δ with a solution, from answers that may stay open.
+"""Search for the smallest δ with a solution, from answers that may stay open.
 
-Rounding can hide whether there is a solution at a δ. An `Answer` is then open; it is "no" only
-where non-existence is shown. `smallest_delta` is the one search on such answers."""
+Rounding can hide whether a solution exists at a δ. An `Answer` is then open; it is "no" only where
+non-existence is shown. `smallest_delta` is the only search on such answers.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ BELOW = (0.9, 0.5, 0.1, 0.01)
 
 
 class Answer(NamedTuple):
-    """The existence of a solution at one δ.
+    """Existence of a solution at one δ.
 
     exists: True or False where shown, None where rounding leaves it open
     reason: why no solution exists, or why it is open, or "" where one exists
@@ -35,10 +36,10 @@ class Answer(NamedTuple):
 
 
 class Bracket(NamedTuple):
-    """refused < inf{δ : there is a solution} <= value; both are 0 where all δ are good.
+    """Bracket refused < inf{δ : a solution exists} <= value; both are 0 where every δ has one.
 
-    refused: the largest δ below `value` without a solution, 0 where none is shown to have none
-    ending: the answer just below `value`
+    refused: largest δ below `value` shown to have no solution, or 0 without one
+    ending: answer just below `value`
     """
 
     value: float
@@ -47,37 +48,39 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """The results of a search, with each δ tried once."""
+    """Answers of a search, with each δ tried once."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
         self._known: dict[float, Answer] = {}
 
     def at(self, delta: float) -> Answer:
-        """The answer at a δ."""
+        """Return the answer at a δ."""
         if delta not in self._known:
             self._known[delta] = self._ask(delta)
         return self._known[delta]
 
     @property
     def good(self) -> float:
-        """The smallest δ with a solution so far, inf without one."""
+        """Smallest δ found to have a solution, inf without one."""
         return min(self._deltas(True), default=math.inf)
 
     @property
     def refused(self) -> float:
-        """The largest δ shown to have no solution, below every δ with one: a solution below a
-        refusal shows that the refusal was rounding. 0 without one."""
+        """Largest δ shown to have no solution, below every δ with one; 0 without one.
+
+        A solution below a refusal shows that the refusal was rounding.
+        """
         return max((delta for delta in self._deltas(False) if delta < self.good), default=0.0)
 
     @property
     def next_to_good(self) -> float:
-        """The largest δ below `good` that was tried, 0 without one."""
+        """Largest δ below `good` that was tried, 0 without one."""
         return max((delta for delta in self._known if delta < self.good), default=0.0)
 
     @property
     def next_to_refused(self) -> float:
-        """The smallest δ above `refused` that was tried."""
+        """Smallest δ above `refused` that was tried."""
         return min(delta for delta in self._known if delta > self.refused)
 
     def _deltas(self, exists: bool) -> list[float]:
@@ -90,13 +93,13 @@ def smallest_delta(
     tolerance: float,
     progress: Progress | None = None,
 ) -> Bracket:
-    """The smallest δ with a solution, by bisection of log δ.
+    """Return the bracket of the smallest δ with a solution, by bisection of log δ.
 
-    ask: the answer at a δ; the set of good δ is an interval (δ_min, inf]
-    begin: a δ that should be good
-    tolerance: of the bracket, relative, where no answer is open
+    ask: answer at a δ; the set of δ with a solution is an interval (δ_min, inf]
+    begin: a δ that should have a solution
+    tolerance: relative width of the bracket, where no answer is open
 
-    Raises NoSolutionError where no δ up to `MOST` times the first is good.
+    Raises NoSolutionError where no δ up to `MOST` times the first has a solution.
     """
     report = progress or (lambda *_: None)
     answers = _Answers(ask)
@@ -121,7 +124,7 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Try values until a solution exists."""
+    """Increase δ until a solution exists."""
     delta = begin
     while not answers.at(delta).exists:
         last = answers.at(delta)
@@ -137,7 +140,7 @@ def _climb(answers: _Answers, begin: float) -> None:
 
 
 def _descend(answers: _Answers, least: float) -> None:
-    """Search below the solutions until none exists, also through open answers."""
+    """Decrease δ until no solution exists, also past open answers."""
     delta = answers.good / 4.0
     while delta >= least and answers.at(delta).exists is not False:
         delta /= 4.0

@@ -1,5 +1,7 @@
-"""Solutions X of the Riccati equation of stacks of normal forms, by eigenvectors and by doubling:
-fast, and not tested here."""
+"""Fast solutions X of the Riccati equation of stacks of normal forms, untested.
+
+They are computed from eigenvectors and by doubling.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +28,14 @@ LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
-    """Solutions from the eigenvectors of the Hamiltonians of a stack, or nan where they give none.
+    """Solutions from the eigenvectors of the Hamiltonians of a stack, nan where there is none.
 
     X: (N, n, n)
-    correction: (N,), of the last Newton step, relative to X
+    correction: (N,), last Newton step, relative to X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
-    axis_distance: (N,), not above `Spectrum.axis_distance` of the Hamiltonian
+    axis_distance: (N,), lower bound of `Spectrum.axis_distance` of the Hamiltonian
     loop: (N, n), eigenvalues of A - S X
-    spread: (N,), by which rounding of their eigenvectors may move them
+    spread: (N,), possible change of these due to rounding of their eigenvectors
     """
 
     X: np.ndarray
@@ -45,12 +47,13 @@ class FromEigenvectors(NamedTuple):
 
 
 def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
-    """X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, then Newton steps.
+    """Return X = V2 V1⁻¹ of the stable eigenvectors [V1; V2] of each Hamiltonian, after Newton
+    steps.
 
-    V1 has the eigenvectors of A - S X, so that they solve the Lyapunov equation of a step too, and
-    V1⁻¹ (A - S X) V1 is diagonal but for rounding. The distance to the axis is bounded by the
-    condition of all eigenvectors (Bauer and Fike).
-    Source: Zhou, Doyle and Glover, Section 13.2."""
+    V1 has the eigenvectors of A - S X. They also solve the Lyapunov equation of a step, and V1⁻¹ (A
+    - S X) V1 is diagonal but for rounding. The distance to the axis is bounded by the condition of
+    all eigenvectors (Bauer and Fike). Source: Zhou, Doyle and Glover, Section 13.2.
+    """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
     stable = (values.real < 0.0).sum(axis=1)
@@ -89,14 +92,15 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 
 
 def by_doubling(form: NormalForm) -> np.ndarray:
-    """X, (N, n, n), the limit of the costs p I + X_k of 2^k steps that end at the cost p I.
+    """Return X, (N, n, n), the limit of the costs of 2^k steps with the final cost p I.
 
     T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 gives a game in
-    discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is
-    X <- X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0
-    but for rounding. p > 0 lets an unstable mode without cost cost something; c is not quite
-    |det H|^(1/2n), where such a mode may be.
-    Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80."""
+    discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is X <-
+    X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0 but for rounding.
+    The X of the game is p I + X. With p > 0 an unstable mode without cost has a final cost. c
+    differs slightly from |det H|^(1/2n), where an eigenvalue may be. Source: Chu, Fan and Lin,
+    Linear Algebra Appl. 396 (2005), 55-80.
+    """
     n = form.A.shape[-1]
     one = np.eye(n)
     c = 0.85 * np.exp(np.linalg.slogdet(form.hamiltonian)[1] / (2 * n))[:, None, None]
@@ -118,18 +122,21 @@ def by_doubling(form: NormalForm) -> np.ndarray:
 
 
 def largest(matrices: np.ndarray) -> np.ndarray:
-    """max |M_ij| of each matrix, (...)."""
+    """Return max |M_ij| of each matrix, (...)."""
     return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:
-    """Frobenius norm of each, (...)."""
+    """Return the Frobenius norm of each matrix, (...)."""
     entries = matrices.reshape(*matrices.shape[:-2], -1)
     return np.sqrt(np.vecdot(entries, entries).real)
 
 
 def inverses(matrices: np.ndarray) -> np.ndarray:
-    """Inverses, (..., n, n), or nan where a matrix is singular, which must not stop the others."""
+    """Return the inverses, (..., n, n), or nan where a matrix is singular.
+
+    One singular matrix must not stop the others.
+    """
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

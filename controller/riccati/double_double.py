@@ -1,9 +1,10 @@
-"""Sums and products of matrices with twice the digits of double precision, by doubles alone.
+"""Sums and products of matrices with twice the digits of double precision, from doubles alone.
 
-Such a number is a pair (high, low) whose sum it is, |low| <= 2^-53 |high|. Each matrix is cut into
-slices so short that products of slices are free of rounding, whatever the order of summation. All
-functions take one matrix or stacks (..., n, m).
-Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118."""
+A number is the sum of a pair (high, low), |low| <= 2^-53 |high|. Each matrix is cut into slices so
+short that products of slices are free of rounding, whatever the order of summation. All functions
+accept one matrix or stacks (..., n, m).
+Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +20,13 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def exact(matrix: np.ndarray) -> Pair:
-    """The doubles themselves as a pair."""
+    """Return doubles as a pair."""
     return matrix, np.zeros_like(matrix)
 
 
 def add(left: Pair, right: Pair) -> Pair:
-    """left + right to about 2^-104 of the larger one (Knuth's sum without error of the highs)."""
+    """Return left + right to about 2^-104 of the larger one (Knuth's error-free sum of the
+    highs)."""
     high = left[0] + right[0]
     back = high - left[0]
     low = (left[0] - (high - back)) + (right[0] - back) + (left[1] + right[1])
@@ -33,16 +35,17 @@ def add(left: Pair, right: Pair) -> Pair:
 
 
 def product(left: Pair, right: Pair) -> Pair:
-    """left right to about 2^-104 of the largest entry of the row times that of the column.
+    """Return left right to about 2^-104 of the largest entry of the row times that of the column.
 
-    left: (..., p, n); right: (..., n, q).
+    left: (..., p, n)
+    right: (..., n, q)
     """
     mixed = left[0] @ right[1] + left[1] @ right[0]
     return add(product_of_doubles(left[0], right[0]), exact(mixed))
 
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
-    """`product` of the doubles themselves, without terms smaller than the last slices."""
+    """Return `product` of plain doubles, without terms smaller than the last slices."""
     p, n = left.shape[-2:]
     slices = _slices(np.concatenate([left, right.mT], axis=-2))
     rows = np.concatenate([each[..., :p, :] for each in slices], axis=-1)
@@ -58,15 +61,17 @@ def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
 
 
 def transposed(pair: Pair) -> Pair:
-    """Return the transpose of a matrix or of a stack."""
+    """Return the transpose of a pair."""
     return pair[0].mT, pair[1].mT
 
 
 def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """total - left right', (..., p, q), next to which rounding of left is small; of a diagonal
-    right without rounding (Dekker's product).
+    """Return total - left right', (..., p, q), accurate except for the rounding of left.
 
-    left: (..., p, n); right: (q, n).
+    A diagonal right causes no rounding at all (Dekker's product).
+
+    left: (..., p, n)
+    right: (q, n)
     """
     factors = np.diag(right)
     if np.count_nonzero(right) > np.count_nonzero(factors):
@@ -80,16 +85,16 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
 
 
 def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two summands of 26 bits each of every number."""
+    """Return two summands of 26 bits each for every number."""
     scaled = numbers * (2.0**27 + 1.0)
     high = scaled - (scaled - numbers)
     return high, numbers - high
 
 
 def _slices(matrix: np.ndarray) -> list[np.ndarray]:
-    """Return slices whose sum is the matrix, but for bits below the last slice.
+    """Return slices whose sum is the matrix, except for bits below the last slice.
 
-    Each row has one scale.
+    The entries of a row have one scale.
     """
     # So that sums of products of slices are free of rounding.
     bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[-1], 1)))) // 2

@@ -1,4 +1,4 @@
-"""Existence of the value of a game: shown, refuted, or left open by rounding."""
+"""Decision whether the value of a game exists: yes, no, or left open by rounding."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ ROUNDING = 4.0 * float(np.finfo(float).eps)
 
 
 class StableSubspace(NamedTuple):
-    """The stable subspace of a Hamiltonian.
+    """Stable subspace of a Hamiltonian.
 
     basis: (2n, n), orthonormal
-    error: by which angle, rad, rounding of the Hamiltonian may turn it, to first order
+    error: angle, rad, by which rounding of the Hamiltonian may turn it, to first order
     """
 
     basis: np.ndarray
@@ -36,12 +36,12 @@ class StableSubspace(NamedTuple):
 
 
 def stable_subspace(form: NormalForm) -> StableSubspace | None:
-    """Return the stable subspace of the Hamiltonian, with its error, or None where it has not half
-    the dimension.
+    """Return the stable subspace of the Hamiltonian, with its error.
 
-    The error is |D| / sep, with D a relative change `BACKWARD` of the terms of the Hamiltonian, and
-    sep the separation of the two halves of its Schur form. Source: Golub and Van Loan, Theorem
-    7.2.4."""
+    The result is None where its dimension is not n. The error is |D| / sep, with D a relative
+    change `BACKWARD` of the terms of the Hamiltonian, and sep the separation of the two halves of
+    its Schur form. Source: Golub and Van Loan, Theorem 7.2.4.
+    """
     basis, separation = ordered_basis(form.hamiltonian, job=b"V")
     if basis is None:
         return None
@@ -50,11 +50,11 @@ def stable_subspace(form: NormalForm) -> StableSubspace | None:
 
 
 class Found(NamedTuple):
-    """The existence of the value of a game.
+    """Existence of the value of a game.
 
     answer: whether it exists
     form: the game in the coordinates of that decision
-    subspace: the stable subspace of its Hamiltonian, None where not known
+    subspace: stable subspace of its Hamiltonian, or None where not known
     """
 
     answer: Answer
@@ -63,23 +63,25 @@ class Found(NamedTuple):
 
 
 def existence(form: NormalForm) -> Answer:
-    """Return whether a game has a value.
+    """Return whether the value of a game exists.
 
-    Yes where the Hamiltonian splits and X1'X2 > 0 for the basis [X1; X2] of its stable subspace, or
-    every test of P holds. Where X1 is regular P = X2 X1⁻¹ is the stabilizing solution, and X1'X2 =
-    X1'P X1 has its signs. As delta falls to its minimum P grows without bound while X1 and X2 stay
-    within one: an eigenvalue of X1'X2 passes through zero. That makes the minimum visible where P
-    itself is lost. Where P is singular an eigenvalue is zero at every delta; there the tests of P
-    itself can say yes, though not no.
+    It exists where the Hamiltonian splits and X1'X2 > 0 for the basis [X1; X2] of its stable
+    subspace, or where every test of P holds. Where X1 is regular, P = X2 X1⁻¹ is the stabilizing
+    solution, and X1'X2 = X1'P X1 has its signs. As delta falls to its minimum, P grows without
+    bound while X1 and X2 stay bounded: an eigenvalue of X1'X2 passes through zero. So the minimum
+    is visible where P itself is lost. Where P is singular, an eigenvalue is zero at every delta;
+    there the tests of P can show existence, but not refute it.
 
-    No where an eigenvalue of X1'X2 is below 0 by more than rounding, or where the disturbance gains
-    more than delta at some frequency against every input. Source: Basar and Bernhard, H-infinity
-    Optimal Control, Section 4.5 (conjugate points)."""
+    It does not exist where an eigenvalue of X1'X2 is below 0 by more than rounding, or where the
+    gain from the disturbance exceeds delta at some frequency for every input. Source: Basar and
+    Bernhard, H-infinity Optimal Control, Section 4.5 (conjugate points).
+    """
     return value_found(form).answer
 
 
 def value_found(form: NormalForm) -> Found:
-    """`existence`, in the first coordinates of three in which rounding leaves it not open."""
+    """Return `existence` with its coordinates, the first of three in which rounding does not leave
+    it open."""
     found = _found_in(form)
     if found.answer.exists is None:
         found = _found_in(form.turned())
@@ -89,7 +91,10 @@ def value_found(form: NormalForm) -> Found:
 
 
 def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
-    """`value_found` in these coordinates alone; given: see `hamiltonian_checks`."""
+    """Return `value_found` in these coordinates alone.
+
+    given: as for `hamiltonian_checks`
+    """
     n = len(form.A)
     if not form.Q.any():
         poles = spectrum(form.A)
@@ -126,12 +131,13 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
 
 
 def solution_that_holds(form: NormalForm) -> np.ndarray | None:
-    """P of the first derivation, (n, n), where every test of P alone holds: for a search, without a
-    certificate.
+    """Return P of the first derivation, (n, n), where every test of P holds, else None.
 
-    The tests bound the residual of P, not its error, so that within about 1e-6 of the smallest
-    delta of a stiff plant rounding can pass them. A bound of the error by Lyapunov matrices, with
-    rounding of every entry in it, leaves plants open that 60 digits solve."""
+    It serves a search, without a certificate. The tests bound the residual of P, not its error, so
+    that within about 1e-6 of the smallest delta of a stiff plant rounding can pass them. A bound of
+    the error by Lyapunov matrices, with rounding of every entry in it, leaves plants open that 60
+    digits solve.
+    """
     try:
         X = by_schur(form)
     except NoSolutionError:
@@ -142,16 +148,18 @@ def solution_that_holds(form: NormalForm) -> np.ndarray | None:
 
 
 def shown_gain(form: NormalForm) -> tuple[float, float]:
-    """Return a gain that the disturbance has for all inputs, less the bound of rounding, and its
-    frequency, rad/s, or 0 where none is shown.
+    """Return a lower bound of the gain from the disturbance under all inputs, and its frequency,
+    rad/s.
 
-    The least of |Q^½ x|² + |u|² over all u, where x follows from u and w at the frequency ω, is
-    w*Φ w with  Φ = -[0 E'] (H - jω I)⁻¹ [E; 0],  H the Hamiltonian at δ = inf. No δ up to the root
-    of an eigenvalue of Φ has a value: at that root the Hamiltonian has the eigenvalue jω, and below
-    it some other on the axis. The frequencies are those of the eigenvalues at this δ, between them
-    and 0. The bound of the error covers rounding in the terms of every entry of H and E: |rows| |H|
-    |columns| (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2).
-    Source: Zhou, Doyle and Glover, Section 13.4."""
+    Rounding is subtracted; the result is 0 where no gain is shown. The least of |Q^½ x|² + |u|²
+    over all u, where x follows from u and w at the frequency ω, is w*Φ w with Φ = -[0 E'] (H - jω
+    I)⁻¹ [E; 0] and H the Hamiltonian at δ = inf. No δ up to the root of an eigenvalue of Φ has a
+    value. At that root the Hamiltonian has the eigenvalue jω, and below it another one on the axis.
+    The frequencies are those of the eigenvalues at this δ, and others between them and 0. The bound
+    of the error covers rounding in the terms of every entry of H and E: |rows| |H| |columns|
+    (Higham, Accuracy and Stability of Numerical Algorithms, Section 7.2). Source: Zhou, Doyle and
+    Glover, Section 13.4.
+    """
     n, k = form.disturbance.shape
     if not k or math.isinf(form.delta):
         return 0.0, 0.0

@@ -1,8 +1,8 @@
-"""The L2 gain of a closed loop, by its bounded-real Hamiltonian; `gain_sweep.py` computes it by a
-sweep.
+"""L2 gain of a closed loop from its bounded-real Hamiltonian.
 
-Closed loop z' = (A - B K) z + E d, output y = (Q^½ z, R^½ u) with u = -K z; the gain is sup
-‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game promises a gain below δ.
+The closed loop is z' = (A - B K) z + E d with the output y = (Q^½ z, R^½ u) and u = -K z. Its gain
+is sup ‖y‖₂/‖d‖₂ = max_ω σ_max(C (jω I - A + B K)⁻¹ E), C'C = Q + K'R K. The game guarantees a gain
+below δ. `gain_sweep.py` computes the gain by a sweep.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ Triple = tuple[np.ndarray, np.ndarray, np.ndarray]
 def level_crossings(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float
 ) -> np.ndarray:
-    """Return the only frequencies, rad/s, ascending, at which a singular value of C (jω I - A)⁻¹ B
-    + D may cross the level, which is not a singular value of D.
+    """Return the frequencies at which a singular value of C (jω I - A)⁻¹ B + D may cross a level.
 
-    They are |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian, on the axis or not.
-    Source: Zhou, Doyle and Glover, Section 4.7."""
+    They are in rad/s, ascending, and there are no others. The level must not be a singular value of
+    D. The frequencies are |Im λ| of every eigenvalue λ of the bounded-real Hamiltonian, on the axis
+    or not. Source: Zhou, Doyle and Glover, Section 4.7.
+    """
     free = level**2 * np.eye(D.shape[1]) - D.T @ D
     by_output = np.linalg.solve(free, D.T @ C)
     into = B @ np.linalg.solve(free, B.T)
@@ -45,11 +46,11 @@ def level_crossings(
 
 
 def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level: float) -> float:
-    """A gain that T = C (sI - A)⁻¹ B + D, A Hurwitz, has at some frequency, above the level if any
-    gain is.
+    """Return a gain of T = C (sI - A)⁻¹ B + D at some frequency, above the level if any gain is.
 
-    T is evaluated at each of `level_crossings`, between each two, below and above. Source: Bruinsma
-    and Steinbuch, Systems and Control Letters 14 (1990), 287-293."""
+    T is evaluated at each of `level_crossings`, between each two, below and above. A must be
+    Hurwitz. Source: Bruinsma and Steinbuch, Systems and Control Letters 14 (1990), 287-293.
+    """
     through = float(np.linalg.norm(D, 2)) if D.size else 0.0
     if not through < level:
         return through
@@ -69,21 +70,30 @@ def peak_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, level:
 
 @checks_arguments
 def bounded_real_gain(game: Game, K: np.ndarray) -> float:
-    """L2 gain of the loop of u = -K z, as `system_gain`. K: (m, n)."""
+    """Return the L2 gain of the loop of u = -K z by `system_gain`.
+
+    K: (m, n)
+    """
     loop, E, C = closed_loop(game, K)
     return system_gain(loop, E, C, np.zeros((len(C), E.shape[1])))
 
 
 def closed_loop(game: Game, K: np.ndarray) -> Triple:
-    """A - B K, E, and C with C'C = Q + K'R K, of u = -K z. K: (m, n)."""
+    """Return A - B K, E, and C with C'C = Q + K'R K, for u = -K z.
+
+    K: (m, n)
+    """
     K = game.checked_gain(K)
     C = np.vstack([square_root(game.Q), square_root(game.R) @ K])
     return game.A - game.B @ K, game.E, C
 
 
 def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """Largest gain of C (sI - A)⁻¹ B + D to 1e-9 relative, from above by `peak_gain`, or inf when A
-    is not Hurwitz."""
+    """Return the largest gain of C (sI - A)⁻¹ B + D, to 1e-9 relative, or inf when A is not
+    Hurwitz.
+
+    It is approached by `peak_gain`.
+    """
     if not is_hurwitz(A):
         return math.inf
     typical = float(np.linalg.norm(C) * np.linalg.norm(B) / np.linalg.norm(A))
@@ -97,8 +107,10 @@ def system_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> f
 
 
 def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
-    """(jω I - loop)⁻¹ B, (N, n, m). Raises NoSolutionError where rounding leaves a pole of the loop
-    on the axis."""
+    """Return (jω I - loop)⁻¹ B, (N, n, m).
+
+    Raises NoSolutionError where a pole of the loop is on the axis within rounding.
+    """
     resolvent = 1j * frequencies[:, None, None] * np.eye(len(loop)) - loop
     try:
         return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
@@ -107,6 +119,6 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:
-    """M^½ of a symmetric positive semidefinite matrix."""
+    """Return M^½ of a symmetric positive semidefinite matrix."""
     values, vectors = np.linalg.eigh(matrix)
     return vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

@@ -1,4 +1,5 @@
-"""The L2 gain of a closed loop by a sweep over frequencies, without the method that it checks."""
+"""L2 gain of a closed loop by a sweep over frequencies, independent of the method that it
+checks."""
 
 from __future__ import annotations
 
@@ -22,16 +23,16 @@ POINTS = 20
 
 
 class SweptGain(NamedTuple):
-    """The largest gain met on the imaginary axis and the frequency (rad/s) where it is."""
+    """Largest gain found on the imaginary axis, and its frequency, rad/s."""
 
     gain: float
     frequency: float
 
 
 def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
-    """Largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid, then on finer ones.
+    """Return the largest σ_max(C (jω I - loop)⁻¹ E) on a logarithmic grid and then on finer ones.
 
-    inf when the loop is not Hurwitz.
+    The result is inf when the loop is not Hurwitz.
     """
     poles = spectrum(loop)
     if poles.abscissa >= 0.0:
@@ -49,8 +50,11 @@ def swept_gain(loop: np.ndarray, E: np.ndarray, C: np.ndarray) -> SweptGain:
 
 
 def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -> np.ndarray:
-    """0, a logarithmic grid over the moduli of the eigenvalues (two decades beyond), and finer ones
-    about each resonance, from its width on."""
+    """Return frequencies that resolve every resonance, rad/s.
+
+    They are 0, a logarithmic grid over the moduli of the eigenvalues and two decades beyond, and
+    finer grids about each resonance, from its width on.
+    """
     moduli = np.abs(eigenvalues)
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))
     fastest = float(moduli.max(initial=1.0))

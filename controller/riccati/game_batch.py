@@ -1,4 +1,4 @@
-"""The exact solutions of many games that differ in A and B."""
+"""Exact solutions of many games that differ in A and B."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ TOGETHER = 256
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GameBatch(Reported):
-    """The solutions of N games.
+    """Solutions of N games.
 
     P: (N, n, n), nan where not certified
-    K: (N, m, n), the same
+    K: (N, m, n), nan where not certified
     certified: (N,)
     reasons: N lines, "" where certified
     """
@@ -35,9 +35,11 @@ class GameBatch(Reported):
 
 @checks_arguments
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
-    """`solve_game` of every plant (A (N, n, n), B (N, n, m)); E, Q, R, delta of `like`.
+    """Return the solutions of the games on plants A (N, n, n), B (N, n, m).
 
-    A refused game gets the failed test as its reason. BadInputError names the wrong model."""
+    E, Q, R and delta are those of `like`. The reason of a refused game is its failed test. Raises
+    BadInputError that names the wrong model.
+    """
     A = np.asarray(A, dtype=float)
     B = np.asarray(B, dtype=float)
     _refuse_bad_plants(A, B, like)
@@ -66,8 +68,8 @@ def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
 
 
 def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
-    """Raise BadInputError for stacks that do not fit, for the first model with an invalid number,
-    or for the first one."""
+    """Raise BadInputError for stacks that do not fit, and for the first model with an invalid
+    number."""
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
             f"A is of shape {A.shape} and B of {B.shape}; give stacks (N, n, n) and (N, n, m)"

@@ -1,5 +1,5 @@
-"""The exact solution of the zero-sum game on a linear model, certified, or the reason for its
-absence."""
+"""Exact certified solution of the zero-sum game on a linear model, or the reason why none
+exists."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Solution(Result, Reported):
 
     @property
     def closed_loop(self) -> control.StateSpace:
-        """z' = (A - B K) z + E d with the outputs z, as python-control's `StateSpace`."""
+        """System z' = (A - B K) z + E d with the outputs z, as python-control's `StateSpace`."""
         import control
 
         game = self.game
@@ -90,7 +90,7 @@ class Solution(Result, Reported):
         )
 
     def poles(self) -> np.ndarray:
-        """The eigenvalues of A - B K, (n,) complex, 1/s."""
+        """Eigenvalues of A - B K, (n,) complex, 1/s."""
         return self.closed_loop_eigenvalues
 
     def cost(self, z: ArrayLike) -> float:
@@ -101,7 +101,7 @@ class Solution(Result, Reported):
         return float(state @ self.P @ state)
 
     def report(self) -> Report:
-        """P, K, the closed loop and the certificate."""
+        """Return the report of P, K, the closed loop and the certificate."""
         inputs = self.names.inputs
         states = self.names.states
         poles = [value for value in self.closed_loop_eigenvalues if value.imag >= 0]
@@ -144,7 +144,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
-    """Return `certified_solution`, or raise NoSolutionError that names a sufficient delta."""
+    """Return `certified_solution`. Raises NoSolutionError that names a sufficient delta."""
     try:
         return certified_solution(form)
     except NoSolutionError as failure:
@@ -154,7 +154,10 @@ def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
 
 
 def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
-    """The solution in the user's coordinates; form: of the game."""
+    """Return the solution in the user's coordinates.
+
+    form: normal form of the game
+    """
     X = certified.X
     accurate = certified.form
     P = accurate.value(X)
@@ -172,12 +175,13 @@ def solution_of(form: NormalForm, certified: Certified, game: Game) -> Solution:
 
 
 def _abscissa_error(form: NormalForm, certified: Certified) -> float:
-    """Return how far rounding of A, B and K may move the abscissa of A - B K, 1/s, to first order,
-    or inf where defective.
+    """Return the possible change of the abscissa of A - B K due to rounding, 1/s, to first order.
 
-    A change D of the matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those
-    of the form in which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| of the gain.
-    Source: Golub and Van Loan, Matrix Computations, Section 7.2.2."""
+    Rounding affects A, B and K. The result is inf where the matrix is defective. A change D of the
+    matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those of the form in
+    which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| for the gain. Source: Golub
+    and Van Loan, Matrix Computations, Section 7.2.2.
+    """
     form_of_X = certified.form
     A = form_of_X.A
     B = form_of_X.B

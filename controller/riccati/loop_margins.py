@@ -1,5 +1,7 @@
-"""Margins of one loop at a time while all others stay closed, or of several that change alike,
-computed from the M of `margins`."""
+"""Margins of one loop with all others closed, or of several loops with equal changes.
+
+They are computed from the M of `margins`.
+"""
 
 from __future__ import annotations
 
@@ -35,12 +37,14 @@ Loci = Callable[[np.ndarray], np.ndarray]
 
 
 class LoopMargin(NamedTuple):
-    """The margins of one loop, or for the same factor, phase or delay in several at once.
+    """Margins of one loop, or of several for one common factor, phase or delay.
 
-    The loop stays stable while its gain is multiplied by a factor in (gain_low, gain_high), its
-    phase shifted by less than `phase`, or its signal delayed by less than `delay` s; inf where the
-    loop stays stable for all. crossover: where |l| = 1 with that phase, nan where |l| is never 1.
-    disk: α of `DiskMargin`, of both at once."""
+    gain_low, gain_high: the loop stays stable while its gain is multiplied by a factor between them
+    phase: largest phase shift, deg, inf where all are tolerated
+    delay: largest delay of the signal, s, inf where all are tolerated
+    crossover: frequency where |l| = 1 with that phase, rad/s, nan where |l| is never 1
+    disk: α of `DiskMargin`, for gain and phase at once
+    """
 
     gain_low: float
     gain_high: float
@@ -57,7 +61,9 @@ class LoopMargin(NamedTuple):
 
 
 def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
-    """Margins of each input of u = -K z, in the order of the inputs. K: (m, n).
+    """Return the margins at each input of u = -K z, in order.
+
+    K: (m, n)
 
     Raises NoSolutionError when A - B K is not Hurwitz.
     """
@@ -66,7 +72,7 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
 
 
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
-    """Margin of loop i, the others closed."""
+    """Return the margin of loop i, the others closed."""
     only = loop.only(i)
     zeros = np.unique(np.concatenate([_crossings(only, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
@@ -82,7 +88,7 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
 
 
 def _peak_of(locus: Loci, grid: np.ndarray) -> float:
-    """The frequency near which |M| of one loop is largest, as far as a grid shows it."""
+    """Return the frequency of a grid at which |M| of one loop is largest."""
     for _ in range(_REFINEMENTS):
         peak = int(np.abs(locus(grid)).argmax())
         grid = np.linspace(grid[max(peak - 1, 0)], grid[min(peak + 1, len(grid) - 1)], _POINTS)
@@ -90,10 +96,11 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 
 
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
-    """The function ω, (N,) -> M(jω), (N, m, m), for many frequencies.
+    """Return the function ω (N,) -> M(jω) (N, m, m), fast for many frequencies.
 
     A is made triangular once, by its complex Schur form, so that each frequency takes n² operations
-    and not n³."""
+    in place of n³.
+    """
     from scipy.linalg import schur
 
     T, U = schur(loop.A, output="complex")
@@ -114,9 +121,10 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
-    """Frequencies, rad/s, at which Re M (sign 1) or Im M (sign -1) of one loop may be 0.
+    """Return frequencies, rad/s, at which Re M (sign 1) or Im M (sign -1) of one loop may be 0.
 
-    |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a pencil."""
+    They are |Im λ| of the zeros λ of M(s) ± M(-s), the eigenvalues of a pencil.
+    """
     from scipy.linalg import eig
 
     n = len(loop.A)
@@ -132,14 +140,16 @@ def _crossings(loop: ClosedLoop, sign: float) -> np.ndarray:
 
 
 def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> LoopMargin:
-    """Margin of k loops that change alike.
+    """Return the margin of k loops that change alike.
 
     loci: M of the loops, (N, k), in any order
-    grid: rad/s, fine enough for every resonance, with 0; the disk is that of its frequencies
-    loop: where the loci come from, of a sampled loop
+    grid: (N,), rad/s, with 0, fine enough for every resonance; the disk is that of these
+        frequencies
+    loop: the sampled loop of the loci, or None
 
-    Frequencies at which Im M or Re M is 0 are sought where it changes its sign between those of the
-    grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994)."""
+    Zeros of Im M and Re M are sought where the part changes its sign between frequencies of the
+    grid. Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
+    """
     for _ in range(_HALVINGS):
         seen = _followed(loci(grid))
         real = _crossings_of(np.imag, loci, grid, seen)
@@ -171,8 +181,10 @@ def margin_of(loci: Loci, grid: np.ndarray, loop: ClosedLoop | None = None) -> L
 
 
 class _Crossings(NamedTuple):
-    """Where a part of M changes its sign: frequencies, M there, and the steps of the grid in which
-    it jumps over 0 because two curves were exchanged."""
+    """Sign changes of a part of M: their frequencies, M there, and the false steps of the grid.
+
+    A step is false where the sign changes only because two curves were exchanged.
+    """
 
     frequencies: np.ndarray
     values: np.ndarray
@@ -182,7 +194,11 @@ class _Crossings(NamedTuple):
 def _crossings_of(
     part: Callable[[np.ndarray], np.ndarray], loci: Loci, grid: np.ndarray, seen: np.ndarray
 ) -> _Crossings:
-    """Where this part of M changes its sign; seen: M at the grid, each column a curve."""
+    """Return the sign changes of a part of M.
+
+    part: Re or Im of M
+    seen: M on the grid, each column a curve
+    """
     # Where l is 0 or infinite but for rounding, signs of Im M change by rounding.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
     above = part(seen) > 0.0
@@ -214,7 +230,7 @@ def _crossings_of(
 
 
 def _followed(loci: np.ndarray) -> np.ndarray:
-    """Return (N, k) with each column a curve: the order of each row is the nearest to the row
+    """Return loci (N, k) with each column a curve; each row is ordered nearest to the row
     before."""
     if loci.shape[1] == 1:
         return loci

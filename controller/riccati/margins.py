@@ -1,8 +1,9 @@
-"""Margins of a closed loop, all inputs at once within disks.
+"""Margins of a closed loop for simultaneous changes at all inputs, within disks.
 
 M = S - I/2 of the sensitivity S = (I + L)⁻¹ of a loop. A loop l = (1/2 - M) / (1/2 + M) is real
 where M is, and of size 1 where M is imaginary. Margins are factors (not dB), phases degrees,
-frequencies rad/s."""
+frequencies rad/s.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +40,14 @@ Piece = tuple[float, float]
 
 
 class DiskMargin(NamedTuple):
-    """All inputs at once: each may be multiplied by its own factor f = (2 + αε)/(2 - αε), |ε| < 1
-    complex.
+    """Margin for all inputs at once, each multiplied by its own complex factor f.
 
-    disk: α, a lower bound: of more than three inputs the true margin may be a little larger
-    gain: (2 + α)/(2 - α); a real f lies in (1/gain, gain)
+    f = (2 + αε)/(2 - αε), |ε| < 1 complex.
+
+    disk: α, a lower bound; for more than three inputs the true margin may be slightly larger
+    gain: (2 + α)/(2 - α); a real f is in (1/gain, gain)
     phase: 2 arctan(α/2), deg, for f of pure phase
-    frequency: rad/s, where the margin is smallest, or inf where that is beyond every frequency
+    frequency: rad/s, where the margin is smallest, or inf
     """
 
     disk: float
@@ -55,13 +57,13 @@ class DiskMargin(NamedTuple):
 
 
 class ClosedLoop(NamedTuple):
-    """M(s) = D + C (s I - A)⁻¹ B of a stable closed loop, (m, m).
+    """Stable closed loop M(s) = D + C (s I - A)⁻¹ B, (m, m).
 
     A: (n, n), stable
     B: (n, m), where signals enter
     C: (m, n), where they leave
     D: (m, m), M at infinite frequency
-    dt: s, of a sampled loop, s = (z - 1) / (z + 1); 0 in continuous time
+    dt: s, for a sampled loop with s = (z - 1) / (z + 1); 0 in continuous time
     """
 
     A: np.ndarray
@@ -71,21 +73,21 @@ class ClosedLoop(NamedTuple):
     dt: float = 0.0
 
     def only(self, i: int) -> ClosedLoop:
-        """M of loop i, the others closed."""
+        """Return M of loop i, the others closed."""
         one = slice(i, i + 1)
         return self._replace(B=self.B[:, one], C=self.C[one], D=self.D[one, one])
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
-        """M(jω), (N, m, m), of finite ω, (N,)."""
+        """Return M(jω), (N, m, m), at finite ω, (N,)."""
         return self.D + self.C @ responses(self.A, self.B, frequencies)
 
     def rate(self, frequencies: np.ndarray) -> np.ndarray:
-        """ω in rad/s of the loop's own time: in a sampled one z = exp(jω dt)."""
+        """Return ω in rad/s of physical time; for a sampled loop z = exp(jω dt)."""
         return 2.0 * np.arctan(frequencies) / self.dt if self.dt else frequencies
 
 
 def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> ClosedLoop:
-    """M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
+    """Return M = I/2 + leaves (s I - closed)⁻¹ enters, in balanced units.
 
     Raises NoSolutionError where a pole is not stable.
     """
@@ -99,33 +101,37 @@ def closed_at(closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> Clo
 
 
 def loop_at_inputs(game: Game, K: np.ndarray) -> ClosedLoop:
-    """M at all inputs of u = -K z."""
+    """Return M at all inputs of u = -K z."""
     K = game.checked_gain(K)
     return closed_at(game.A - game.B @ K, game.B, -K)
 
 
 @checks_arguments
 def disk_margin(game: Game, K: np.ndarray) -> DiskMargin:
-    """α = 1 / sup_ω μ(S(jω) - I/2), μ over independent complex factors, bounded above by D-scaling.
+    """Return the disk margin α = 1 / sup_ω μ(S(jω) - I/2), over independent complex factors.
+
+    μ is bounded above by D-scaling, μ(M) <= min_D σ_max(D M D⁻¹), D diagonal, over all frequencies
+    by level sets.
 
     game: the plant
     K: (m, n)
 
-    μ(M) <= min_D σ_max(D M D⁻¹), D diagonal, by level sets over all frequencies. Raises
-    NoSolutionError when A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE Control
-    Systems Magazine 40 (2020), 78-95."""
+    Raises NoSolutionError when A - B K is not Hurwitz. Source: Seiler, Packard and Gahinet, IEEE
+    Control Systems Magazine 40 (2020), 78-95.
+    """
     return disk_of(loop_at_inputs(game, K))
 
 
 def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     """Return the margin of `disk_margin` for any loop.
 
-    near: a frequency, rad/s, at which it is about smallest: known ones make the search shorter
+    near: estimate of the critical frequency, rad/s, which shortens the search
 
-    σ_max(D M D⁻¹) crosses a level only at `level_crossings`. The best D in the middle of a piece of
-    the axis therefore shows that other parts are below the level. The remaining parts are divided
-    again, at a level above all bounds met, until none remains. Source: Lawrence, Tits and Van
-    Dooren, Automatica 36 (2000), 449-456."""
+    σ_max(D M D⁻¹) crosses a level only at `level_crossings`. So the best D in the middle of an
+    interval of the axis shows that other intervals are below the level. The remaining intervals are
+    divided again, at a level above all bounds found, until none remains. Source: Lawrence, Tits and
+    Van Dooren, Automatica 36 (2000), 449-456.
+    """
     poles = np.linalg.eigvals(loop.A)
     ends = np.unique(np.concatenate([[0.0], np.abs(poles), np.abs(poles.imag)]))
     pieces = list(pairwise([*ends.tolist(), math.inf]))
@@ -154,7 +160,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
 
 
 def _between(low: float, high: float) -> float:
-    """A frequency between two, of which the second may be infinite."""
+    """Return a frequency between two, of which the second may be infinite."""
     if math.isinf(high):
         return 4.0 * low or 1.0
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
@@ -163,8 +169,10 @@ def _between(low: float, high: float) -> float:
 def _above(
     loop: ClosedLoop, scaling: np.ndarray, level: float, pieces: list[Piece], cut: float
 ) -> Iterator[Piece]:
-    """The parts of pieces of the axis where σ_max(D M D⁻¹) is above a level; cut: where it is
-    not."""
+    """Yield the parts of intervals of the axis where σ_max(D M D⁻¹) is above a level.
+
+    cut: a frequency at which it is not
+    """
     D = np.exp(scaling)
     C = D[:, None] * loop.C
     through = D[:, None] * loop.D / D
@@ -181,12 +189,15 @@ def _above(
 
 
 def best_scaling(M: np.ndarray) -> np.ndarray:
-    """log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal: the upper bound of μ(M), M: (m,
-    m) complex.
+    """Return log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal, the upper bound of μ(M).
 
-    Exact for m <= 3.  BFGS with a line search that needs no smoothness: the smallest is often at
-    a kink, where two singular values are the largest.  Sources: Packard and Doyle, Automatica 29
-    (1993), 71-109; Lewis and Overton, Mathematical Programming 141 (2013), 135-163."""
+    The bound is exact for m <= 3. The method is BFGS with a line search that needs no smoothness,
+    because the minimum is often at a kink where the two largest singular values are equal. Sources:
+    Packard and Doyle, Automatica 29 (1993), 71-109; Lewis and Overton, Mathematical Programming 141
+    (2013), 135-163.
+
+    M: (m, m), complex
+    """
     start = _osborne_scaling(M)
     free = start[:-1] - start[-1]
     size, slope = _norm_and_slope(free, M)
@@ -224,24 +235,27 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]:
-    """σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,): its singular vectors are
-    u, v; D_m = 1."""
+    """Return σ = σ_max(D M D⁻¹) and ∂σ/∂log D_i = σ (|u_i|² - |v_i|²), (m - 1,).
+
+    u, v are its singular vectors; D_m = 1.
+    """
     D = np.exp(np.append(free, 0.0))
     u, sizes, v = np.linalg.svd(D[:, None] * M / D)
     return float(sizes[0]), sizes[0] * (np.abs(u[:-1, 0]) ** 2 - np.abs(v[0, :-1]) ** 2)
 
 
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
-    """σ_max(D M D⁻¹) of one matrix or of a stack (..., m, m) with its scalings (..., m)."""
+    """Return σ_max(D M D⁻¹) of one matrix, or of a stack (..., m, m) with its scalings (..., m)."""
     scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
     return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal: a good
-    start.
+    """Return log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal.
 
-    M: (..., m, m), one matrix or a stack; returns (..., m).
+    It is an initial scaling, (..., m).
+
+    M: (..., m, m), one matrix or a stack
     """
     off = np.abs(M) ** 2 * (1.0 - np.eye(M.shape[-1]))
     log_D = np.zeros(M.shape[:-1])
@@ -255,6 +269,6 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:
-    """The real gain and the phase, degrees, of a disk of margin α."""
+    """Return the real gain and the phase, degrees, of a disk with margin α."""
     gain = (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else math.inf
     return gain, math.degrees(2.0 * math.atan(alpha / 2.0))

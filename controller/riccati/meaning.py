@@ -1,4 +1,4 @@
-"""Cost of the policies of a solution, and their L2 gain by two methods."""
+"""Checks of the cost of a solution's policies, and of their L2 gain by two methods."""
 
 from __future__ import annotations
 
@@ -20,19 +20,26 @@ SWEEP_TOLERANCE = 1e-6
 
 
 def meaning_checks(game: Game, P: np.ndarray, initial: np.ndarray) -> tuple[Check, ...]:
-    """The cost of the policies equals z0'P z0, and the L2 gain is below delta.
+    """Return the checks that the policies cost z0'P z0, and that the L2 gain is below delta.
 
-    P: (n, n), exact or learned; initial z0: (n,).  With delta = inf (no disturbance) the gain is
-    not limited."""
+    With delta = inf (no disturbance) the gain is not limited.
+
+    P: (n, n), exact or learned
+    initial: z0, (n,)
+    """
     return cost_check(game, P, initial), *gain_checks(game, game.gain(P))
 
 
 def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
-    """X with cost z0'X z0 of u = -K z, d = L z:  F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K +
-    E L.
+    """Return X, (n, n), with the cost z0'X z0 of u = -K z, d = L z.
 
-    K: (m, n); L: (k, n); X: (n, n).  Raises NoSolutionError when F is not Hurwitz: the cost is not
-    finite."""
+    F'X + X F + Q + K'R K - δ² L'L = 0,  F = A - B K + E L.
+
+    K: (m, n)
+    L: (k, n)
+
+    Raises NoSolutionError when F is not Hurwitz, where the cost is not finite.
+    """
     from scipy.linalg import solve_continuous_lyapunov
 
     loop = game.A - game.B @ K + game.E @ L
@@ -51,7 +58,10 @@ def cost_matrix(game: Game, K: np.ndarray, L: np.ndarray) -> np.ndarray:
 
 
 def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
-    """The policies of P cost z0'P z0, by a Lyapunov equation. initial: z0, (n,)."""
+    """Return the check that the policies of P cost z0'P z0, by a Lyapunov equation.
+
+    initial: z0, (n,)
+    """
     K = game.gain(P)
     L = game.disturbance_gain(P)
     name = "cost_lyapunov"
@@ -67,7 +77,8 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
 
 
 def gain_checks(game: Game, K: np.ndarray) -> tuple[Check, ...]:
-    """The gain of the closed loop is below delta, and the two methods agree on it."""
+    """Return the checks that the gain of the loop is below delta, and that two methods agree on
+    it."""
     gain = bounded_real_gain(game, K)
     if math.isinf(gain):
         reason = "A - B K is not Hurwitz: the closed loop has no finite L2 gain"

@@ -1,4 +1,4 @@
-"""The normal form of a game: balanced units of state, R = I, δ = 1. Every solver works on it."""
+"""Normal form of a game, on which every solver works: balanced units of the state, R = I, δ = 1."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ BACKWARD = 32.0 * float(np.finfo(float).eps)
 
 
 class Sizes(NamedTuple):
-    """The magnitudes of the numbers from which A, B, E and Q of a game were computed, entry by
-    entry: of a sum, the sum of the magnitudes of its parts. Rounding is relative to these, not to
-        the difference.
+    """Magnitudes of the numbers from which A, B, E and Q of a game were computed, entry by entry.
+
+    The size of a sum is the sum of the magnitudes of its terms. Rounding is relative to it, not to
+    the difference.
 
     A: (n, n)
     B: (n, m), where R = I
@@ -50,7 +51,7 @@ class Sizes(NamedTuple):
     Q: np.ndarray
 
     def in_coordinates(self, T: np.ndarray, inverse: np.ndarray) -> Sizes:
-        """Return the form in the coordinates y = T z."""
+        """Return the sizes in the coordinates y = T z."""
         into = np.abs(T)
         back = np.abs(inverse)
         return Sizes(into @ self.A @ back, into @ self.B, into @ self.E, back.T @ self.Q @ back)
@@ -58,18 +59,18 @@ class Sizes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class NormalForm:
-    """A'X + X A + Q - X S X = 0 with S = B B' - E E': one game or a stack of games, in y = T z.
+    """Equation A'X + X A + Q - X S X = 0, S = B B' - E E', of one game or a stack, in y = T z.
 
     A: (..., n, n)
     inputs: (..., n, m), B of the game in y, before R = I; exact, because rounding would hide a mode
         that it barely reaches
-    disturbance: (..., n, k), E of the game in y, before it is divided by delta
+    disturbance: (..., n, k), E of the game in y, before division by delta
     Q: (..., n, n)
-    T: (..., n, n), the P of a game is T'X T
+    T: (..., n, n); the P of a game is T'X T
     root: (m, m), lower triangular, R = root root'
-    delta: of the games
-    R: (m, m) of the user
-    made_of: sizes of the terms of the matrices of one game, None where they are given
+    delta: delta of the games
+    R: (m, m), R of the user
+    made_of: sizes of the terms of the matrices of one game, or None for given matrices
     """
 
     A: np.ndarray
@@ -85,15 +86,16 @@ class NormalForm:
     @classmethod
     @lru_cache(maxsize=8)
     def of(cls, game: Game) -> NormalForm:
-        """Return the normal form of one game, computed once for each game."""
+        """Return the normal form of one game, cached for each game."""
         return cls.of_plants(game.A, game.B, game)
 
     @classmethod
     def of_plants(cls, A: np.ndarray, B: np.ndarray, like: Game) -> NormalForm:
-        """Return the normal form of games on plants A (..., n, n), B (..., n, m), with E, Q, R and
-        delta of `like`.
+        """Return the normal form of games on plants A (..., n, n), B (..., n, m).
 
-        Source of the scaling by R^-½: Zhou, Doyle and Glover, Section 14.1."""
+        E, Q, R and delta are those of `like`. Source of the scaling by R^-½: Zhou, Doyle and
+        Glover, Section 14.1.
+        """
         root = np.linalg.cholesky(like.R)
         A = without_faint(A, FAINT)
         B = without_faint(B, FAINT**0.5)
@@ -135,17 +137,17 @@ class NormalForm:
         return replace(self, delta=delta)
 
     def game(self) -> Game:
-        """The game in y, with the R and delta of the user."""
+        """Return the game in y, with the R and delta of the user."""
         return Game(self.A, self.inputs, self.disturbance, self.Q, self.R, self.delta)
 
     @cached_property
     def B(self) -> np.ndarray:
-        """B of inputs in which R = I, (..., n, m)."""
+        """B with R = I, (..., n, m)."""
         return np.linalg.solve(self.root, self.inputs.mT).mT
 
     @cached_property
     def E(self) -> np.ndarray:
-        """E of a disturbance with δ = 1, (..., n, k)."""
+        """E with δ = 1, (..., n, k)."""
         return self.disturbance / self.delta
 
     @cached_property
@@ -155,10 +157,12 @@ class NormalForm:
 
     @cached_property
     def rounded(self) -> np.ndarray:
-        """Return what rounding of the root of R, of B and of E has changed of B B' - E E', (..., n,
-        n), to first order.
+        """Change of B B' - E E' due to rounding of the root of R, of B and of E, (..., n, n), to
+        first order.
 
-        Next to the smallest delta the two nearly cancel, and P would be that of another game."""
+        Near the smallest delta the two terms nearly cancel, and without this correction P would be
+        that of another game.
+        """
         root = self.root
         half = np.zeros_like(self.A)
         if not np.array_equal(root, self.R):  # R = I leaves B as it is
@@ -172,45 +176,49 @@ class NormalForm:
 
     @property
     def units(self) -> np.ndarray:
-        """u with z_i = u_i y_i, (n,), powers of two, of a form that is not turned."""
+        """Units u with z_i = u_i y_i, (n,), powers of two; the form must not be turned."""
         return np.asarray(1.0 / np.diag(self.T))
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """X of a P, or of a stack of them, in the user's coordinates; the form is not turned."""
+        """Return X for a P, or for a stack of them, in the user's coordinates; the form must not be
+        turned."""
         return P * np.outer(self.units, self.units)
 
     @property
     def is_finite(self) -> np.ndarray:
-        """True if every number of a game is finite in these units, (...)."""
+        """Mask of the games with finite numbers in these units, (...)."""
         with np.errstate(all="ignore"):
             return np.isfinite(self.hamiltonian).all(axis=(-2, -1))
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
-        """[[A, -S], [-Q, -A']], (..., 2n, 2n)."""
+        """Hamiltonian [[A, -S], [-Q, -A']], (..., 2n, 2n)."""
         return hamiltonian(self.A, self.S, self.Q)
 
     @property
     def sizes(self) -> Sizes:
-        """`made_of`, or the magnitudes of the entries themselves."""
+        """`made_of`, or the magnitudes of the entries where it is None."""
         if self.made_of is not None:
             return self.made_of
         return Sizes(*(np.abs(each) for each in (self.A, self.B, self.disturbance, self.Q)))
 
     @property
     def hamiltonian_sizes(self) -> np.ndarray:
-        """Return the sizes of the entries of the Hamiltonian of one game, (2n, 2n)."""
+        """Sizes of the entries of the Hamiltonian of one game, (2n, 2n)."""
         A, B, E, Q = self.sizes
         E = E / self.delta
         return np.block([[A, B @ B.T + E @ E.T], [Q, A.T]])
 
     def residual(self, X: np.ndarray) -> np.ndarray:
-        """A'X + X A + Q - X S X, (..., n, n), X symmetric, computed with twice the digits.
+        """Return A'X + X A + Q - X S X, (..., n, n), computed with twice the digits.
 
-        Cancellation in it causes no rounding: corrections of X by such residuals end at the
-        rounding of X itself, however badly conditioned the equation (Wilkinson's iterative
+        Cancellation causes no rounding in it. Corrections of X by such residuals end at the
+        rounding of X itself, however badly conditioned the equation is (Wilkinson's iterative
         refinement). In double precision they end at a relative error of 1e-16 times the condition,
-        which is 1e-6 a thousandth above the smallest δ of an ordinary game of ten states."""
+        which is 1e-6 a thousandth above the smallest δ of an ordinary game with ten states.
+
+        X: (..., n, n), symmetric
+        """
         n = X.shape[-1]
         high, low = product_of_doubles(X, np.concatenate([self.A, self.B, self.E], axis=-1))
         linear = high[..., :n], low[..., :n]
@@ -222,11 +230,14 @@ class NormalForm:
         return np.asarray(total[0] + (mixed + mixed.mT + X @ self.rounded @ X))
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
-        """max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|) of each game, X
-        (..., n, n), symmetric, |·| entry by entry.
+        """Return the largest residual of each game relative to its terms, (...).
 
-        |S| denotes |B B'| + |E E'|: cancellation between the two players does not count as
-        smallness."""
+        It is max |A'X + X A + Q - X S X| / max (|A|'|X| + |X||A| + |Q| + |X||S||X|), |·| entry by
+        entry. |S| denotes |B B'| + |E E'|, so that cancellation between the two players does not
+        count as smallness.
+
+        X: (..., n, n), symmetric
+        """
         S_size = np.abs(self.B @ self.B.mT) + np.abs(self.E @ self.E.mT)
         size = np.abs(X)
         linear = X @ self.A
@@ -239,20 +250,20 @@ class NormalForm:
         )
 
     def value(self, X: np.ndarray) -> np.ndarray:
-        """P of the game in the user's coordinates, (..., n, n), symmetric."""
+        """Return P in the user's coordinates, (..., n, n), symmetric."""
         P = self.T.mT @ X @ self.T
         return (P + P.mT) / 2.0
 
     def gain(self, X: np.ndarray) -> np.ndarray:
-        """K of u = -K z in the user's coordinates, (..., m, n)."""
+        """Return K of u = -K z in the user's coordinates, (..., m, n)."""
         return np.linalg.solve(self.root.T, self.B.mT @ X @ self.T)
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
-        """L of the worst d = L z in the user's coordinates, (..., k, n)."""
+        """Return L of the worst disturbance d = L z in the user's coordinates, (..., k, n)."""
         return (self.E.mT @ X @ self.T) / self.delta
 
     def turned(self) -> Self:
-        """Return the game, (n, n), in coordinates in which the P of its LQ problem is moderate.
+        """Return the game (n, n) in coordinates in which the P of its LQ problem is moderate.
 
         The game itself is returned where P is moderate. A mode that the input reaches only by the
         part r costs 1/r², and its rounding hides all other modes: the step T <- D W'T turns the
@@ -277,11 +288,12 @@ class NormalForm:
         return self
 
     def levelled(self) -> Self:
-        """Return the game, (n, n), in coordinates in which the P of its LQ problem is near I.
+        """Return the game (n, n) in coordinates in which the P of its LQ problem is near I.
 
-        Fast states next to slow ones make a P from 1e-11 to 1, in whose coordinates rounding of
-        the fast states hides the slow ones. A direction in which P is only rounding keeps its unit.
-        The game itself is returned where P is not found."""
+        Fast and slow states together make a P with entries from 1e-11 to 1, in whose coordinates
+        rounding of the fast states hides the slow ones. A direction in which P is only rounding
+        keeps its unit. The game itself is returned where P is not found.
+        """
         from controller.riccati.schur import stable_basis
 
         form = self.turned()
@@ -300,7 +312,8 @@ class NormalForm:
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """Return the game in the coordinates D W'y, rounded once at the end.
 
-        W: orthogonal, apart from rounding. D: powers of two, (n,).
+        W: (n, n), orthogonal but for rounding
+        D: (n,), powers of two
         """
         inverse = precise_inverse(W)
         Q = product(product(transposed(inverse), exact(self.Q)), inverse)[0]
@@ -316,19 +329,19 @@ class NormalForm:
 
 
 def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
-    """(D W') M (D W')⁻¹, for W and D of `_turned_by`."""
+    """Return (D W') M (D W')⁻¹, with W and D as for `_turned_by`."""
     high, low = product(product(exact(W.T), matrix), precise_inverse(W))
     scale = D[:, None] / D
     return high * scale, low * scale
 
 
 def precise_inverse(W: np.ndarray) -> Pair:
-    """(W')⁻¹, of a W that is orthogonal but for rounding."""
+    """Return (W')⁻¹ for a W that is orthogonal but for rounding."""
     high, low = product_of_doubles(W.T, W)
     defect = np.eye(len(W)) - high, -low
     return add(exact(W), product(exact(W), defect))  # a step of Newton's method
 
 
 def without_faint(matrix: np.ndarray, least: float) -> np.ndarray:
-    """The matrix with 0 in place of numbers so small that their products have no digits."""
+    """Return the matrix with 0 in place of numbers so small that their products have no digits."""
     return np.where(np.abs(matrix) < least, 0.0, matrix)

@@ -1,4 +1,4 @@
-"""Distance of a plant from one with a mode that no input reaches."""
+"""Distance of a plant from plants with a mode that no input reaches."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ _PASSES = 3
 
 
 def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """The least relative change found of entries of A and B that leaves a mode that does not decay
-    out of reach, (N,), or 1 where every mode decays.
+    """Return the least relative change found of A and B that makes a mode uncontrollable, (N,).
+
+    The mode must not decay. The result is 1 where every mode decays.
 
     A: (N, n, n)
     B: (N, n, m)
@@ -35,12 +36,12 @@ def least_reach(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def not_decaying(values: np.ndarray) -> np.ndarray:
-    """The nearest eigenvalues with a real part of at least 0."""
+    """Return the nearest eigenvalues with a real part of at least 0."""
     return np.maximum(values.real, 0.0) + 1j * values.imag
 
 
 def on_axis(values: np.ndarray) -> np.ndarray:
-    """The nearest eigenvalues on the imaginary axis."""
+    """Return the nearest eigenvalues on the imaginary axis."""
     return 1j * values.imag
 
 
@@ -61,17 +62,20 @@ def rank_distance(
     values: np.ndarray,
     nearest: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Return the least relative change found of entries of A and rows with which [A' - λI; rows]
-    has no full column rank, (K,), up to 1: an upper bound, attained by one vector.
+    """Return the least relative change found with which [A' - λI; rows] loses full column rank,
+    (K,).
+
+    It is an upper bound, up to 1, attained by one vector.
 
     A: (K, n, n)
     rows: (K, p, n)
     values: (K,), initial λ of the search
-    nearest: the allowed λ that are nearest to others
+    nearest: function that returns the nearest allowed λ
 
-    With λ the vector of the smallest singular value is sought, each row divided by the sizes of its
-    terms, so that fast states do not hide entries of slow ones. Source: Higham, Accuracy and
-    Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager)."""
+    Together with λ the vector of the smallest singular value is sought. Each row is divided by the
+    sizes of its terms, so that fast states do not hide entries of slow ones. Source: Higham,
+    Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli and Prager).
+    """
     n = A.shape[-1]
     both = np.concatenate([A.mT, rows], axis=1)
     sizes = np.abs(both)
@@ -105,13 +109,15 @@ def rank_distance(
 
 
 def least_vectors(matrices: np.ndarray) -> np.ndarray:
-    """Right singular vectors of the least singular values by inverse iteration, (K, n, 1).
+    """Return the right singular vectors of the least singular values by inverse iteration, (K, n,
+    1).
 
     matrices: (K, p, n), p >= n
 
-    A singular triangle is moved by rounding. Singular values are computed where its inverse
-    overflows (a chain of 20 integrators). Source: Golub and Van Loan, Matrix Computations, Section
-    5.5.7."""
+    A singular triangular factor is perturbed by rounding. Singular values are computed where its
+    inverse overflows (a chain of 20 integrators). Source: Golub and Van Loan, Matrix Computations,
+    Section 5.5.7.
+    """
     from scipy.linalg.lapack import ztrtri
 
     triangle = np.linalg.qr(matrices, mode="r")

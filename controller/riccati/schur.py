@@ -1,4 +1,4 @@
-"""The stable subspace of a Hamiltonian by its ordered Schur form."""
+"""Stable subspace of a Hamiltonian from its ordered Schur form."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ import numpy as np
 
 
 def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
-    """(2n, n), orthonormal, of the stable subspace of a Hamiltonian, or None where it has not half
-    the dimension."""
+    """Return an orthonormal basis (2n, n) of the stable subspace of a Hamiltonian.
+
+    The result is None where the dimension is not n.
+    """
     return ordered_basis(matrix, job=b"N")[0]
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return the basis of the stable subspace, and the separation if requested.
+    """Return the basis of the stable subspace, and its separation if requested by `job`.
 
     LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
-    and prints two lines after a signal."""
+    and prints two lines after a signal.
+    """
     from scipy.linalg.lapack import dgees, dtrsen
 
     half = len(matrix) // 2

@@ -1,5 +1,4 @@
-"""Disturbance weights for which the game has a value: the smallest delta, and why there may be none
-at all."""
+"""Smallest disturbance weight for which a game has a value, and reasons why none may exist."""
 
 from __future__ import annotations
 
@@ -35,14 +34,14 @@ _NEAR_AXIS = 1e-6
 
 
 class DeltaMin(NamedTuple):
-    """delta_min = inf{δ : there is a solution}, bracketed: refused < delta_min <= value.
+    """Bracket refused < delta_min <= value of delta_min = inf{δ : a solution exists}.
 
-    value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`).  Both are 0
-    when the disturbance does not reach the cost.
+    value / refused <= 1 + 1e-6, or more where rounding hides the minimum (`uncertain`). Both are 0
+    when the disturbance does not affect the cost.
 
     value: smallest delta with a solution, from above
     refused: largest delta without a solution, from below
-    condition: of a generalized plant, the condition that fails below, or "none"
+    condition: for a generalized plant, the condition that fails below, or "none"
     """
 
     value: float
@@ -50,7 +49,7 @@ class DeltaMin(NamedTuple):
     condition: str = ""
 
     def margin(self, delta: float) -> float:
-        """delta / delta_min: above 1 the game has a value."""
+        """Return delta / delta_min; above 1 the game has a value."""
         return delta / self.value if self.value > 0.0 else math.inf
 
     @property
@@ -59,7 +58,7 @@ class DeltaMin(NamedTuple):
         return self.value > self.refused * (1.0 + 2.0 * TOLERANCE)
 
     def advice(self, delta: float) -> str:
-        """Return delta relative to delta_min, and the change to make, where a solution fails a
+        """Return delta relative to delta_min, and the change to make where a solution fails a
         test."""
         what = "; ask for a larger delta"
         excess = self.margin(delta) - 1.0
@@ -79,7 +78,7 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return the smallest δ of a game, to 1e-6 relative, independent of the delta in the game.
+    """Return the smallest δ of a game, to 1e-6 relative, independent of the game's own delta.
 
     Raises NoSolutionError when none exists, and names the mode that rules out every solution, if
     one is found.
@@ -94,12 +93,14 @@ def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
 
 
 def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> DeltaMin:
-    """`minimum_delta` by bisection of log δ on `existence`.
+    """Return `minimum_delta` by bisection of log δ on `existence`.
 
-    The set of good δ is an interval (delta_min, inf]: a disturbance that pays more can do less. The
-    search starts above the L2 gain of the LQR policy, which is never below delta_min because that
-    policy attains it. Where that policy cannot be certified the policy of the game itself serves as
-    well. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11."""
+    The set of δ with a value is an interval (delta_min, inf], because a larger δ makes the
+    disturbance more expensive. The search starts above the L2 gain of the LQR policy, which is
+    never below delta_min because that policy attains it. Where this policy cannot be certified, the
+    policy of the game itself is used. Source: Basar and Bernhard, H-infinity Optimal Control,
+    Theorem 4.11.
+    """
     found = _some_solution(form)
     inside = found.form
     if not inside.disturbance.any():
@@ -127,7 +128,7 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
 def why_refused(form: NormalForm, failure: str, progress: Progress | None = None) -> str:
     """Return why a game is refused, its delta compared with the smallest, and the remedy.
 
-    failure: the test of the certificate that failed.
+    failure: the test of the certificate that failed
 
     Raises NoSolutionError when no delta suffices.
     """
@@ -139,7 +140,7 @@ def why_refused(form: NormalForm, failure: str, progress: Progress | None = None
 
 
 def _some_solution(form: NormalForm) -> Certified:
-    """Return a solution of the problem without disturbance, or else of the game."""
+    """Return a solution of the game without disturbance, or else of the game."""
     (reached,) = reach_checks(form)
     if not reached.ok:
         raise NoSolutionError(lqr_obstacle(form, reached.reason))
@@ -156,7 +157,7 @@ def _some_solution(form: NormalForm) -> Certified:
 def lqr_obstacle(form: NormalForm, failure: str) -> str:
     """Return one line on why A'P + P A + Q - P B R⁻¹ B' P = 0 has no stabilizing solution.
 
-    failure: of its certificate.
+    failure: the failed test of its certificate
     """
     unreached = (
         "to rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave that"
@@ -174,13 +175,13 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
 
 
 class Obstacle(NamedTuple):
-    """The reason why no solution exists at any delta.
+    """Reason why no solution exists at any delta.
 
     sentence: the reason, or ""
-    reach: the least relative size with which the inputs reach an unstable mode
-    mode: the name of that mode
-    shown: the least relative change of A and Q^½ that leaves an eigenvalue on the axis without cost
-    undamped: the name of that mode
+    reach: least relative size with which the inputs reach an unstable mode
+    mode: name of that mode
+    shown: least relative change of A and Q^½ that leaves an eigenvalue on the axis without cost
+    undamped: name of that mode
     """
 
     sentence: str
@@ -190,9 +191,9 @@ class Obstacle(NamedTuple):
     undamped: str
 
     def faint(self, reach: str, show: str) -> str:
-        """Return the mode that is reached or shown too little, in words, or "" if none exists.
+        """Return the mode that is reached or observed too weakly, in words, or "" without one.
 
-        reach, show: "the inputs reach" and "Q shows", or others.
+        reach, show: "the inputs reach" and "Q shows", or other words
         """
         reached = self.reach, f"{reach} the {self.mode}"
         part, text = min(reached, (self.shown, f"{show} the {self.undamped}"))
@@ -205,14 +206,15 @@ class Obstacle(NamedTuple):
 def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
     """Return the reason why no solution exists without disturbance.
 
-    unreached, hidden: sentences about a mode {}.
+    unreached, hidden: sentences with {} for the mode
 
-    The Riccati equation without disturbance has a stabilizing solution exactly when [A - λI, B] has
-    full rank for every eigenvalue λ of A with Re λ >= 0 (stabilizable; else unreached) and [A - λI;
-    Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q is not an obstacle: P is
-    then the least cost among the policies with which the state converges to 0. A mode that rounding
-    may have moved off the axis is searched for on it too. Source: Zhou, Doyle and Glover, Theorem
-    13.7."""
+    The Riccati equation without disturbance has a stabilizing solution exactly when two matrices
+    have full rank: [A - λI, B] for every eigenvalue λ of A with Re λ >= 0 (stabilizable; else
+    unreached), and [A - λI; Q] for every λ with Re λ = 0 (else hidden). An unstable mode outside Q
+    is not an obstacle: P is then the least cost among the policies with which the state converges
+    to 0. A mode that rounding may have moved off the axis is also searched for on it. Source: Zhou,
+    Doyle and Glover, Theorem 13.7.
+    """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     sentence = ""
     least_reach = 1.0
@@ -241,11 +243,11 @@ def obstacle(form: NormalForm, unreached: str, hidden: str) -> Obstacle:
 
 
 def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
-    """Return each eigenvalue of A, with the distance by which rounding of the entries of A may move
-    it, to first order.
+    """Return each eigenvalue of A, with its possible change due to rounding of A, to first order.
 
-    That is y'|D|x / |y'x| for a change D of the entries by rounding; at most `_NEAR_AXIS` of the
-    size of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2."""
+    It is y'|D|x / |y'x| for a change D of the entries by rounding, at most `_NEAR_AXIS` of the size
+    of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2.
+    """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size
     try:
@@ -258,7 +260,10 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
 
 
 def _mode_text(eigenvalue: complex, error: float) -> str:
-    """Return, for a message, "mode with eigenvalue 0.5 ± 1i"; a part up to the error is 0."""
+    """Return "mode with eigenvalue 0.5 ± 1i" for a message.
+
+    A part up to the error is printed as 0.
+    """
     real = eigenvalue.real if abs(eigenvalue.real) > error else 0.0
     text = f"mode with eigenvalue {real:.4g}"
     if abs(eigenvalue.imag) > error:
@@ -267,8 +272,11 @@ def _mode_text(eigenvalue: complex, error: float) -> str:
 
 
 def dependence(A: np.ndarray, value: complex, rows: np.ndarray, size: float) -> float:
-    """Smallest singular value of [A' - λI; rows], relative, the rows brought to the size of A
-    first: 0 or rounding where it has no full column rank."""
+    """Return the smallest singular value of [A' - λI; rows], relative to the size of A.
+
+    The rows are scaled to the size of A first. The result is rounding where the matrix has no full
+    column rank.
+    """
     scaled = rows * (size / (float(np.linalg.norm(rows, 2)) or 1.0))
     stacked = np.vstack([A.T - value * np.eye(len(A)), scaled])
     return float(np.linalg.svd(stacked, compute_uv=False)[-1]) / size

@@ -1,4 +1,4 @@
-"""The report of the exact solution of a game: its policies in flight, and their margins."""
+"""Report of the exact solution of a game: its cost, its closed loop and its margins."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ class AnalysedGame(Solution):
         return found
 
     def report(self) -> Report:
-        """The report of the solution with delta_min, the cost of the policies and margins."""
+        """Return the report of the solution with delta_min, the cost of the policies and
+        margins."""
         solved = super().report()
         disk = self.disk_margin
         doubt = ""
@@ -92,18 +93,18 @@ class AnalysedGame(Solution):
 
     @property
     def solution(self) -> Solution:
-        """The name of this object in 0.3."""
+        """This object, under its name of 0.3."""
         return self
 
 
 @checks_arguments
 def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
-    """Return the certified solution of a game, its smallest delta, the cost of its policies, and
-    margins.
+    """Return the certified solution of a game with its smallest delta, cost and margins.
 
-    Everything is computed in normal form: the verdict must not depend on the user's units, and the
-    flight whose cost is compared starts at one unit of each state. progress: of the search for
-    delta_min.
+    Everything is computed in normal form, so that the verdict does not depend on the user's units.
+    The flight whose cost is compared starts at one unit of each state.
+
+    progress: of the search for delta_min
 
     Raises NoSolutionError when the game is not certified, or when its policies contradict the
     certificate.
@@ -134,10 +135,11 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
 @checks_arguments
 def lqr(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
-    """Return the linear-quadratic regulator u = -K z, the game of `hfa.game(linear, Q, R)` without
-    a disturbance.
+    """Return the linear-quadratic regulator u = -K z.
 
-    linear: A and B, and its names
+    It is the solution of `hfa.game(linear, Q, R)`, which has no disturbance.
+
+    linear: the linear model, with A and B
     Q, R: as for `hfa.game`
 
     >>> import hfa
@@ -149,7 +151,7 @@ def lqr(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
 
 
 def _margins_table(analysed: AnalysedGame) -> Table:
-    """Gain, phase and disk of each input."""
+    """Return the table of gain, phase and disk margins of each input."""
     inputs = analysed.names.inputs
     rows = []
     for name, loop in zip(inputs, analysed.loops, strict=True):

@@ -1,1 +1,1 @@
-"""A learned critic compared with the exact solution."""
+"""Comparison of learned critics with the exact solution of their game."""

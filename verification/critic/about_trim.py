@@ -1,4 +1,4 @@
-"""The model about its trim in a verdict: the nonlinear plant, and the box of states."""
+"""The nonlinear plant about its trim, and the box of states, for a verdict."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from verification.critic.critic_errors import Box
 
 
 class NonlinearPlant(NamedTuple):
-    """A plant in deviations from its trim.
+    """Nonlinear plant in deviations from its trim.
 
-    rates: (z, u) -> z'.
-    lowest, highest: (m,), limits of u.
+    rates: (z, u) -> z'
+    lowest, highest: (m,), limits of u
     """
 
     rates: ca.Function
@@ -24,13 +24,15 @@ class NonlinearPlant(NamedTuple):
     highest: np.ndarray
 
     def closed(self, z: ca.SX, u: ca.SX) -> ca.SX:
-        """z' under u, held within the limits."""
+        """Return z' under u, saturated at its limits."""
         return self.rates(z, ca.fmin(ca.fmax(u, ca.DM(self.lowest)), ca.DM(self.highest)))
 
 
 def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
-    """The model about its trim, within the limits of its inputs; states that the linear model lacks
-    are held."""
+    """Return the plant about the trim of a linear model, within the limits of its inputs.
+
+    States that the linear model omits are constant.
+    """
     point = linear.point
     model = point.model
     z = ca.SX.sym("z", len(linear.states))
@@ -50,8 +52,10 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 
 
 def box_within_limits(linear: LinearModel) -> Box | None:
-    """The states between the limits that the model declares, the largest box symmetric about the
-    trim, or None where a state has no limits."""
+    """Return the largest box of states within the declared limits, symmetric about the trim.
+
+    The result is None where a state has no limits.
+    """
     limits = Limits.of(linear.model, linear.states)
     trim = linear.point.states._asdict()
     at_trim = np.array([trim[name] for name in linear.states], dtype=float)

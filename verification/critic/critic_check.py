@@ -1,4 +1,5 @@
-"""A learned critic compared with the exact solution of its game: errors, and checks of its loop."""
+"""Check of a learned critic against the exact solution of its game: errors, and the critic's
+loop."""
 
 from __future__ import annotations
 
@@ -134,7 +135,7 @@ def _flight_cost(game: Game, exact: Solution, K: np.ndarray) -> FlightCost:
 
 
 def _loop_checks(game: Game, critic: Critic, lost: FlightCost) -> list[Check]:
-    """Return the checks that A - B K is stable and its L2 gain below delta."""
+    """Return the checks that A - B K is stable and that its L2 gain is below delta."""
     abscissa = math.inf
     if critic.finite:
         abscissa = spectrum(game.A - game.B @ critic.K).abscissa
@@ -150,8 +151,8 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     """Return the checks that P is a value: stabilizing, not indefinite, a root of the Riccati
     equation.
 
-    The value of a state that costs nothing may be 0, which rounding makes negative; the certificate
-    allows the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
+    The value of a state without cost may be 0, which rounding makes negative; the certificate
+    accepts the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
     eigenvalues by no more (Weyl).
     """
     form = NormalForm.of(game)
@@ -181,8 +182,8 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
 
 
 def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCost) -> Section:
-    """Return the section on the critic's cost in closed loop and its margins, compared with the
-    exact ones."""
+    """Return the section on the critic's cost and margins in closed loop, compared with the exact
+    ones."""
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):
@@ -207,7 +208,7 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """A network that is a polynomial, whose errors are bounded."""
+    """Return the section on a network that is a polynomial, whose errors have proved bounds."""
     data = {
         "output": "V",
         "precision": critic.precision,

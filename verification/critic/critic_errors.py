@@ -1,11 +1,12 @@
-"""Errors of a critic: in norms, entry by entry, and over a box of states.
+"""Errors of a critic in norms, entry by entry, and over a box of states.
 
-V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, b the half widths of
-the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1: the sum of |c_m ψ_m(b)| bounds the error at
-every state of the box, and so for the derivatives. No polynomial hides between samples.
+V - V* is a polynomial with the coefficients c = W - W*. In y_i = z_i / b_i, with b the half widths
+of the box, it is Σ_m c_m ψ_m(b) ψ_m(y) with |ψ_m(y)| <= 1. So the sum of |c_m ψ_m(b)| bounds the
+error at every state of the box. Derivatives are bounded in the same way, and no error between
+samples is missed.
 
-The scale of a linear problem is arbitrary, so each bound holds for every box λb with 1/`REACH` <=
-λ <= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
+The scale of a linear problem is arbitrary, so each bound holds for every box λb with 1/`REACH` <= λ
+<= `REACH`: a term of degree p counts λ^(p-2) times as much as the quadratic V*.
 """
 
 from __future__ import annotations
@@ -30,30 +31,31 @@ SMALL = 1e-5
 
 
 class Exact(Protocol):
-    """The exact solution: the value z'Pz and the policies u = -K z, d = L z."""
+    """Exact solution: the value z'Pz and the policies u = -K z, d = L z."""
 
     @property
     def P(self) -> Matrix:
-        """The exact solution."""
+        """Matrix of the value, (n, n)."""
 
     @property
     def K(self) -> Matrix:
-        """The gain."""
+        """Gain, (m, n)."""
 
     @property
     def disturbance_gain(self) -> np.ndarray:
-        """L, (k, n)."""
+        """Gain L of the worst disturbance, (k, n)."""
 
     @property
     def names(self) -> PlantNames:
-        """The names of the states and inputs."""
+        """Names of the states and inputs."""
 
 
 class Box(NamedTuple):
-    """The states over which V, its slopes and the policies are compared: |z_i| <= half_widths[i].
+    """Box |z_i| <= half_widths[i] of states, over which V, its slopes and the policies are
+    compared.
 
-    half_widths: (n,), in the units of the states.
-    about: where they come from.
+    half_widths: (n,), in the units of the states
+    about: their source
     """
 
     half_widths: Vector
@@ -61,15 +63,17 @@ class Box(NamedTuple):
 
 
 def balanced_box(game: Game) -> Box:
-    """Return the balanced units of the game, where usual deviations are not known."""
+    """Return the box of balanced units of the game, where usual deviations are unknown."""
     about = "balanced units of the game; a convention, no ordinary deviations are given"
     return Box(NormalForm.of(game).units, about)
 
 
 @checks_arguments
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """|value - exact| / |exact|, Frobenius norms; inf when a number is not finite, or |exact| alone
-    is 0. Raises BadInputError where the two differ in shape.
+    """Return |value - exact| / |exact| in Frobenius norms.
+
+    It is inf when a number is not finite, or only |exact| is 0. Raises BadInputError for different
+    shapes.
 
     >>> import numpy as np
     >>> from verification import relative_error
@@ -94,8 +98,7 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
 
 
 def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
-    """max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|), or inf when a number is not
-    finite."""
+    """Return max |difference_ij| / max(|exact_ij|, `SMALL` max |exact|), or inf for nan and inf."""
     largest = float(np.abs(exact).max(initial=0.0))
     if not np.all(np.isfinite(difference)):
         return math.inf
@@ -105,15 +108,20 @@ def entry_error(difference: np.ndarray, exact: np.ndarray) -> float:
 
 
 def error_check(name: str, error: float, limit: float, what: str) -> Check:
-    """The check of an error; what: "K is off by {error}"."""
+    """Return the check of an error.
+
+    what: the reason of a failure, "K is off by {error}"
+    """
     return at_most(name, error, limit, f"{what} is off by {error:.2g}", kind="error")
 
 
 def critic_errors(
     game: Game, critic: Critic, exact: Exact, limit: float, box: Box | None = None
 ) -> tuple[Check, ...]:
-    """Return every error of a critic: of K, of a given P, and bounds over the box (default
-    `balanced_box`), except for a network, whose box is searched."""
+    """Return the checks of all errors of a critic: of K, of P where given, and over the box.
+
+    The box is `balanced_box` by default. The errors of a network over it are searched elsewhere.
+    """
     checks = list(matrix_errors(game, "K", critic.K, exact.K, limit))
     if not critic.network:
         half_widths = (box or balanced_box(game)).half_widths
@@ -126,8 +134,11 @@ def critic_errors(
 def matrix_errors(
     game: Game, name: str, matrix: np.ndarray, exact: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Errors of "P" (n, n) or "K" (m, n): in the units of the game, in balanced units U as U P U or
-    R^(1/2) K U, and of the worst entry of U P U or diag(R)^(1/2) K U."""
+    """Return the checks of the errors of "P" (n, n) or "K" (m, n).
+
+    They are taken in the units of the game, in balanced units U as U P U or R^(1/2) K U, and for
+    the worst entry of U P U or diag(R)^(1/2) K U.
+    """
     units = NormalForm.of(game).units
     if name == "P":
         scales = np.outer(units, units)
@@ -151,11 +162,14 @@ def matrix_errors(
 def box_errors(
     game: Game, critic: Critic, exact: Exact, box: np.ndarray, limit: float
 ) -> tuple[Check, ...]:
-    """Bounds over the box of the errors of V, of each ∂V/∂z_i, and of each entry of u and d.
+    """Return the checks of the errors over the box of V, of each ∂V/∂z_i, and of each entry of u
+    and d.
 
-    V is relative to the sum of its terms at the corner of the box, the others to their largest
-    value in the box. u is as it would be flown; d = ½ δ⁻²E'∂V/∂z is the worst disturbance.
-    box: (n,).
+    The errors are bounds. That of V is relative to the sum of its terms at the corner of the box,
+    the others to the largest exact value in the box. u is the policy as flown; d = ½ δ⁻²E'∂V/∂z is
+    the worst disturbance.
+
+    box: (n,), half widths
     """
     corner = np.outer(box, box)
     P = exact.P if critic.P is None else (critic.P + critic.P.T) / 2.0  # alone z'Pz depends on it
@@ -186,8 +200,10 @@ def box_errors(
 
 
 def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
-    """Bounds over the boxes λb of the terms of V that are not quadratic, and (n,) of b_i times
-    their slopes."""
+    """Return bounds over the boxes λb of the terms of V that are not quadratic.
+
+    The second result, (n,), bounds b_i times their slopes.
+    """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:
         return 0.0, np.zeros(len(box))

@@ -53,25 +53,24 @@ class ErrorTable(Result):
 
     @property
     def settling_time(self) -> float:
-        """First time from which the deciding column stays within the limit, s, or inf when it does
-        not."""
+        """First time from which the deciding column stays within the limit, s, or inf."""
         return settled_at(self.times, self.errors[self.decides], self.limit)
 
     @property
     def predefined_time_kept(self) -> bool | None:
-        """True if it settles in the time that is promised."""
+        """True if the settling time is within the predefined time; None without one."""
         if self.predefined_time is None:
             return None
         return self.settling_time <= self.predefined_time
 
     def as_data(self) -> dict[str, Any]:
-        """The errors by their names, among the entries."""
+        """Return the entries, with the errors by their names among them."""
         data = super().as_data()
         return {"time": data.pop("time"), **plain(self.errors), **data}
 
     @property
     def sentence(self) -> str:
-        """Settling time, in words."""
+        """Return the settling time in words."""
         what = f"the {COLUMNS[self.decides]}"
         if math.isfinite(self.settling_time):
             return f"{what} stays within {self.limit:g} from {self.settling_time:.4g} s on"
@@ -80,7 +79,7 @@ class ErrorTable(Result):
 
 
 def run_table(game: Game, run: TrainingRun, exact: Solution) -> ErrorTable:
-    """The errors of P(t) of a training run, computed anew from its weights."""
+    """Return the errors of P(t) of a training run, computed anew from its weights."""
     psi = basis(run.basis, len(game.A))
     values = np.array([psi.matrix(weights) for weights in run.weights])
     form = NormalForm.of(game)
@@ -104,7 +103,7 @@ def rank_check(run: TrainingRun) -> Check:
 
 
 def time_checks(table: ErrorTable) -> list[Check]:
-    """The settling time of a history or a run that promises one."""
+    """Return the check of the settling time, for a history or a run that promises one."""
     promised = table.predefined_time
     if promised is None:
         return []

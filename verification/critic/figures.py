@@ -1,4 +1,4 @@
-"""Pictures of verdicts: P or K learned and exact, and errors over time or over checkpoints."""
+"""Figures of verdicts: learned and exact P or K, and errors over time or over checkpoints."""
 
 from __future__ import annotations
 
@@ -27,8 +27,13 @@ _LEAST_DIFFERENCE = 1e-6
 
 
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
-    """P learned, exact and their relative difference as heat maps (signed logarithmic scale), K
-    where there is no P, and its errors over time where there is a table."""
+    """Return heat maps of the learned and the exact P, and of their relative difference.
+
+    K replaces P where there is none. The colors have a signed logarithmic scale. Errors over time
+    are added where there is a table.
+
+    make: function (width, height) -> empty figure
+    """
     table = verdict.table
     names = verdict.exact.names
     title = f"Critic on {names.origin}\nagainst the exact {verdict.problem}: {verdict.grade_text()}"
@@ -70,8 +75,10 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
 
 
 def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Errors and cost lost of several critics in their order: a learning curve, where they are
-    checkpoints; of one critic its `verdict_figure`."""
+    """Return errors and lost cost of several critics in order, a learning curve for checkpoints.
+
+    The figure of a single critic is its `verdict_figure`.
+    """
     if len(verdicts) == 1:
         (verdict,) = verdicts.values()
         return verdict_figure(verdict)
@@ -116,7 +123,10 @@ def _draw_errors(
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """size: of the color scale of a matrix, or None for relative differences."""
+    """Draw a matrix in colors.
+
+    size: limit of the color scale of a matrix, or None for relative differences
+    """
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

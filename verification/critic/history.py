@@ -1,4 +1,5 @@
-"""Critics over time against the exact solution: a file with times, or a training run."""
+"""Check of critics over time, from a file with times or a training run, against the exact
+solution."""
 
 from __future__ import annotations
 
@@ -35,16 +36,16 @@ def check_history(
     predefined_time: float | None = None,
     progress: Progress | None = None,
 ) -> Verdict:
-    """The verdict on the last critic of a history (`check_critic`), with a table of the errors of
-    all its critics over time.
+    """Return the verdict on the last critic of a history, with a table of the errors of all
+    critics.
 
-    game: the game that they should solve.
-    critics: in order of their `time`, as `critics_in` and `critics_over_time` make them.
-    limit: of every error and of the residual.
-    scope: on what else the last critic is judged.
-    predefined_time: T_w, s; a check is added that from then on every error stays within the limit.
-        None: no such check.
-    progress: called with the critics done and their number.
+    game: the game to be solved
+    critics: in order of their `time`, from `critics_in` or `critics_over_time`
+    limit: limit of every error and of the residual
+    scope: further data for the checks of the last critic
+    predefined_time: T_w, s, from which on a check requires every error to be within the limit; None
+        for no such check
+    progress: called with (checked critics, all critics)
 
     Raises BadInputError when the critics have no times.
     """
@@ -74,7 +75,7 @@ def check_history(
 
 
 def _section(table: ErrorTable) -> Section:
-    """Return some rows and the settling time for a report, all rows for a file."""
+    """Return some rows and the settling time for a report, and all rows for a file."""
     columns = np.column_stack([table.times, *table.errors.values()])
     some = np.unique(np.linspace(0, len(columns) - 1, _TIMES).round().astype(int))
     rows = [(f"{time:.4g}", *map(shown_number, errors)) for time, *errors in columns[some].tolist()]
@@ -84,6 +85,6 @@ def _section(table: ErrorTable) -> Section:
 
 
 def _residual(game: Game, P: np.ndarray) -> float:
-    """The relative Riccati residual of P in balanced units."""
+    """Return the relative Riccati residual of P in balanced units."""
     form = NormalForm.of(game)
     return float(form.relative_residual(form.of_value(P)))

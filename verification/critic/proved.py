@@ -1,4 +1,4 @@
-"""The proof in a verdict, for type checkers alone."""
+"""Type of the proof in a verdict, for type checkers alone."""
 
 from __future__ import annotations
 

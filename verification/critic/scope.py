@@ -23,11 +23,11 @@ SECONDS = 20.0
 
 
 class Scheduled(NamedTuple):
-    """The games of a model along its scheduling variable.
+    """Games of a model along its scheduling variable.
 
-    says: value -> "at dihedral 12.0000 deg".
-    game_at: value -> the game there.
-    starts: values where a search begins, or none where the model is stationary.
+    says: value -> "at dihedral 12.0000 deg"
+    game_at: value -> the game there
+    starts: initial values of a search, or none where the model is stationary
     """
 
     says: Callable[[float], str]
@@ -36,10 +36,10 @@ class Scheduled(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """Other games that the critic may have been learned on.
+    """Other games on which the critic may have been learned.
 
-    named: what differs, as "of the matrices printed for 5 deg" -> game.
-    scheduled: games along the scheduling variable.
+    named: difference, such as "of the matrices printed for 5 deg" -> game
+    scheduled: games along the scheduling variable
     """
 
     named: Mapping[str, Game] = {}
@@ -51,13 +51,13 @@ class Nearby(NamedTuple):
 class Scope:
     """Further data for judging a critic, besides its game.
 
-    box: of the states over which V, its slopes and the policies are compared; by default
-        `balanced_box`.
-    nearby: () -> other games, to recognize a wrong critic that was learned on one of them.
-    plant: the nonlinear plant about its trim, on which a network is flown too.
-    flights: from how many starts a network is flown.
-    seconds: for a proof of the largest error of a network, or 0 for none.
-    progress: of the proof, called with elapsed and allowed seconds.
+    box: box of states over which V, its slopes and the policies are compared; by default
+        `balanced_box`
+    nearby: function that returns other games, to recognize a critic that was learned on one of them
+    plant: nonlinear plant about its trim, in which a network is also flown
+    flights: number of initial conditions from which a network is flown
+    seconds: time for a proof of the largest error of a network, or 0 for none
+    progress: progress of the proof, called with (elapsed seconds, allowed seconds)
     """
 
     box: Box | None = None

@@ -1,4 +1,4 @@
-"""Several critics of one game in one table."""
+"""Table of several critics of one game."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Verdicts(Result):
 def verdicts_report(
     verdicts: Mapping[str, Verdict], origin: str, limit_cost: float | None = None
 ) -> Report:
-    """Several critics of one game in one table, by the names of their files.
+    """Return the table of several critics of one game, by the names of their files.
 
-    limit_cost: as in `Verdict.report`.
+    limit_cost: as in `Verdict.report`
     """
     header = (
         "critic",

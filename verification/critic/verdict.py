@@ -69,11 +69,11 @@ class Details(Result):
 
 
 class Section(NamedTuple):
-    """A part of a verdict.
+    """Part of a verdict.
 
-    part: of the report.
-    data: entries of the verdict.
-    records: rows of a file, in place of the entries of P and K.
+    part: part of the report
+    data: entries of the verdict
+    records: rows of a file, in place of the entries of P and K
     """
 
     part: Part
@@ -126,12 +126,12 @@ class Verdict(Checked, Result, Reported):
     table: ErrorTable | None = None
 
     def value_of(self, name: str) -> float:
-        """The number of a check, or nan where there is no such check."""
+        """Return the value of a check, or nan where there is no such check."""
         return next((check.value for check in self.checks if check.name == name), math.nan)
 
     @property
     def diagnosis(self) -> str:
-        """The name of `reason` in 0.3."""
+        """`reason`, under its name of 0.3."""
         return self.reason
 
     @property
@@ -147,7 +147,7 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def largest_error(self) -> float:
-        """The largest of the errors."""
+        """Largest of the errors."""
         return max(check.value for check in self.checks if check.kind == "error")
 
     @property
@@ -156,8 +156,7 @@ class Verdict(Checked, Result, Reported):
         return all(check.ok for check in self.checks if check.kind == "stability")
 
     def holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether every check holds, or with a limit, percent, whether the cost is within
-        it."""
+        """Return whether every check holds, or whether the cost is within a limit, percent."""
         return self.ok if limit_cost is None else self.cost_lost <= limit_cost
 
     @property
@@ -174,13 +173,17 @@ class Verdict(Checked, Result, Reported):
         return "near" if self.cost_lost <= NEAR else "fail"
 
     def headline(self, limit_cost: float | None = None) -> str:
-        """Return the first line: PASS, NEAR or FAIL on the linear game, and the first finding, or
-        two where they fit into 100 columns."""
+        """Return the first line: PASS, NEAR or FAIL on the linear game, and the first finding.
+
+        A second finding follows where it fits into 100 columns.
+        """
         return self._first_lines(limit_cost)[0]
 
     def _first_lines(self, limit_cost: float | None) -> list[str]:
-        """Return the headline, then each further finding: errors, stability, the equilibrium, the
-        L2 gain."""
+        """Return the headline, then a line for each further finding.
+
+        The findings are errors, stability, the equilibrium and the L2 gain.
+        """
         failed = [check for check in self.checks if not check.ok]
         decided = ""
         if limit_cost is not None:
@@ -205,7 +208,7 @@ class Verdict(Checked, Result, Reported):
         return [line, *facts]
 
     def _cost_text(self) -> str:
-        """The cost lost, in words."""
+        """Return the lost cost in words."""
         if math.isinf(self.cost_lost):
             return "cost without bound"
         if self.cost_lost < ROUNDING:
@@ -241,14 +244,14 @@ class Verdict(Checked, Result, Reported):
         return [check.as_data() | {"kind": check.kind} for check in self.checks]
 
     def as_data(self) -> dict[str, Any]:
-        """The entries, and those of the sections."""
+        """Return the entries of the verdict and of its sections."""
         data = super().as_data()
         for section in self.sections:
             data |= section.data.as_data()
         return data
 
     def data(self, limit_cost: float | None = None) -> dict[str, Any]:
-        """The data, with the verdict on the cost where that has a limit."""
+        """Return the data, with the verdict on the cost where that has a limit."""
         data = self.as_data()
         if limit_cost is not None and "graded" in data:
             data["graded"] |= {"limit_cost_percent": limit_cost, "ok": self.holds(limit_cost)}
@@ -257,11 +260,11 @@ class Verdict(Checked, Result, Reported):
     def report(
         self, *, limit_cost: float | None = None, about: Sequence[str] = (), source: str = ""
     ) -> Report:
-        """The verdict in the first line, every check, the sections, P and K entry by entry.
+        """Return the report: verdict, checks, sections, and P and K entry by entry.
 
-        limit_cost: percent, then decides the verdict.
-        source: the file of the critic.
-        about: lines below the heading, in place of `weights`.
+        limit_cost: limit of the lost cost, percent, which then decides the verdict
+        about: lines below the heading, in place of `weights`
+        source: file of the critic
         """
         names = self.exact.names
         P = self.critic.P
@@ -292,7 +295,8 @@ class Verdict(Checked, Result, Reported):
         )
 
     def plot(self) -> np.ndarray:
-        """Draw P, or K without P, learned and exact, in a figure of pyplot; return its Axes."""
+        """Draw the learned and the exact P in a figure of pyplot, or K without P, and return its
+        Axes."""
         from hfa_support.reporting.figure import pyplot_figure
         from verification.critic.figures import verdict_figure
 
@@ -301,8 +305,10 @@ class Verdict(Checked, Result, Reported):
     def _farthest_entries(
         self, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
     ) -> Part:
-        """The entries that are farthest off, relative to the largest of their matrix, in their
-        order, for P of the upper triangle."""
+        """Return the entries with the largest errors relative to the largest entry of their matrix.
+
+        They keep their order; for P only the upper triangle is used.
+        """
         largest = {
             "P": float(np.abs(self.exact.P).max()) or 1.0,
             "K": float(np.abs(self.exact.K).max()) or 1.0,
@@ -339,7 +345,7 @@ class Verdict(Checked, Result, Reported):
 
 
 def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """Return the checks; the first failed one contains the diagnosis."""
+    """Return the checks, with the diagnosis added to the reason of the first failed one."""
     with_reason = list(checks)
     for index, check in enumerate(checks):
         if not check.ok:
@@ -350,12 +356,12 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
 
 
 def shown_number(value: float) -> str:
-    """Return a number in three digits, or "" without one."""
+    """Return a number with three digits, or "" for nan."""
     return "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _failures(checks: Sequence[Check]) -> Part:
-    """Return the failures with their reasons, a line each: the loops, P and K, then the other
+    """Return the failed checks with their reasons, one line each: loops, P and K, then other
     errors."""
 
     def order(check: Check) -> tuple[bool, bool]:
