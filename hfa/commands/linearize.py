@@ -62,7 +62,7 @@ class LinearizeRequest(OneTrimRequest):
         _names_of("states", "outputs"),
     )
     residualize: tuple[str, ...] = option(
-        "states that follow the others without delay; omitted states stay at the trim",
+        "states replaced by their steady state; other omitted states stay at the trim",
         "a,b,...",
         _names_of("states"),
         default=(),

@@ -71,17 +71,17 @@ def _purpose() -> str:
 class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
     """Request of `hfa sweep`: trims over a grid or a list."""
 
-    at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
+    at: Range | None = scheduled(scheduled_range, "RANGE", "one number, a,b,c or start:stop:step")
     hold: Mapping[str, Range] = option(
-        "impose a variable or a parameter of the aircraft, a value or a range; repeatable",
+        "impose a value or a range on a variable or parameter of the aircraft; repeatable",
         "NAME=RANGE",
         OfModel(value_range),
         named=True,
     )
     condition: TrimCondition | Path | None = option(
         lambda model: (
-            f"{condition_help(model)}; or points, .csv: a row of names, then one row"
-            " for each point, typed as in --hold"
+            f"{condition_help(model)}; or a .csv file of points: a row of names, then a row"
+            " of values, as in --hold, for each point"
         ),
         "FILE",
         OfModel(condition_or_list),

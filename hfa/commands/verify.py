@@ -85,28 +85,30 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "a setting of the law; for --weights predefined_time=S, for a network scale=a,b,... "
-        "(factor on each state), for a state dict activation=HIDDEN[,OUTPUT], such as tanh or "
-        "relu,tanh",
+        "setting of the learning law; with --weights predefined_time=S; for a network "
+        "scale=a,b,... (factor on each state); for a state dict activation=HIDDEN[,OUTPUT], such "
+        "as tanh or relu,tanh",
         _SETTINGS,
     )
     discount: float | None = option(
-        "discount factor of a step in discrete time; with --dt",
+        "discount factor per step of discrete time; needs --dt",
         "NUMBER",
         positive,
         part="verify.discounted",
     )
     dt: float | None = option(
-        "length of a step in discrete time; with --discount",
+        "sample time of discrete time, s; needs --discount",
         "S",
         positive,
         part="verify.discounted",
     )
     limit_error: float = option(
-        f"limit of the relative errors; default {LIMIT:g}", "X", positive, default=LIMIT
+        f"largest relative error that passes; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit 0 when the linear cost is at most this much above the optimum", "PERCENT", positive
+        "exit 0 if the cost is at most this percentage above the optimum",
+        "PERCENT",
+        positive,
     )
     region: float | None = option(
         "add the region of attraction of the saturated loop, searched for S seconds",

@@ -31,13 +31,13 @@ class ReadingOptions(Request):
     """Options on reading the file of --weights, where the file leaves them open."""
 
     basis: str | None = option(
-        "basis of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
+        "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
         "BASIS",
         rare=True,
     )
     network: str = option(
-        "parts of a file and their kinds, as in V=critic,policy=actor; default: by the number of "
-        "outputs",
+        "roles of the parts of a network file, as in V=critic,policy=actor; default: found from "
+        "the number of outputs",
         "[V=]NAME",
         default="",
         rare=True,

@@ -13,7 +13,7 @@ from hfa_support.reporting.report import Report
 def draws_option() -> Any:
     """Return the field `draws` of a request."""
     return option(
-        "add the spread over N aircraft, drawn from uncertain parameters",
+        "add the spread over N aircraft with random parameters",
         "N",
         whole(1),
         part="draws",

@@ -100,14 +100,14 @@ class SeedOption(Request):
 def law_option(*laws: str) -> Any:
     """Return the field `law`: one of these laws, or the default that learns."""
     choices = (*laws, DEFAULT_LAW)
-    about = f"learning law; only {DEFAULT_LAW} (irl: studies/update_law)"
+    about = f"learning law; {DEFAULT_LAW} is the only one"
     if laws:
-        about = f"{', '.join(choices)}; default {DEFAULT_LAW}"
+        about = f"policy: {', '.join(choices)}; default {DEFAULT_LAW}"
     return option(about, "NAME", one_of(*choices), default=DEFAULT_LAW)
 
 
 def setting_option(
-    about: str = "a setting of the law, for example predefined_time=2",
+    about: str = "setting of the learning law, for example predefined_time=2",
     more: Mapping[str, Callable[[str], Any]] | None = None,
 ) -> Any:
     """Return the field `set`.
@@ -152,7 +152,7 @@ def _design(model: Model, name: str) -> Any:
 def _about_design(model: Model) -> str:
     """Return the help of --design for a model; the names of designs exist for the HFA alone."""
     names = of_hfa(about_part("design"))(model)
-    return f"actuators, integrals, sensors, weights: {f'{names}, or ' if names else ''}a .toml file"
+    return f"design with actuators and weights: {f'{names}, or ' if names else ''}a .toml file"
 
 
 def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:

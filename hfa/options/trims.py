@@ -75,7 +75,7 @@ def _dynamics_help(model: Model | None) -> str:
     if is_own(model):
         return ""
     core = (
-        "published (regenerates the printed matrices; default)",
+        "equations of motion: published (regenerates the printed matrices; default)",
         "newton (exact mechanics, the same air loads)",
     )
     return ", ".join([*core, *further_dynamics()])
@@ -87,7 +87,7 @@ class HfaOptions(Request):
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
-        of_hfa(f"parameters file, or {' or '.join(NAMED)} (default: identified)"),
+        of_hfa(f"parameters of the HFA: a file, {' or '.join(NAMED)} (default: identified)"),
         "FILE",
         load_parameters,
         rare=True,
@@ -144,7 +144,7 @@ def aircraft_help(model: Model | None) -> str:
     """Return the help of --aircraft: Python files and the formats of packages."""
     from hfa_aircraft.loading import forms_of_packages
 
-    forms = ("a file that is executed (or package.module:NAME)", *forms_of_packages())
+    forms = ("aircraft: a Python file (executed) or package.module:NAME", *forms_of_packages())
     return ", ".join(forms) + of_hfa("; default: the HFA")(model)
 
 
@@ -231,7 +231,7 @@ def _usual(model: Model) -> str:
         if name != model.schedule
     ]
     usual = f", by default {', '.join(held[:4])}" if held else ""
-    return f"impose a variable{usual}; repeatable"
+    return f"hold a variable at a value{usual}; repeatable"
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
@@ -266,7 +266,7 @@ def condition_help(model: Model | None) -> str:
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
-    return f"file{names}: trim condition in place of the usual one"
+    return f"trim condition in place of the default: a file{names}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -278,19 +278,19 @@ class TrimOptions(HfaOptions):
         condition_help, "FILE", OfModel(condition_or_list), rare=True
     )
     free: tuple[str, ...] = option(
-        "leave a variable free; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
+        "variable that the trim finds; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
     )
-    glide: bool = option("lowest throttle, free flight-path angle", rare=True)
+    glide: bool = option("trim a glide: lowest throttle, free flight-path angle", rare=True)
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)
     limit: Mapping[str, tuple[float, float]] = option(
-        "limits of a free variable, degrees for angles; repeatable",
+        "limits of a free variable of the trim, degrees for angles; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         named=True,
         rare=True,
     )
     start: OperatingPoint | Mapping[str, float] | None = option(
-        "begin from a saved operating point (.json), or with these values: NAME=VALUE,NAME=VALUE",
+        "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
         "FILE",
         OfModel(_start),
         rare=True,

@@ -20,10 +20,10 @@ class WorkersOptions(Request):
     """Options of the worker processes."""
 
     workers: int | str = option(
-        "processes, or a Dask scheduler, tcp://host:port; default 1",
+        "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",
         "N|URL",
         _workers,
         default=1,
         rare=True,
     )
-    resume: bool = option("continue an interrupted run of the same options", rare=True)
+    resume: bool = option("continue an interrupted run with the same options", rare=True)

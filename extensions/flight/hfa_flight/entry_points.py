@@ -2,9 +2,7 @@
 
 from hfa.entry_points import CommandEntry
 
-ABOUT_FMU = (
-    "interpolated models as an FMU, whose inputs are those of the aircraft and the swept variables"
-)
+ABOUT_FMU = "interpolated models as an FMU with the inputs of the aircraft and the swept variables"
 
 FLY = CommandEntry(
     "flight",

@@ -101,7 +101,7 @@ def fraction(text: str) -> float:
 
 def weights_option() -> Any:
     """The field `weights`."""
-    about = "gain K, critic W or P, or network, instead of a law"
+    about = "gain K, critic W or P, or network in place of --law"
     return option(about, "FILE", critic_path)
 
 
@@ -111,8 +111,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
-        "a setting of the law, for example predefined_time=2; of a network of --weights "
-        "activation, scale",
+        "setting of the learning law, for example predefined_time=2; of a network in --weights "
+        "activation or scale",
         READING_SETTINGS,
     )
     weights: Path | None = None
@@ -213,35 +213,34 @@ def numbers(
 
 def card_option() -> Any:
     """The field `policy`."""
-    about = "deployment file of a policy, which is sampled and held as deployed"
+    about = "policy from a deployment file, sampled and held as deployed"
     return option(about, "DEPLOYMENT.toml", input_file(".toml"))
 
 
 def controller_option() -> Any:
     """The field `controller`."""
-    about = "a controller of hfa design, or scheduled gains"
+    about = "controller of `hfa design`, or scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
 def actuators_option() -> Any:
     """The field `actuators`."""
-    about = (
-        "actuators with lag (s) and rate (deg/s), within the control limits; order 1 (default) or 2"
-    )
+    about = "add actuators with lag (s), rate limit (deg/s) and order 1 (default) or 2"
     kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
     return option(about, _ACTUATORS, kind)
 
 
 def _about_gust(model: Model) -> str:
     length = _length_of(model)
-    return f"1-cosine updraft, {length}, {length}/s, s"
+    return f"1-cosine updraft: length ({length}), peak ({length}/s), begin (s, default 0)"
 
 
 def _about_turbulence(model: Model) -> str:
     length = _length_of(model)
     return (
-        f"{', '.join(LEVELS)}: MIL-F-8785C at ALTITUDE, {length}; a wing SPAN adds p, q, r; {_OWN}:"
-        f" intensity, {length}/s, and scale; karman-LEVEL: spectra of von Karman; seeded by --seed"
+        f"turbulence of MIL-F-8785C at ALTITUDE, {length}: {', '.join(LEVELS)}; a wing SPAN,"
+        f" {length}, adds p, q, r; karman-LEVEL has spectra of von Karman; {_OWN} has intensity,"
+        f" {length}/s, and scale, {length}; random by --seed"
     )
 
 
@@ -323,7 +322,9 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 class ScenarioOptions(LawOptions, TrimOptions):
     """The scenario of a flight besides a reference; everything is off by default."""
 
-    duration: float | None = option("length of the flight; default 20", "S", number, default=20.0)
+    duration: float | None = option(
+        "duration of the flight, s; default 20", "S", number, default=20.0
+    )
     initial: Mapping[str, float] = option(
         "initial deviation of a state from the trim, degrees for angles",
         "NAME=VALUE",
@@ -331,7 +332,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         named=True,
     )
     disturbance: Mapping[str, float] = option(
-        "add to the rate of a state, or set a disturbance of the model",
+        "constant added to the derivative of a state, or value of a disturbance of the model",
         "NAME=VALUE",
         OfModel(_disturbed),
         named=True,
@@ -339,13 +340,13 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     actuators: tuple[float, ...] | None = actuators_option()
     fault: tuple[float, ...] | None = option(
-        "fault of the surfaces' actuators from BEGIN on: factor on the command, bandwidth in rad/s",
+        "actuator fault of all surfaces: factor on the command, bandwidth (rad/s), begin (s)",
         _FAULT,
         numbers(_FAULT, 3, otherwise=(0.0,)),
         rare=True,
     )
     delay: float = option(
-        "delay of every command of the policy",
+        "delay of every command of the policy, s; default 0",
         "S",
         number,
         default=0.0,
@@ -353,19 +354,20 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     turbulence: Turbulence | None = turbulence_option()
     error: Mapping[str, float] = option(
-        "factor on a parameter of the simulated aircraft alone; with --samples its relative "
-        "standard deviation",
+        "factor on a parameter of the simulated aircraft only; with --samples relative standard "
+        "deviation of the parameter",
         "NAME=NUMBER",
         _number,
         named=True,
         rare=True,
     )
     noise: Mapping[str, float] = noise_option(
-        "add to a measured state, degrees for angles; with --samples the standard deviation"
+        "error added to a measured state, degrees for angles; with --samples its standard deviation"
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
-        "other limits of a state, absolute (alpha: through the air); repeatable",
+        "limits of a state in place of its flight envelope (alpha: relative to the air), degrees "
+        "for angles; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         named=True,
@@ -426,21 +428,22 @@ class FlightOptions(ScenarioOptions):
     controller: Path | None = controller_option()
     policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"commanded steps from the trim, s and degrees; with --law {NONE} of inputs; repeatable",
+        f"steps of a state from its trim value, s and degrees; of an input with --law {NONE}; "
+        "repeatable",
         _COMMAND,
         OfModel(_command),
         named=True,
     )
 
     method: str = option(
-        f"{JSBSIM}: simulate an aircraft of JSBSim in JSBSim's frames",
+        f"integration: {RUNGE_KUTTA} (default), or {JSBSIM} (frames of JSBSim, for its aircraft)",
         "NAME",
         one_of(*METHODS),
         default=RUNGE_KUTTA,
         rare=True,
     )
     frame: float | None = option(
-        f"step of the frames of --method {JSBSIM}; default 1/120",
+        f"frame time of --method {JSBSIM}, s; default 1/120",
         "S",
         fraction,
         names="--step",

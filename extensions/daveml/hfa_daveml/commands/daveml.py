@@ -21,7 +21,7 @@ class DavemlRequest(OutputOptions):
     """A DAVE-ML file."""
 
     file: Path = option(
-        "DAVE-ML file (docs/daveml.md)",
+        "DAVE-ML file to check (docs/daveml.md)",
         "FILE",
         input_file(".dml", ".xml"),
         names="file",

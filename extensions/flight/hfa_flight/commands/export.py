@@ -46,15 +46,15 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
-        "a folder for C source, or a file .fmu (FMU) or .m (the function that reads .mat "
-        "files of models)",
+        "folder for C source, .fmu file (FMU), or .m file (function that reads the .mat files "
+        "of models)",
         "PLACE",
         output_file(".fmu", ".m", folder=True),
         names="-o --output",
         required=True,
     )
     law: str = option(
-        "origin of the gain: exact, certified; default exact in C, none in an FMU",
+        "gain to export: exact, certified; default exact in C, none in an FMU",
         "NAME",
         one_of("exact", DEFAULT_LAW),
         default="",

@@ -37,18 +37,18 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     """One flight, or many members of one."""
 
     samples: int | None = option(
-        "fly N members, each with its own errors, noise and turbulence",
+        "simulate N members, each with its own errors, noise and turbulence",
         "N",
         whole(1, _MOST_MEMBERS),
         rare=True,
     )
     draws: int | None = option(
-        "fly N aircraft, drawn from uncertain parameters", "N", whole(1), rare=True
+        "simulate N aircraft drawn from the uncertain parameters", "N", whole(1), rare=True
     )
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight")
     steps: Path | None = option(
-        "your plant in discrete time, simulated from --initial for --duration steps with the "
+        "your plant in discrete time: simulate it from --initial for --duration steps with the "
         "game's policy or --weights",
         "FILE",
         input_file(*MATRIX_FILES),
@@ -70,16 +70,16 @@ def fly(request: FlyRequest) -> int:
     over the scheduling variable, a --command of this variable is followed along its trims.
     --samples N simulates N members: --error and --noise are then standard deviations, and each
     member has its own turbulence. Member k depends only on --seed and k. --draws N simulates N
-    members, each an aircraft drawn from the uncertain parameters of --aircraft, from the trim and
-    with the policy of the aircraft itself. --model FILE simulates a
-    plant in discrete time.
+    aircraft drawn from the uncertain parameters of --aircraft, with the trim and the policy of the
+    aircraft itself. --model FILE simulates a plant in discrete time.
 
     With --Q or --R the report has the cost of the flight.
 
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay: of every member of --samples, or of any of --draws."""
+    oscillation does not decay. With --samples this must happen to every member, with --draws to any
+    one of them."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.members is not None:

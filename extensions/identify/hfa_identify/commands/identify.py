@@ -54,14 +54,14 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         required=True,
     )
     free: tuple[str, ...] = option(
-        "parameters to identify, as CL_alpha,Cm_q or CL_*,Cm_*; errors of columns, as bias_alpha,"
-        " scale_speed, delay_elevator",
+        "parameters to identify, such as CL_alpha,Cm_q or CL_*,Cm_*; also errors of columns, such"
+        " as bias_alpha, scale_speed, delay_elevator",
         "NAMES",
         _names,
         required=True,
     )
     given: Mapping[str, float] = option(
-        "a known parameter, even if a pattern of --free matches it; repeatable",
+        "parameter fixed at this value, even if a pattern of --free matches it; repeatable",
         "NAME=VALUE",
         OfModel(_given),
         named=True,
@@ -73,23 +73,24 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         named=True,
     )
     inputs: str = option(
-        "inputs between samples: linear (default) or steps",
+        "interpolation of the inputs between samples: linear (default) or steps",
         "KIND",
         one_of("linear", "steps"),
         default="linear",
     )
     validate: Path | None = option(
-        "a record excluded from the fit, for Theil's coefficient",
+        "record left out of the fit, to test its prediction (Theil's coefficient)",
         "RECORD.csv",
         input_file(*RECORDS),
     )
     columns: Path | None = option(
-        "table of the columns in logs of PX4 (.ulg)", "FILE.toml", input_file(".toml")
+        "names and units of the columns in a PX4 log (.ulg)", "FILE.toml", input_file(".toml")
     )
     turbulence: bool = option(
-        "estimate turbulence (filter error); speed, alpha, beta of the records are through the air"
+        "also estimate turbulence (filter error); recorded speed, alpha and beta are airspeed and "
+        "airflow angles"
     )
-    plan: bool = option("also compare manoeuvres that would narrow the widest band")
+    plan: bool = option("compare further manoeuvres by how much they would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 

@@ -35,19 +35,19 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     degree: int = option(
-        "degree of W: 2, 4, 6, 8, 10 or 12; default 4",
+        "degree of the polynomial W: 2, 4, 6, 8, 10 or 12; default 4",
         "N",
         lambda text: int(one_of(*_DEGREES)(text)),
         default=4,
     )
     margin: float = option(
-        "relative slack of W; a smaller one needs more boxes; default 0.02",
+        "part of the cost that W gives up; a smaller one needs more boxes; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,
     )
     seconds: float = option(
-        "processor time of the proof; default 120",
+        "processor time of the proof, s; default 120",
         "S",
         positive,
         default=120.0,

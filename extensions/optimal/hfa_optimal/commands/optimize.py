@@ -40,26 +40,28 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     deviations: Mapping[str, float] = option(
-        "initial condition: deviations of states from the trim, degrees for angles",
+        "initial deviations of states from the trim, degrees for angles",
         "NAME=VALUE,...",
         OfModel(linear_state),
         names="--start",
         named=True,
     )
     to: Mapping[str, float] = option(
-        "fly to the trim with this value, from the trim of the other options; repeatable",
+        "fly from the trim of the other options to the trim with this value; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,
     )
     minimize: str = option(
-        "cost (default), or time to the trim",
+        "quantity to minimize: cost (default), or time to the trim",
         "WHAT",
         one_of("cost", "time"),
         default="cost",
     )
     starts: int | None = option(
-        "a table over N initial conditions, drawn in the usual box", "N", whole(1, _MOST_STARTS)
+        "print a table over N initial conditions drawn in the default box",
+        "N",
+        whole(1, _MOST_STARTS),
     )
     weights: Path | None = option(
         "compare with this gain K, critic W or P, or network", "FILE", critic_path
@@ -68,7 +70,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         "compare with the policy of this deployment file", "DEPLOYMENT.toml", input_file(".toml")
     )
     seconds: float | None = option(
-        "horizon, s; by default the remaining cost is negligible",
+        "horizon, s; default: long enough for a negligible remaining cost",
         "S",
         positive,
         rare=True,
@@ -81,7 +83,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; print the distance from the least possible cost",
+        "certificate of `hfa prove cost`; compare with its lower bound of the cost",
         "FILE",
         input_file(".json"),
     )

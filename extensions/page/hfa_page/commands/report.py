@@ -47,10 +47,10 @@ class ReportRequest(UnitsOption, TrimOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        "shown in full: a,b,c or start:stop:step; default: the printed 5 and 15",
+        "shown in detail: a,b,c or start:stop:step; default: the printed 5 and 15",
     )
     sweep: Range = option(
-        "angles of the slider and the root locus; default 0:20:0.5",
+        "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",
         "RANGE",
         OfModel(scheduled_range),
         default=tuple(SWEEP.tolist()),
@@ -71,7 +71,7 @@ class ReportRequest(UnitsOption, TrimOptions):
         _flights,
     )
     output: Path | None = option(
-        "one self-contained .html file, or a folder for the page, its pictures and its "
+        "write one self-contained .html file, or a folder with the page, its pictures and its "
         "numbers (JSON)",
         "PLACE",
         output_file(".html", folder=True),

@@ -88,9 +88,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """A policy as it is deployed."""
 
     cards: tuple[Path, ...] = option(
-        "deployment files: observations, actions and timing of a policy; several give one "
-        "table, from the same initial conditions; or a gain K in a critic's file, with "
-        "--sample-time",
+        "deployment file with the observations, actions and timing of a policy, or with "
+        "--sample-time a file of a gain K; several files give one table, from the same initial "
+        "conditions",
         "DEPLOYMENT.toml",
         _card_path,
         names="cards",
@@ -102,14 +102,14 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         names="--aircraft --model",
     )
     sample_time: float | None = option(
-        "sample time of a gain K (u = -K x, all linear states, all inputs), given in place of a "
-        "deployment file",
+        "sample time, s, of a gain K given in place of a deployment file (u = -K x, all linear "
+        "states, all inputs)",
         "S",
         number,
     )
-    at: Range | None = scheduled(scheduled_range, "RANGE", "start:stop:step, a,b,c or one number")
+    at: Range | None = scheduled(scheduled_range, "RANGE", "one number, a,b,c or start:stop:step")
     samples: int = option(
-        "flights at each trim, with and without disturbance; default 300, 0 for none",
+        "number of flights at each trim, with and without disturbance; default 300, 0 for none",
         "N",
         whole(0, _MOST_SAMPLES),
         default=300,
@@ -118,7 +118,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "seed of the initial conditions; default 0", "N", whole(0), default=0, rare=True
     )
     box: Mapping[str, float] = option(
-        "half-width of the initial-condition box in a state; repeatable",
+        "half-width of the initial-condition box in a state, degrees for angles; repeatable",
         "NAME=VALUE",
         OfModel(_half_width),
         named=True,
@@ -132,8 +132,8 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         named=True,
     )
     vary: Mapping[str, tuple[float, float]] = option(
-        "judge changed aircraft too: five values of a parameter, or of an input that no action "
-        "moves, with the trim values of the policy frozen; repeatable",
+        "also assess changed aircraft with the unchanged policy: five values of a parameter, or "
+        "of an input that is not an action; repeatable",
         "NAME=LOW:HIGH",
         OfModel(_varied),
         named=True,
@@ -145,19 +145,19 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     turbulence: Turbulence | None = turbulence_option()
     gust: tuple[float, ...] | None = gust_option()
     best: int | None = option(
-        "compare K flights at each trim with the best flights found; default 5 with [cost], 0 for "
-        "none",
+        "compare K flights at each trim with the best flights found; default 5 if the deployment "
+        "file has [cost], 0 for none",
         "K",
         whole(0, _MOST_SAMPLES),
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
-        "with --best: certificate of `hfa prove cost`; print how far the flights are from the "
-        "least possible cost",
+        "certificate of `hfa prove cost`; compare the flights of --best with its lower bound of "
+        "the cost",
         "FILE",
         input_file(".json"),
     )
-    picture: Path | None = picture_option("radius over delay, and the outcomes of the flights")
+    picture: Path | None = picture_option("spectral radius over delay, and outcomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
         """The trims to assess at."""

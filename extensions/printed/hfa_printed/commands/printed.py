@@ -20,14 +20,14 @@ class PrintedRequest(OutputOptions):
     """A printed answer to be judged."""
 
     file: Path = option(
-        "plant and P, K, L, W or H pasted as text (docs/critics.md)",
+        "file with the printed plant and P, K, L, W or H (docs/critics.md)",
         "FILE",
         input_file(".toml"),
         names="file",
         required=True,
     )
     limit_cost: float | None = option(
-        "exit 0 when the linear cost is at most this much above the optimum",
+        "exit 0 if the cost is at most this percentage above the optimum",
         "PERCENT",
         positive,
     )

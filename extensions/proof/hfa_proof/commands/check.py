@@ -24,15 +24,17 @@ from hfa_support.files import MATRIX_FILES
 class CheckRequest(PlantOptions, OutputOptions):
     """A certificate to be verified, and the data with which it must agree."""
 
-    check: Path | None = option("the certificate", "FILE", input_file(".json"))
-    at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "must agree with the certificate")
+    check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
+    at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "compared with the certificate")
     weights: Path | None = option(
         "gains or critic, compared with the certificate",
         "FILE",
         input_file(*MATRIX_FILES),
     )
-    basis: str | None = option("basis of W in --weights; default quadratic", "BASIS", rare=True)
-    design: Any = design_option("actuators of a controller in --weights")
+    basis: str | None = option(
+        "basis functions of W in --weights; default quadratic", "BASIS", rare=True
+    )
+    design: Any = design_option("design with the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
         """Return the file of your own aircraft; the report names that of the certificate."""

@@ -40,7 +40,7 @@ class Stated(NamedTuple):
 class SolutionRequest(PlantOptions, OutputOptions):
     """A game whose solution is enclosed."""
 
-    at: Any = scheduled(interval_of, "DEG", "as written")
+    at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
 
     def stated(self) -> Stated:
         """The game that the options name."""
@@ -73,13 +73,15 @@ class CriticRequest(SolutionRequest):
     """A critic to be compared with the solution of its game."""
 
     file: Path = option(
-        f"the critic: W, P or K ({' '.join(MATRIX_FILES)})",
+        f"critic to compare: W, P or K ({' '.join(MATRIX_FILES)})",
         "FILE",
         input_file(*MATRIX_FILES),
         names="file",
         required=True,
     )
-    basis: str = option("basis of W; default quadratic", "NAME", default="quadratic", rare=True)
+    basis: str = option(
+        "basis functions of W; default quadratic", "NAME", default="quadratic", rare=True
+    )
 
 
 @command(SolutionRequest)

@@ -16,7 +16,7 @@ class ModelsRequest(RangeOptions):
     """Linear models between which others are interpolated."""
 
     limit_error: float = option(
-        "relative error of the interpolation; default 1e-3", "X", positive, default=1e-3
+        "largest relative error of the interpolation; default 1e-3", "X", positive, default=1e-3
     )
 
 

@@ -34,14 +34,16 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     """A gain schedule, or a scheduled controller, to be proved stabilizing."""
 
     weights: Path | None = option(
-        "gains K over the schedule; default: the exact game's", "FILE", input_file(*MATRIX_FILES)
+        "gains K over the schedule; default: those of the exact game",
+        "FILE",
+        input_file(*MATRIX_FILES),
     )
     design: Any = design_option(
-        "--weights is a scheduled controller with the actuators of this design"
+        "design with the actuators of the scheduled controller in --weights"
     )
-    rate: bool = option("also prove an allowed rate of the scheduling variable", rare=True)
+    rate: bool = option("also prove a permitted rate of the scheduling variable", rare=True)
     error: float = option(
-        "cover all parameters within N standard errors; default 0",
+        "cover all values of the parameters within N standard errors; default 0",
         "N",
         not_negative,
         default=0.0,
@@ -51,13 +53,13 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "cover actuators of any bandwidth in the interval, rad/s", "LOW:HIGH", positive_interval
     )
     effectiveness: tuple[float, float] | None = option(
-        "with --bandwidth: factor on each command, which may vary at any time; default 1",
+        "cover a time-varying factor on each command; default 1; needs --bandwidth",
         "LOW:HIGH",
         positive_interval,
         rare=True,
     )
     delay: float | None = option(
-        "with --bandwidth: delay of each command, up to S and varying at any time; default 0",
+        "cover a time-varying delay of each command up to S seconds; default 0; needs --bandwidth",
         "S",
         not_negative,
         rare=True,

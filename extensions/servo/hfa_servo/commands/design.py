@@ -47,7 +47,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     """A controller over the scheduling variable, or the file of one."""
 
     file: Path | None = option(
-        "a design (.toml), or a controller to print (.npz)",
+        "design to compute (.toml), or controller to print (.npz)",
         "FILE",
         input_file(".npz", ".toml"),
         names="file",
@@ -60,7 +60,7 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
         lambda model: f"default {_RANGE}" if model.extras.names_schedule else "",
     )
     bandwidth: tuple[float, ...] | None = option(
-        "bandwidths of the actuators in the margins, rad/s; default 2:10",
+        "actuator bandwidths of the margins, rad/s; default 2:10",
         "A[:B...]",
         _bandwidths,
     )
