@@ -387,7 +387,7 @@ def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
     """g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, and not for all |e| <= 0.3."""
     box = Boxes(np.array([[0.5]]), np.array([[10]]))
-    assert _on_a_line(CART, 0.75, radius).undecided(box).tolist() == [radius > 0.0]
+    assert _on_a_line(CART, 0.75, radius).edges(box).tolist() == [0 if radius > 0.0 else -1]
 
 
 def test_the_envelope_is_met_from_all_equilibria() -> None:
@@ -477,9 +477,8 @@ def test_the_edge_by_which_g_varies_most_is_halved() -> None:
     chosen = []
     for a in (0.25, 4.0):
         inequality = _of_two_states(W, 0.5, np.diag([1.0, a]), ONE)
-        chosen.append(
-            inequality._decisive(boxes, inequality._values.of(*_still(inequality, boxes)))
-        )
+        models = inequality._values.of(*_still(inequality, boxes))
+        chosen.append(inequality.decisive_edges(boxes, models, np.zeros((1, 2), dtype=bool)))
     assert [edges.tolist() for edges in chosen] == [[0, 0], [1, 0]]
 
 

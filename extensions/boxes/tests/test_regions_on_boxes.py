@@ -64,13 +64,13 @@ class Positive(Question):
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         return np.zeros(len(boxes.centres), dtype=bool)
 
-    def undecided(self, boxes: Boxes) -> np.ndarray:
+    def edges(self, boxes: Boxes) -> np.ndarray:
         models = self.taylor.over(boxes.centres, boxes.half_widths)
         proved = lowest(models, self.n) > 0.0
         if self.hole is not None:
             proved[0] |= boxes.reach <= 2.0**-self.hole
         refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
-        return ~proved.all(axis=0)
+        return np.where(proved.all(axis=0), -1, np.argmin(boxes.depths, axis=1))
 
 
 def inequality(expression: ca.SX, y: ca.SX, hole: int | None = None) -> Positive:
@@ -104,12 +104,9 @@ def test_no_edge_is_halved_below_the_doubles() -> None:
     depths = []
 
     class Deep(Positive):
-        def undecided(self, boxes: Boxes) -> np.ndarray:
-            depths.append(int(boxes.depths.max()))
-            return super().undecided(boxes)
-
         def edges(self, boxes: Boxes) -> np.ndarray:
-            return np.where(self.undecided(boxes), 0, -1)
+            depths.append(int(boxes.depths.max()))
+            return np.where(super().edges(boxes) >= 0, 0, -1)
 
     y = ca.SX.sym("y", 2)
     question = inequality((y[0] - 0.3) ** 2, y)

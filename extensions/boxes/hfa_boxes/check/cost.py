@@ -20,7 +20,7 @@ import numpy as np
 
 from hfa_boxes.check.cover import Boxes, refute
 from hfa_boxes.check.piece import ROUNDING, OnPiece
-from hfa_boxes.enclosure.taylor import Models, TaylorProgram, highest, lowered_by, lowest
+from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_proof.arithmetic.balls import doubles, hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
@@ -29,8 +29,6 @@ _TINY = 1e-290
 #: Steps that improve a guess of the best inputs, which nothing depends on.
 _STEPS = 12
 _SMALLEST_HOLE = 24
-#: How much more often than another an edge of a box is halved, at most.
-_FLATTEST = 4
 
 
 class Guess(NamedTuple):
@@ -180,11 +178,6 @@ class CostInequality(OnPiece):
         beyond = (at + centres - reach > high) | (at + centres + reach < low)
         return np.asarray(beyond.any(axis=1))
 
-    def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes neither outside the set nor proved. Raises RefutedError
-        where g < 0."""
-        return self.edges(boxes) >= 0
-
     def edges(self, boxes: Boxes) -> np.ndarray:
         """(N,), the edge to halve of each box neither outside the set nor proved, -1 for the
         others. Raises RefutedError where g < 0."""
@@ -211,27 +204,7 @@ class CostInequality(OnPiece):
         bound[may_be] -= self._loss(boxes.part(may_be), guess_there)
         is_positive = (bound > 0.0) & (boxes.reach < 1.0)
         in_hole = boxes.reach <= 2.0**-self.hole
-        edges = np.full(len(boxes.centres), -1)
-        undecided = np.flatnonzero(~(is_positive | in_hole))
-        edges[undecided] = self._decisive(boxes.part(undecided), models.part(undecided))
-        return edges
-
-    def _decisive(self, boxes: Boxes, models: Models) -> np.ndarray:
-        """(N,), the edge by which g varies most, or W where a box meets a face of the cube; the
-        widest of a box about the equilibrium. None is halved much more often than another.
-
-        models: of g"""
-        half_widths = boxes.half_widths
-        shares = half_widths / half_widths.sum(axis=1, keepdims=True)
-        sizes = lowered_by(models, self.n)[0].T + models.radius[0][:, None] * shares
-        on_face = np.flatnonzero(boxes.reach >= 1.0)
-        if len(on_face):
-            level = self._level.over(boxes.centres[on_face], half_widths[on_face])
-            sizes[on_face] = lowered_by(level, self.n)[0].T
-        about_zero = np.all(np.abs(boxes.centres) <= half_widths, axis=1)
-        sizes[about_zero] = half_widths[about_zero]
-        is_short = boxes.depths > boxes.depths.min(axis=1, keepdims=True) + _FLATTEST
-        return np.asarray(np.argmax(np.where(is_short, -np.inf, sizes), axis=1))
+        return self.decisive_edges(boxes, models, (is_positive | in_hole)[None])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Taylor models of y, z, v and the error of the equilibrium."""

@@ -1,9 +1,9 @@
 """Branch and bound: functions are positive on the part of a cube where a set is.
 
-The cube |y_i| <= 1 is halved again and again, across the widest edge or the one that the question
-chooses, until on each box every function is bounded from below by a positive number or the box is
-outside the set. Centres and half widths are dyadic, so that they are doubles without rounding. The
-order is fixed: who repeats it needs no tree."""
+The cube |y_i| <= 1 is halved again and again, across the edge that the question chooses, until on
+each box every function is bounded from below by a positive number or the box is outside the set.
+Centres and half widths are dyadic, so that they are doubles without rounding. The order is fixed:
+who repeats it needs no tree."""
 
 from __future__ import annotations
 
@@ -95,14 +95,9 @@ class Question(Protocol):
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes that do not meet the set."""
 
-    def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes to halve. Raises RefutedError at a place where the answer is
-        no."""
-
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """(N,), the edge to halve of each undecided box, the first of the widest, -1 for the
-        decided ones. Raises RefutedError at a place where the answer is no."""
-        return np.where(self.undecided(boxes), np.argmin(boxes.depths, axis=1), -1)
+        """(N,), the edge to halve of each undecided box, -1 for the decided ones. Raises
+        RefutedError at a place where the answer is no."""
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:

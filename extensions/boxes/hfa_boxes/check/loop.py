@@ -104,14 +104,16 @@ class Decrease(OnPiece):
             if not (low <= at.x[i] + least - room and at.x[i] + most + room <= high):
                 raise Rejected(f"{name} may leave its limits in the set")
 
-    def undecided(self, boxes: Boxes) -> np.ndarray:
-        """Return which boxes are not proved. Raises RefutedError at a place where a function is
-        negative."""
+    def edges(self, boxes: Boxes) -> np.ndarray:
+        """(N,), the edge to halve of each box that is not proved, -1 for the others. Raises
+        RefutedError at a place where a function is negative."""
         models = self._functions.of(*self.symbols_on(boxes))
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole
         refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
-        return np.asarray(~(proved.all(axis=0) & (boxes.reach < 1.0)))
+        proved[0] &= boxes.reach < 1.0
+        with np.errstate(all="ignore"):
+            return self.decisive_edges(boxes, models, proved)
 
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:

@@ -19,7 +19,7 @@ from hfa_boxes.check.cover import Boxes, Question, cover
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
+from hfa_boxes.enclosure.taylor import Models, TaylorProgram, lowered_by, lowest
 from hfa_proof.arithmetic.balls import matrix
 from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
 from hfa_support.progress import Progress
@@ -28,6 +28,8 @@ from hfa_support.progress import Progress
 HIGHEST = 12
 #: Of a few sums and products of doubles, relative to the sizes.
 ROUNDING = 1e-13
+#: How much more often than another an edge of a box is halved, at most.
+_FLATTEST = 4
 
 
 class Polynomial(NamedTuple):
@@ -187,6 +189,30 @@ class OnPiece(Question):
         """Return the mask of the boxes on which W > c everywhere."""
         level = self._level.over(boxes.centres, boxes.half_widths)
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
+
+    def decisive_edges(self, boxes: Boxes, models: Models, proved: np.ndarray) -> np.ndarray:
+        """(N,), the edge by which the first function that is not proved varies most, or W where a
+        box meets a face of the cube; the widest of a box about the equilibrium; -1 where all
+        functions are proved. None is halved much more often than another.
+
+        models: of the functions
+        proved: (functions, N), which are"""
+        edges = np.full(len(boxes.centres), -1)
+        undecided = np.flatnonzero(~proved.all(axis=0))
+        boxes = boxes.part(undecided)
+        half_widths = boxes.half_widths
+        shares = half_widths / half_widths.sum(axis=1, keepdims=True)
+        first = models.part(np.argmin(proved[:, undecided], axis=0), undecided)
+        sizes = lowered_by(first, self.n)[0].T + first.radius[0][:, None] * shares
+        on_face = np.flatnonzero(boxes.reach >= 1.0)
+        if len(on_face):
+            level = self._level.over(boxes.centres[on_face], half_widths[on_face])
+            sizes[on_face] = lowered_by(level, self.n)[0].T
+        about_zero = np.all(np.abs(boxes.centres) <= half_widths, axis=1)
+        sizes[about_zero] = half_widths[about_zero]
+        is_short = boxes.depths > boxes.depths.min(axis=1, keepdims=True) + _FLATTEST
+        edges[undecided] = np.argmax(np.where(is_short, -np.inf, sizes), axis=1)
+        return edges
 
     @cached_property
     def _level(self) -> TaylorProgram:

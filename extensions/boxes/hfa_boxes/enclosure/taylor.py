@@ -67,9 +67,9 @@ class Models(NamedTuple):
         """Value at the centre, without the radius."""
         return self.c[:, 0]
 
-    def part(self, which: np.ndarray) -> Models:
-        """Return the models on some of the boxes."""
-        return Models(self.c[:, :, which], self.radius[:, which])
+    def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
+        """Return the model of one value on each of some boxes, as a single value."""
+        return Models(self.c[values, :, boxes].T[None], self.radius[values, boxes][None])
 
 
 class _Sizes(NamedTuple):

@@ -76,6 +76,10 @@ class BoxRegion:
 class OutOfTimeError(NoSolutionError):
     """The time of a search is over."""
 
+    def __init__(self, done: float, step: str) -> None:
+        """done: share of the cube that is decided; step: the last one, in words"""
+        super().__init__(f"the time was over after {step}, {1.0 - done:.2g} of the cube undecided")
+
 
 class RegionSearch:
     """The search for a region in a given time.
@@ -263,7 +267,7 @@ class RegionSearch:
 
     def _count(self, done: float, whole: float, text: str = "") -> None:
         if time.process_time() > self._deadline:
-            raise OutOfTimeError(f"the time was over, {done:.0%} of the cube decided")
+            raise OutOfTimeError(done, text)
         if self._progress is not None:
             self._progress(done, whole, text)
 
