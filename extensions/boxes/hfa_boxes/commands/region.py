@@ -135,7 +135,7 @@ def prove(
     place = region.bound.place
     flight = None
     if place is not None and region.bound.rises:
-        flight = flown(search.samples, search.J, place, region)
+        flight = flown(search.samples, place, region)
     print_report(
         found_report(region, policy.words, flight, policy.not_covered, settings.reason), request
     )

@@ -17,7 +17,6 @@ from hfa_boxes.check.checker import BoxWitness
 from hfa_boxes.check.cover import OpenBoxError, RefutedError
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
-from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.search.kinks import kink_at
 from hfa_boxes.search.shape import Bound, Growth, Samples, Shape
 from hfa_proof.checker.reading import Rejected
@@ -42,8 +41,9 @@ _LARGER = 1.01
 _WITHIN = 0.999
 #: Refuted places that become rows of linear programs, for one V.
 _REFUTED = 12
-#: Lyapunov matrices that are tried, and those of them that are sampled more.
-_CANDIDATES = 40
+#: Lyapunov matrices and sums of squares of modes that are tried, and those of them that are sampled
+#: more.
+_CANDIDATES = 20
 _SAMPLED = 4
 #: Higher levels than this of a V are not looked at, over that of its set.
 _HIGHEST = 1.5
@@ -112,9 +112,8 @@ class RegionSearch:
         self._progress = progress
         self._save = save
         self.equilibrium = equilibrium_near(loop, np.array(list(loop.trim.values())))
-        point = Intervals(self.equilibrium.x, np.zeros_like(self.equilibrium.x))
-        self.J = jacobian(loop.closed, point).slopes.middle
         self.samples = Samples(loop, self.equilibrium)
+        self.J = self.samples.J
         self._known = known
         self._deadline = np.inf
         self._largest = 0.0
@@ -151,7 +150,7 @@ class RegionSearch:
             origin = "V of the certificate"
             shape = Shape.of_piece(earlier.piece, self._degree)
             self._prove(self._part(shape, 1.0), origin)
-        growth = Growth(self.samples, self.J, shape, self._tell)
+        growth = Growth(self.samples, shape, self._tell)
         if earlier is None:
             self._first_levels(growth, origin)
         for degree in sorted({2, self._degree}):
@@ -278,7 +277,10 @@ class RegionSearch:
         for origin, P in self._candidates():
             if sampled and time.process_time() > end:
                 break
+            P = 0.5 * (P + P.T)
             slope = P @ self.J
+            if not np.all(np.linalg.eigvalsh(P) > 0.0):
+                continue
             if not np.all(np.linalg.eigvalsh(slope + slope.T) < 0.0):
                 continue
             widths = np.diag(np.linalg.inv(P))
@@ -304,15 +306,19 @@ class RegionSearch:
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        listed = [(origin, 0.5 * (P + P.T)) for origin, P in self._known]
+        yield from self._known
+        n = len(self.J)
+        modes = np.linalg.inv(np.linalg.eig(self.J)[1])
+        modes /= np.linalg.norm(modes * self._nominal, axis=1, keepdims=True)
         generator = np.random.default_rng(0)
         for _ in range(_CANDIDATES):
-            weights = 10.0 ** generator.uniform(-2.0, 2.0, len(self.J)) / self._nominal**2
-            P = scipy.linalg.solve_continuous_lyapunov(self.J.T, -np.diag(weights))
-            listed.append(("a Lyapunov matrix of the loop", 0.5 * (P + P.T)))
-        for origin, P in listed:
-            if np.all(np.linalg.eigvalsh(P) > 0.0):
-                yield origin, P
+            weights = 10.0 ** generator.uniform(-2.0, 2.0, n)
+            nominal = np.diag(weights / self._nominal**2)
+            yield (
+                "a Lyapunov matrix of the loop",
+                scipy.linalg.solve_continuous_lyapunov(self.J.T, -nominal),
+            )
+            yield "a sum of squares of modes", (modes.conj().T @ (weights[:, None] * modes)).real
 
     @property
     def _room(self) -> np.ndarray:
@@ -326,9 +332,9 @@ class RegionSearch:
         return np.array([signals[name].nominal for name in self.loop.states])
 
 
-def flown(samples: Samples, J: np.ndarray, place: np.ndarray, region: BoxRegion) -> str:
-    """Return the end of a flight from a deviation (n,), in words; J: Jacobian of the loop."""
-    modes = np.linalg.eigvals(J)
+def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
+    """Return the end of a flight from a deviation (n,), in words."""
+    modes = np.linalg.eigvals(samples.J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))
     piece = region.statement.piece
     far = 1e3 * np.abs(place).max()

@@ -17,6 +17,7 @@ from scipy.optimize import linprog, minimize
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece
+from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.search.monomials import Monomials
 
 #: Rays from the equilibrium for the size of a set; rays for each state and shells of a search, how
@@ -33,6 +34,8 @@ _STEPS = 150
 #: Coordinates of a set are at most 1 over this: above 2 the halves of the cube at its faces are
 #: beyond the set.
 _ROOM = 2.05
+#: The least decay of a direction over the largest, for rays.
+_SLOWEST = 1e-9
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
 #: -V' is at least this part of its value for the first V and the linear loop.
@@ -74,6 +77,9 @@ class Samples:
         #: Part of the usual number of samples: fewer of a loop with many operations.
         self.share = min(1.0, _OPERATIONS / self._rates.n_instructions())
         self._x = equilibrium.x
+        at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
+        #: (n, n), Jacobian of the rates.
+        self.J = jacobian(loop.closed, at).slopes.middle
         ends = loop.ends((*loop.states, *loop.limited_outputs))
         self._low, self._high = ends.T
 
@@ -170,6 +176,12 @@ class Shape:
         slope = square @ self.M @ J @ self.N
         return np.asarray(-(slope + slope.T))
 
+    def slow(self, J: np.ndarray) -> np.ndarray:
+        """(n, n), T: with y = T s, -V' is |s|² up to second order where z' = J z. Even rays s are
+        near the directions in which V decreases slowly."""
+        values, directions = scipy.linalg.eigh(self.linear_decay(J))
+        return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
+
     def of_level(self, level: float) -> Shape:
         """V divided by a level."""
         return replace(self, coefficients=self.coefficients / level)
@@ -222,14 +234,18 @@ class Shape:
 
         quick: with a tenth of the samples and fewer turns"""
 
+        slow = self.slow(samples.J)
+        to_slow = np.linalg.solve(slow, self.M)
+
         def margins(z: np.ndarray) -> np.ndarray:
             slope = np.sum(self.gradients(z) * samples.rates(z), axis=1)
-            margin = -slope / self.values(z)
+            s = z @ to_slow.T
+            margin = -slope / np.sum(s * s, axis=1)
             return np.where(samples.beyond(z) | np.isnan(margin), -np.inf, margin)
 
         rays = samples.share * _SEARCHED * self.basis.n * (0.1 if quick else 1.0)
         turns = _TURNS // 4 if quick else _TURNS
-        found = self._first(margins, level, max(int(rays), _FEWEST), turns)
+        found = self._first(margins, level, max(int(rays), _FEWEST), turns, slow)
         if found is None:
             return Bound(np.inf, None, False)
         at, place = found
@@ -237,15 +253,27 @@ class Shape:
         return Bound(at, place, not slope < 0.0)
 
     def _first(
-        self, margins: Callable[[np.ndarray], np.ndarray], level: float, count: int, turns: int
+        self,
+        margins: Callable[[np.ndarray], np.ndarray],
+        level: float,
+        count: int,
+        turns: int,
+        slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
         """The lowest level at which a margin of 0 or less was found, and the place z (n,).
 
-        margins: z (N, n) -> (N,); count: of rays"""
+        margins: z (N, n) -> (N,); count: of rays; slow: T of `slow`"""
         n = self.basis.n
         generator = np.random.default_rng(0)
         shells = np.arange(1, _SHELLS + 1)
-        rays = _unit(generator.normal(size=(count, n)))
+        to_slow = np.linalg.inv(slow)
+
+        def drawn(count: int) -> np.ndarray:
+            rays = generator.normal(size=(count, n))
+            rays[::2] = rays[::2] @ slow.T
+            return _unit(rays)
+
+        rays = drawn(count)
         best = level
         place = None
         spread = 0.5
@@ -262,9 +290,11 @@ class Shape:
                 place = z[first[order[0]], order[0]]
                 best = min(best, float(self.values(place[None])[0]))
             near = np.repeat(rays[order], count // 24, axis=0)
-            near = near + spread * generator.normal(size=near.shape) / np.sqrt(n)
-            far = generator.normal(size=(count // 2, n))
-            rays = _unit(np.concatenate([rays[order], near, far]))
+            noise = spread * generator.normal(size=near.shape) / np.sqrt(n)
+            is_slow = np.arange(len(near)) % 2 == 0
+            lengths = np.linalg.norm(near[is_slow] @ to_slow.T, axis=1, keepdims=True)
+            noise[is_slow] = lengths * (noise[is_slow] @ slow.T)
+            rays = np.concatenate([rays[order], _unit(near + noise), drawn(count // 2)])
             spread *= 0.6
         return None if place is None else (best, place)
 
@@ -326,22 +356,18 @@ class Growth:
     """Linear programs for a V with a larger set.
 
     samples: the loop
-    J: (n, n), its Jacobian
     shape: the first V, its set good
     tell: called before each linear program with its task; may raise
     """
 
-    def __init__(
-        self, samples: Samples, J: np.ndarray, shape: Shape, tell: Callable[[str], None]
-    ) -> None:
+    def __init__(self, samples: Samples, shape: Shape, tell: Callable[[str], None]) -> None:
         self._samples = samples
         self._tell = tell
         self._random = np.random.default_rng(1)
-        self._J = J
-        self._decay = shape.linear_decay(J)
+        self._decay = shape.linear_decay(samples.J)
         self._first_M = shape.M
-        self._refuted = np.zeros((0, len(J)))
-        self._slowest = np.zeros((0, len(J)))
+        self._refuted = np.zeros((0, len(shape.M)))
+        self._slowest = np.zeros((0, len(shape.M)))
         self._growths = _GROWTHS
         self.shape = shape
 
@@ -460,7 +486,9 @@ class Growth:
     def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
         """(count, n), y up to a level."""
         n = shape.basis.n
-        rays = _unit(self._random.normal(size=(count, n)))
+        rays = self._random.normal(size=(count, n))
+        rays[: count // 2] = rays[: count // 2] @ shape.slow(self._samples.J).T
+        rays = _unit(rays)
         shares = self._random.uniform(size=(count, 1))
         shares[::2] **= 1.0 / n
         shares[1::4] = _NEAREST ** shares[1::4]
@@ -488,11 +516,11 @@ class Growth:
     def _slow(self, shape: Shape) -> np.ndarray:
         """(N, n), directions z in which V falls too little in the linear loop, few of them."""
         T = self._first_M @ shape.N
-        decay = shape.linear_decay(self._J)
+        decay = shape.linear_decay(self._samples.J)
         values, directions = scipy.linalg.eigh(decay, T.T @ self._decay @ T)
         return np.asarray((shape.N @ directions[:, values < 0.5 * _DECAY]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
         """(N, K), the rows of `_rows` near 0 in directions z (N, n)."""
-        rows = self._decays(last, z, z @ self._J.T)
+        rows = self._decays(last, z, z @ self._samples.J.T)
         return np.where(last.basis.degrees == 2, rows, 0.0)
