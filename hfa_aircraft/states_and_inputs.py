@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hfa_support.entry_points import PARTS, part
+
 if TYPE_CHECKING:
+    import xarray
+
     from hfa_aircraft.model import Model
 
 
@@ -36,3 +40,7 @@ class StatesAndInputs:
     def input_units(self) -> tuple[str, ...]:
         """Unit of each input."""
         return self.model.units(self.input_names)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the values as an `xarray.Dataset` with names and units. Needs xarray."""
+        return part(PARTS, "dataset.xarray", "to_xarray")(self)

@@ -79,11 +79,8 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 def choice_of(name: str, known: Iterable[str]) -> str:
     """Return advice on an unknown name: the known names that are nearest, then all."""
-    meant = nearest(name, known)
-    *others, last = meant or [""]
-    either = f"{', '.join(others)} or {last}" if others else last
-    advice = f"did you mean {either}? " if meant else ""
-    return f"{advice}choose from {', '.join(known) or 'none'}"
+    meant = advice(name, known).removeprefix("; ")
+    return f"{meant} choose from {', '.join(known) or 'none'}".lstrip()
 
 
 def no_attribute(value: object, name: str, *more: str) -> AttributeError:
@@ -101,23 +98,26 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
 
 def advice(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean speed?", or "" where no known name is near."""
-    near = " or ".join(nearest(name, known))
-    return f"; did you mean {near}?" if near else ""
+    *others, last = nearest(name, known) or [""]
+    either = f"{', '.join(others)} or {last}" if others else last
+    return f"; did you mean {either}?" if last else ""
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names nearest to a name, regardless of case.
 
-    These are the names that begin with it, else those that contain it, else the most similar ones.
+    These are the names that another tool calls so, else those that begin with it, else those that
+    contain it, else the most similar ones.
     """
+    from hfa_support.other_words import MEANINGS
+
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
-    if wanted in by_key:
-        return [by_key[wanted]]
+    if meant := [by_key[key] for key in (wanted, *MEANINGS.get(wanted, ())) if key in by_key]:
+        return meant
     if len(wanted) >= _SHORTEST_BEGINNING:
         longer = [each for key, each in by_key.items() if key.startswith(wanted)]
-        longer = longer or [each for key, each in by_key.items() if wanted in key]
-        if longer:
+        if longer := longer or [each for key, each in by_key.items() if wanted in key]:
             return longer[:_MOST_MEANT]
     near = difflib.get_close_matches(wanted, by_key, n=_MOST_MEANT, cutoff=0.75)
     likeness = {key: difflib.SequenceMatcher(a=wanted, b=key).ratio() for key in near}

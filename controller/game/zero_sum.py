@@ -46,7 +46,7 @@ class Game(ByValue, Reported):
     [[0.75]]
     """
 
-    how_to_make: ClassVar[str] = "hfa.game(linear, Q, R)"
+    how_to_make: ClassVar[str] = "hfa.game(linear, Q, R) or, of a file, hfa.load_game(FILE)"
 
     A: np.ndarray
     B: np.ndarray

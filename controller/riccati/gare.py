@@ -80,18 +80,18 @@ class Solution(Result, Reported):
         import control
 
         game = self.game
-        return control.ss(
-            game.A - game.B @ self.K,
-            game.E,
-            np.eye(len(game.A)),
-            0,
-            states=list(self.names.states),
-            outputs=list(self.names.states),
-        )
+        A = game.A - game.B @ self.K
+        states = list(self.names.states)
+        return control.ss(A, game.E, np.eye(len(A)), 0, states=states, outputs=states)
 
     def poles(self) -> np.ndarray:
         """Eigenvalues of A - B K, (n,) complex, 1/s."""
         return self.closed_loop_eigenvalues
+
+    @property
+    def is_stable(self) -> bool:
+        """True if A - B K is stable beyond rounding."""
+        return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the state z, (n,)."""

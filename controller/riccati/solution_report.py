@@ -15,7 +15,7 @@ from controller.riccati.margins import DiskMargin, disk_margin, disk_sizes
 from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
-from hfa_support.arguments import checks_arguments
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
@@ -134,20 +134,24 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
 
 
 @checks_arguments
-def lqr(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
-    """Return the linear-quadratic regulator u = -K z.
+def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> AnalysedGame:
+    """Return the linear-quadratic regulator u = -K z of lqr(linear, Q, R) or lqr(A, B, Q, R).
 
     It is the solution of `hfa.game(linear, Q, R)`, which has no disturbance.
 
-    linear: the linear model, with A and B
-    Q, R: as for `hfa.game`
+    linear: the linear model, with A and B; or A
+    more: B after A; Q and R, as for `hfa.game`
+    weights: Q and R by name
 
     >>> import hfa
     >>> model = hfa.aircraft()
     >>> hfa.lqr(hfa.linearize(model, hfa.find_operating_point(model))).K.shape
     (5, 6)
     """
-    return solve(game_on(linear, Q, R))
+    if not isinstance(linear, LinearModel):
+        linear = LinearModel(np.asarray(linear), *more[:1])
+        more = more[1:]
+    return solve(game_on(linear, *more, **weights))
 
 
 def _margins_table(analysed: AnalysedGame) -> Table:

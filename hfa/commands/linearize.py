@@ -17,7 +17,7 @@ from hfa.options.request import OfModel, option
 from hfa.options.trims import OneTrimRequest, picture_option
 from hfa.output import show, trimmed
 from hfa_aircraft.model import Model
-from hfa_model import choice
+from hfa_model.choice import aircraft
 from hfa_model.variants import VARIANTS
 from hfa_model.vectors import INPUTS, LINEAR_STATES
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -153,7 +153,7 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     if _is_printed(model):
         bands = entry_bands(parameters, condition, model) if bands_known(parameters) else None
         name = next((variant for variant in VARIANTS if variant != request.dynamics), "")
-        changed = choice.aircraft(name, parameters.values)
+        changed = aircraft(name, parameters.values)
         with suppress(BadInputError, NoSolutionError):  # it has no trim there
             comparison = find_operating_point(changed, condition, model.point).linearize()
     return with_bands(linear_model_report(model), model, bands, comparison)

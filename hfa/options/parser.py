@@ -11,9 +11,6 @@ from typing import Any, NoReturn
 from hfa.options.request import Option
 from hfa_support.errors import BadInputError, advice, shortened
 
-#: Option that a user may guess -> the one that there is.
-_MEANT = {"--angle": "--dihedral"}
-
 
 class Parser(argparse.ArgumentParser):
     """Argument parser that raises BadInputError.
@@ -180,5 +177,4 @@ class _Named(argparse.Action):
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
     """Return the error for an unknown option or command, with the nearest known one."""
-    near = advice(_MEANT.get(name, name), known)
-    return f"unknown {what}{near or f' (see `{program} --help`)'}"
+    return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"

@@ -19,7 +19,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.request import OfModel, Request, option
 from hfa_aircraft.model import Model
-from hfa_model import choice
+from hfa_model.choice import aircraft
 from hfa_model.parameters import NAMED, ParameterSet, default_parameters, load_parameters
 from hfa_model.variants import further_dynamics, variant_named
 from hfa_support.entry_points import PARTS, part
@@ -174,7 +174,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
     values = (typed.get("parameters") or default_parameters()).values
-    return choice.aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
+    return aircraft(typed.get("dynamics", HfaOptions.dynamics), values)
 
 
 # The trim.

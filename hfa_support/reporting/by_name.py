@@ -1,10 +1,8 @@
-"""Tuples whose entries have names, and arrays whose columns have names."""
+"""Tuples whose entries have names."""
 
 from __future__ import annotations
 
 from typing import Any, TypeVar
-
-import numpy as np
 
 from hfa_support.errors import refuse_unknown
 
@@ -32,30 +30,3 @@ class ByName(tuple[Named, ...]):
     def items(self) -> Any:
         """Return the pairs (name, entry)."""
         return dict(self).items()
-
-
-class Columns(np.ndarray):
-    """Array (N, n) whose columns have names: states["alpha"] is (N,)."""
-
-    names: tuple[str, ...] = ()
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return a column by its name, or index as a plain array does.
-
-        Raises BadInputError for an unknown name.
-        """
-        values = np.asarray(self)
-        if not isinstance(index, str):
-            return values[index]
-        refuse_unknown("unknown name", index, self.names)
-        return values[:, self.names.index(index)]
-
-    def __reduce__(self) -> Any:
-        return with_names, (np.asarray(self), self.names)
-
-
-def with_names(values: np.ndarray, names: tuple[str, ...]) -> Columns:
-    """Return the array with names of its columns."""
-    columns = values.view(Columns)
-    columns.names = names
-    return columns

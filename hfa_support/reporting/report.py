@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.errors import no_attribute
+from hfa_support.errors import BadInputError, no_attribute
 from hfa_support.reporting.text import Table, columns, printable, wrapped
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ class Reported:
         import pandas
 
         header, rows = self.report().records
-        return pandas.DataFrame(list(rows), columns=list(header))
+        return pandas.DataFrame(list(rows), columns=header)
 
     def __repr__(self) -> str:
         return repr(self.report())
@@ -158,8 +159,14 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError, which suggests the nearest attributes."""
-            raise no_attribute(self, name)
+            """Return the value that the name indexes: point.alpha is point["alpha"]. Raises
+            AttributeError, which suggests the nearest attributes."""
+            if name[0] == "_":
+                raise AttributeError(name)
+            error = no_attribute(self, name)
+            with suppress(BadInputError, TypeError):
+                return self[name]
+            raise error
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:

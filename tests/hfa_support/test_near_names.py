@@ -3,6 +3,7 @@
 import pytest
 
 from hfa_support.errors import choice_of
+from hfa_support.other_words import MEANINGS
 
 
 @pytest.mark.parametrize(
@@ -12,11 +13,21 @@ from hfa_support.errors import choice_of
         ("c172q", ("c172x", "c172p", "c182"), "c172x or c172p"),
         ("sped", ("speed", "spiral"), "speed"),
         ("MACH", ("mach", "machine"), "mach"),
+        ("theta", ("pitch", "pitch_rate"), "pitch"),
+        ("gamma", ("delta", "alpha"), "delta"),
+        ("--angle", ("--at", "--dihedral"), "--dihedral"),
     ],
 )
 def test_names_alike_are_all_offered(name, known, meant):
     """The name in another case alone; else those that begin with it; else those most alike."""
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
+
+
+def test_words_of_other_tools_are_other_names():
+    """No word is its own meaning, and each is written as it is compared."""
+    for word, meanings in MEANINGS.items():
+        assert word == word.lower()
+        assert word not in meanings
 
 
 def test_names_without_likeness_are_listed_alone():

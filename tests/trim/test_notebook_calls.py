@@ -89,6 +89,47 @@ def test_other_attributes_are_those_of_python_control() -> None:
     assert pytest.approx(expm(0.1 * linear.A)) == held.A
 
 
+def test_functions_of_matrices_take_those_of_the_model() -> None:
+    """ctrb(A, B) and care(A, B, Q, R) of python-control; their errors are one line."""
+    linear = _linear()
+    assert np.array_equal(linear.ctrb(), control.ctrb(linear.A, linear.B))
+    assert np.array_equal(linear.obsv(), control.obsv(linear.A, linear.C))
+    Q, R = np.eye(6), np.eye(5)
+    assert linear.care(Q, R)[2] == pytest.approx(control.lqr(linear.to_control(), Q, R)[0])
+    for failing in (linear.place, linear.margin, lambda: linear.place([-1.0, -2.0])):
+        with pytest.raises(BadInputError, match="python-control's") as error:
+            failing()
+        assert "\n" not in str(error.value)
+
+
+def test_names_index_matrices_and_are_attributes() -> None:
+    """Names index rows and columns of A and B, and are attributes of points and sweeps."""
+    linear = _linear()
+    assert linear.A["pitch_rate", "alpha"] == linear.A[3, 1]
+    assert np.array_equal(linear.B["pitch_rate", :], linear.B[3])
+    assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
+    assert repr(linear.A).startswith("array(")
+    again = pickle.loads(pickle.dumps(linear.A))
+    assert again["pitch_rate", "alpha"] == linear.A[3, 1]
+    with pytest.raises(BadInputError, match="'theta'; did you mean pitch"):
+        linear.A["pitch_rate", "theta"]
+    assert linear.point.alpha == linear.point["alpha"]
+    swept = sweep(MODEL, dihedral=[0.1, 0.2])
+    assert np.array_equal(swept.alpha, swept["alpha"])
+    with pytest.raises(AttributeError, match="'theta'"):
+        linear.point.theta  # noqa: B018
+
+
+def test_a_sweep_has_a_linear_model_anywhere() -> None:
+    """sweep.at is a point of the grid, or trimmed at values between its points."""
+    swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[66.0, 68.0])
+    assert pytest.approx(swept[1].A, rel=1e-9, abs=1e-9) == swept.at(speed=68.0, dihedral=0.1).A
+    between = linearize(MODEL, find_operating_point(MODEL, dihedral=0.15, speed=67.0))
+    assert pytest.approx(between.A, rel=1e-9, abs=1e-9) == swept.at(dihedral=0.15, speed=67.0).A
+    with pytest.raises(BadInputError, match="one value of each: dihedral, speed"):
+        swept.at(speed=67.0)
+
+
 def test_inputs_reach_modes_or_not() -> None:
     """A model is controllable unless an input matrix leaves out one of its modes."""
     linear = _linear()
@@ -188,6 +229,10 @@ def test_lqr_is_the_game_without_disturbance() -> None:
     closed = regulator.closed_loop
     assert np.array_equal(closed.A, linear.A - linear.B @ regulator.K)
     assert closed.state_labels == list(linear.states)
+    assert regulator.is_stable
+    with pytest.raises(AttributeError, match="did you mean loop_margins"):
+        regulator.margins  # noqa: B018
+    assert not replace(regulator, abscissa_error=np.inf).is_stable
     bounded = hfa.solve(hfa.paper.published_game(linear))
     assert bounded.delta_min == pytest.approx(bounded.delta / bounded.delta_margin)
 

@@ -282,22 +282,6 @@ def test_other_starts_cross_a_flat_region() -> None:
         find_operating_point(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 
 
-def test_a_sweep_is_an_xarray_dataset() -> None:
-    """Over the axes of a grid in their order, or over the points of a list; A and B found by
-    name."""
-    pytest.importorskip("xarray")
-    axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
-    grid = sweep(F16, axes)
-    dataset = grid.to_xarray()
-    assert dataset.A.dims == ("speed", "xcg", "rate", "linear_state")
-    assert (dataset.speed.values.tolist(), dataset.speed.attrs["units"]) == (axes["speed"], "ft/s")
-    single = dataset.sel(speed=400.0, xcg=0.32, rate="alpha", linear_state="pitch_rate")
-    assert float(single.A) == grid.A[4, 1, grid.model.linear.index("pitch_rate")]
-    listed = sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
-    assert listed.B.dims == ("point", "rate", "input")
-    assert listed.xcg.values.tolist() == [0.3, 0.35]
-
-
 def simple(equations: object, **more: object) -> Model:
     declared = {
         "states": {"x": Signal(start=0.5), "v": Signal()},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hfa_model import choice
+from hfa_model.choice import aircraft
 from hfa_support.arguments import checks_arguments
 from trim.point.condition import TrimCondition, usual_condition
 
@@ -15,7 +15,7 @@ CONDITIONS = {
     "simvfa-30": "simvfa_30.toml",
 }
 #: The paper's level flight (Section 5.1), with a flat wing: `at` takes another dihedral angle.
-LEVEL_FLIGHT = usual_condition(choice.aircraft())
+LEVEL_FLIGHT = usual_condition(aircraft())
 
 
 @checks_arguments

@@ -17,7 +17,7 @@ import numpy as np
 from hfa_aircraft.layout import Layout, components
 from hfa_aircraft.model import Model
 from hfa_aircraft.native_units import native_values
-from hfa_model import choice
+from hfa_model.choice import aircraft
 from hfa_model.declaration import Equations
 from hfa_model.parameters import Parameters, ParameterSet, default_parameters
 from hfa_model.printed_matrices import PublishedModel, published_models
@@ -222,7 +222,7 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
         (
             angle,
             *(entry.name, entry.printed, entry.computed, entry.half_units, entry.percent),
-            choice.aircraft().entry_unit(entry.row, entry.column),
+            aircraft().entry_unit(entry.row, entry.column),
         )
         for angle, group in entries.items()
         for entry in group
@@ -366,7 +366,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "bands are known for the identified parameters with their covariance only; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
-    own = replace(choice.aircraft(), equations=Equations(variant_named(model.point.dynamics)))
+    own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))
     shown = model.model
     values = [model.point.values[name] for name in own.variables]
     at = native_values(shown, own.variables, values), np.array(parameters.values)

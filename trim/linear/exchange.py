@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from inspect import isfunction
+from inspect import isfunction, signature
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import no_attribute
+from hfa_support.errors import BadInputError, no_attribute, on_one_line
 from trim.linear.responses import Names, chosen
 
 if TYPE_CHECKING:
     import control
-    import xarray
 
     from trim.linear.linear_model import LinearModel
 
@@ -35,7 +35,8 @@ def of_control(model: LinearModel, name: str) -> Any:
     model.
 
     Names of python-control's MATLAB interface are accepted too. The function acts from the inputs=
-    to the outputs= of its call. Raises AttributeError for another name.
+    to the outputs= of its call. A function of matrices, ctrb(A, B), gets those of the model. An
+    error of python-control is a BadInputError. Raises AttributeError for another name.
     """
     import control
     from control import matlab
@@ -44,39 +45,19 @@ def of_control(model: LinearModel, name: str) -> Any:
     places = (type(system), control, matlab)
     function = next((getattr(each, name) for each in places if hasattr(each, name)), None)
     if isfunction(function):
+        wanted = signature(function).parameters
 
         def call(*arguments: Any, inputs: Names = None, outputs: Names = None, **more: Any) -> Any:
-            return function(state_space(chosen(model, inputs, outputs)), *arguments, **more)
+            system = state_space(chosen(model, inputs, outputs))
+            matrices = [getattr(system, each) for each in takewhile("ABCD".__contains__, wanted)]
+            try:
+                return function(*(matrices or [system]), *arguments, **more)
+            except Exception as error:  # whatever python-control raises
+                raise BadInputError(
+                    f"python-control's {name}: {on_one_line(str(error))}"
+                ) from error
 
         return call
     if not hasattr(system, name):
-        raise no_attribute(model, name, *dir(system))
+        raise no_attribute(model, name, *dir(system), *dir(control))
     return getattr(system, name)
-
-
-def dataset(model: LinearModel) -> xarray.Dataset:
-    """Return an xarray Dataset with A, B, C, D and the offsets X0, U0 and Y0, with names and
-    units."""
-    import xarray
-
-    states = ("state", list(model.states), {"units": list(model.state_units)})
-    inputs = ("input", list(model.inputs), {"units": list(model.input_units)})
-    outputs = ("output", list(model.outputs), {"units": list(model.output_units)})
-    return xarray.Dataset(
-        {
-            "A": (("rate", "state"), model.A),
-            "B": (("rate", "input"), model.B),
-            "C": (("output", "state"), model.C),
-            "D": (("output", "input"), model.D),
-            "X0": ("state", model.state_offsets),
-            "U0": ("input", model.input_offsets),
-            "Y0": ("output", model.output_offsets),
-        },
-        coords={
-            "state": states,
-            "input": inputs,
-            "output": outputs,
-            "rate": ("rate", list(model.states)),
-        },
-        attrs={"model": model.model.title},
-    )

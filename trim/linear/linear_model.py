@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
+from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
-from trim.linear.mode import Mode
 
 if TYPE_CHECKING:
     import control
-    import xarray
     from matplotlib.axes import Axes
 
     from hfa_aircraft.model import Model
+    from hfa_support.reporting.by_name import ByName
+    from trim.linear.mode import Mode
     from trim.point.operating_point import OperatingPoint
 
 
@@ -29,14 +30,15 @@ if TYPE_CHECKING:
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
 
-    A: (n, n), ∂f/∂X; unit of a row's rate per column's unit.
-    B: (n, m), ∂f/∂U.
-    states: names of the states, in order.
-    inputs: names of the inputs, in order.
-    point: the operating point, whose values are the offsets X0, U0.
-    outputs: names y of the outputs, in order; the states by default.
+    A: (n, n), ∂f/∂X; unit of a row's rate per column's unit. Names index it:
+        A["pitch_rate", "alpha"].
+    B: (n, m), ∂f/∂U, and by names.
     C: (k, n), the identity where the outputs are the states.
     D: (k, m).
+    states: names of the states, in order; x1, x2, ... unless given.
+    inputs: names of the inputs, in order; u1, u2, ... unless given.
+    point: the operating point, whose values are the offsets X0, U0; the origin unless given.
+    outputs: names y of the outputs, in order; the states by default.
     E: (n, l), no columns without disturbances.
     F: (k, l).
     output_offsets: Y0, (k,).
@@ -48,9 +50,11 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     >>> linear = hfa.linearize(model, hfa.find_operating_point(model))
     >>> type(linear) is hfa.LinearModel, linear.A.shape, linear.B.shape
     (True, (6, 6), (6, 5))
+    >>> hfa.LinearModel([[0.0, 1.0], [-4.0, -0.4]], [[0.0], [1.0]], states=("x", "v")).A["v", "x"]
+    np.float64(-4.0)
     """
 
-    how_to_make: ClassVar[str] = "linearize(model, point); of matrices hfa.Game(A, B, Q=Q, R=R)"
+    how_to_make: ClassVar[str] = "linearize(model, point), or of matrices hfa.LinearModel(A, B)"
     schema = "hfa.linear-model/1"
     made_by = "hfa linearize"
     json_keys = (
@@ -62,17 +66,26 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     A: Matrix
     B: Matrix
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    point: OperatingPoint
-    outputs: tuple[str, ...]
-    C: Matrix
-    D: Matrix
-    E: Matrix
-    F: Matrix
-    output_offsets: Vector
-    disturbances: tuple[str, ...]
+    C: Matrix = None  # type: ignore[assignment]  # completed with point
+    D: Matrix = None  # type: ignore[assignment]
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    point: OperatingPoint = None  # type: ignore[assignment]
+    outputs: tuple[str, ...] = ()
+    E: Matrix = None  # type: ignore[assignment]
+    F: Matrix = None  # type: ignore[assignment]
+    output_offsets: Vector = None  # type: ignore[assignment]
+    disturbances: tuple[str, ...] = ()
     kinks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Complete a model of matrices, and let names index A and B."""
+        if self.point is None:
+            vars(self).update(part(PARTS, "linear.matrices", "LinearModel(A, B)")(self))
+        vars(self).update(
+            A=with_names(self.A, self.states, self.states),
+            B=with_names(self.B, self.states, self.inputs),
+        )
 
     @property
     def model(self) -> Model:
@@ -110,6 +123,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def modes(self) -> ByName[Mode]:
         """Modes of A, fastest first, indexed by number or name: modes["phugoid"]."""
+        from hfa_support.reporting.by_name import ByName
         from trim.linear.modes import modes_of
 
         return ByName(modes_of(self.A, self.states, self.model.modes))
@@ -288,10 +302,3 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     def __dir__(self) -> list[str]:
         return [*object.__dir__(self), *dir(self.to_control())]
-
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the model as an `xarray.Dataset`: A, B, C, D, the offsets X0, U0 and Y0, with
-        names and units. Needs xarray."""
-        from trim.linear.exchange import dataset
-
-        return dataset(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,9 +13,10 @@ from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
-from hfa_support.reporting.by_name import ByName, with_names
+from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.by_value import ByValue
 from hfa_support.reporting.figure import new_figure, pyplot_figure
+from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, RootTable, Stack
 from hfa_support.reporting.rows_made import RowsMade
@@ -34,13 +35,13 @@ from trim.sweeps.points import (
     parameters_at,
     trim_points,
 )
-from trim.sweeps.sweep_arrays import ARRAYS, labels_of
 from trim.sweeps.sweep_plan import SweepPlan
 
 if TYPE_CHECKING:
-    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from trim.linear.linear_model import LinearModel
 
 
 #: Of a sweep in memory.
@@ -453,41 +454,17 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return the sweep as an `xarray.Dataset` over the axes of the grid or the points of a
-        list.
+    def at(self, **values: float) -> LinearModel:
+        """Return the linear model at one value of each swept variable: sweep.at(speed=46.0).
 
-        It contains states, inputs, A, B and eigenvalues with names, units and reasons. Needs
-        xarray.
-        """
-        import xarray
+        Between the points of the grid the model is trimmed again.
 
-        plan = self.plan
-        axes: tuple[str, ...] = ("point",)
-        if plan.listed:
-            coordinates = {name: ("point", self.values[:, i]) for i, name in enumerate(plan.axes)}
-        else:
-            axes = plan.variables
-            coordinates = {name: (name, np.array(plan.axes[name])) for name in plan.axes}
-        dataset = xarray.Dataset(
-            coords={
-                **coordinates,
-                **labels_of(self.model, rates=self.model.linear),
-                "linear_state": list(self.model.linear),
-            },
-            attrs={"model": self.model.title},
-        )
-        if self.mode_names:
-            dataset.coords["mode"] = list(self.mode_names)
-        dataset["reason"] = (axes, np.array(self.reasons).reshape(plan.sizes))
-        for name, array in ARRAYS.items():
-            values = getattr(self, name)
-            own_axes = ("rate", "linear_state") if name == "A" else array.axes
-            reshaped = values.reshape(*plan.sizes, *values.shape[1:])
-            dataset[name] = ((*axes, *own_axes), reshaped, array.attributes)
-        for name, unit in zip(plan.variables, plan.units, strict=True):
-            dataset[name].attrs["units"] = unit
-        return dataset
+        Raises NoSolutionError where no trim exists."""
+        if {*values} != {*self.variables}:
+            raise BadInputError(f"give one value of each: {', '.join(self.variables)}")
+        axes = {name: [value] for name, value in values.items()}
+        found: LinearModel = run_plan(replace(self.plan, axes=axes))[0]
+        return found
 
 
 def _mode_text(eigenvalues: np.ndarray) -> str:
@@ -562,12 +539,13 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
         eigenvalues[trimmed] = track_modes(A[trimmed], model.linear, model, neighbours)
         first = int(np.argmax(trimmed))
         mode_names = _names_of(eigenvalues[first], A[first], model)
+    shown = trimmed[:, None]
     return Sweep(
         plan=plan,
         values=rows["values"],
         reasons=_reasons(plan, rows),
-        states=with_names(np.where(trimmed[:, None], rows["states"], np.nan), model.state_names),
-        inputs=with_names(np.where(trimmed[:, None], rows["inputs"], np.nan), model.input_names),
+        states=with_names(np.where(shown, rows["states"], np.nan), (), model.state_names),
+        inputs=with_names(np.where(shown, rows["inputs"], np.nan), (), model.input_names),
         A=A,
         B=B,
         eigenvalues=eigenvalues,

@@ -44,8 +44,8 @@ from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
-from hfa_support.reporting.by_name import with_names
 from hfa_support.reporting.checks import Check, verdict_text
+from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Part, Picture, Report, Reported
 from hfa_support.reporting.results import Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -259,7 +259,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def states(self) -> np.ndarray:
         """X, absolute, (N, n), and by name: states["alpha"]."""
-        return with_names(self.flight.states + np.array(self.point.states), self.state_names)
+        return with_names(self.flight.states + np.array(self.point.states), (), self.state_names)
 
     @property
     def angles_of_attack(self) -> np.ndarray:
@@ -271,7 +271,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def inputs(self) -> np.ndarray:
         """U, absolute, (N, m)."""
-        return with_names(self.flight.inputs + np.array(self.point.inputs), self.input_names)
+        return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A state, an input or an output over time, absolute, (N,), in the units of the model.

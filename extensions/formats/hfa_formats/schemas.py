@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 import sys
@@ -10,6 +11,7 @@ import typing
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import cached_property
+from importlib import import_module
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from hfa_support.reporting.results import Result, declared_entries
@@ -60,27 +62,27 @@ def _annotation(kind: Any, name: str) -> Any:
     for ancestor in kind.__mro__:
         value = vars(ancestor).get(name)
         function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
-        if function:
-            return typing.get_type_hints(function, include_extras=True)["return"]
-        text = vars(ancestor).get("__annotations__", {}).get(name)
+        declared = vars(ancestor).get("__annotations__", {})
+        text = function.__annotations__.get("return") if function else declared.get(name)
         if text is not None:
+            module = sys.modules[ancestor.__module__]
+            known = _for_type_checkers(module, str(text)) | vars(module)
             alone = types.SimpleNamespace(__annotations__={name: text})
-            known = vars(sys.modules[ancestor.__module__])
-            try:
-                return typing.get_type_hints(alone, known, include_extras=True)[name]
-            except NameError:  # a class that the module imports for type checkers alone
-                known = _results(Result) | known
-                return typing.get_type_hints(alone, known, include_extras=True)[name]
+            return typing.get_type_hints(alone, known, include_extras=True)[name]
     raise KeyError(f"{kind.__name__} has no entry {name}")
 
 
-def _results(kind: type) -> dict[str, Any]:
-    """The loaded classes below one by their names: modules may name them for type checkers
-    alone."""
-    found: dict[str, Any] = {kind.__name__: kind}
-    below: type
-    for below in kind.__subclasses__():
-        found |= _results(below)
+def _for_type_checkers(module: types.ModuleType, text: str) -> dict[str, Any]:
+    """The classes of an annotation that its module imports for type checkers alone, by name."""
+    found: dict[str, Any] = {}
+    for block in ast.parse(inspect.getsource(module)).body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            for statement in block.body:
+                if isinstance(statement, ast.ImportFrom) and statement.module:
+                    names = [each.name for each in statement.names if each.name in text]
+                    found |= {
+                        name: getattr(import_module(statement.module), name) for name in names
+                    }
     return found
 
 

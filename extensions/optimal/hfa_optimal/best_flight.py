@@ -18,7 +18,7 @@ from hfa_optimal.search import MESHES_AGREE, BestFlights, Found
 from hfa_policy.best_costs import Bracket, bracket_sentence, deviations_in_words
 from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.errors import refuse_unless_positive
-from hfa_support.reporting.by_name import with_names
+from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, shown_unit
@@ -148,12 +148,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def states(self) -> Matrix:
         """(N, n), absolute, columns `state_names`."""
-        return with_names(self.found.flown.states, self.state_names)
+        return with_names(self.found.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
         """(N, m), absolute, columns `input_names`."""
-        return with_names(self.found.flown.inputs, self.input_names)
+        return with_names(self.found.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:

@@ -19,7 +19,7 @@ from hfa_optimal.search import BestFlights, difference_of_meshes
 from hfa_policy.best_costs import deviations_in_words
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
-from hfa_support.reporting.by_name import with_names
+from hfa_support.reporting.named_array import with_names
 from hfa_support.reporting.report import Picture, Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.text import Table, short_number, shown_unit
@@ -124,12 +124,12 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def states(self) -> Matrix:
         """(N, n), absolute, columns `state_names`."""
-        return with_names(self.flown.states, self.state_names)
+        return with_names(self.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
         """(N, m), absolute, columns `input_names`."""
-        return with_names(self.flown.inputs, self.input_names)
+        return with_names(self.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_derivatives.matrices import LINEAR
 from hfa_policy.assessment import AssessedPoint, cycle_text, scheduled_value
 from hfa_policy.best_costs import BestCosts, bracket_table
 from hfa_policy.departures import departure_text
 from hfa_policy.deployed import Deployed
-from hfa_policy.linear_plant import LINEAR
 from hfa_policy.mistake import Mistake
 from hfa_policy.normalizer_evidence import unknown_normalizer
 from hfa_policy.rough_flights import RoughFlights, rough_table

@@ -30,12 +30,13 @@ def environment(
     seconds: float = SECONDS,
     render_mode: str | None = None,
     turbulence: Turbulence | None = None,
+    dt: float | None = None,
 ) -> gymnasium.Env:
     """Return an environment of gymnasium: an aircraft about its trims.
 
     model: the aircraft
     deployment: observations, actions, timing and cost, or the path of a deployment file; its policy
-        may be empty. Default: `Deployment.usual(model)`
+        may be empty. Default: `Deployment.usual(model, dt)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model; default: its own trim
     seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
@@ -43,6 +44,8 @@ def environment(
     render_mode: None or "rgb_array", the picture of the episode so far
     turbulence: of MIL-F-8785C, drawn for each episode; components that the aircraft does not
         support give a warning
+    dt: s, between two samples of the usual deployment, 0.02 unless given; a deployment stores its
+        own
 
     Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
 
@@ -58,7 +61,8 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    episodes = _episodes(model, deployment, points, 1, seconds, turbulence)
+    deployed = _deployment(model, deployment, dt)
+    episodes = _episodes(model, deployed, points, 1, seconds, turbulence)
     make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     made: gymnasium.Env = make(episodes, render_mode)
     return made
@@ -73,6 +77,7 @@ def vector_environment(
     count: int = 8,
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
+    dt: float | None = None,
 ) -> VecEnv:
     """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
 
@@ -82,16 +87,30 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    episodes = _episodes(model, deployment, points, count, seconds, turbulence)
+    episodes = _episodes(
+        model, _deployment(model, deployment, dt), points, count, seconds, turbulence
+    )
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
     return made
 
 
+def _deployment(
+    model: Model, given: Deployment | str | Path | None, dt: float | None
+) -> Deployment:
+    """The given deployment, or the usual one of a model with samples dt apart, s. Raises
+    BadInputError where both are given."""
+    if given is None:
+        return Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
+    if dt is not None:
+        raise BadInputError("dt is given twice; change timing.dt of the deployment")
+    return Deployment.of(given)
+
+
 def _episodes(
     model: Model,
-    deployment: Deployment | str | Path | None,
+    deployment: Deployment,
     points: Iterable[Any] | None,
     count: int,
     seconds: float,
@@ -99,7 +118,6 @@ def _episodes(
 ) -> Episodes:
     refuse_unless_whole("count", count, 1)
     trims = trims_of(model, points)
-    deployment = Deployment.usual(model) if deployment is None else Deployment.of(deployment)
     if all("box" in entry for entry in deployment.action.values()):
         deployment = deployment.changed(policy={})  # its file may be what is trained here
     if turbulence is not None:

@@ -66,6 +66,18 @@ def test_an_environment_needs_no_deployment() -> None:
     assert -1.0 < reward <= 0.0
 
 
+def test_the_usual_deployment_takes_a_sample_time() -> None:
+    """dt is that of the usual deployment alone."""
+    model = aircraft("ppo_gtm")
+    for make in (environment, vector_environment):
+        with pytest.raises(BadInputError, match=r"timing\.dt"):
+            make(model, card("ppo_gtm"), dt=0.05)
+    env = environment(model, dt=0.05, seconds=0.2)
+    env.reset(seed=1)
+    still = np.zeros(env.action_space.shape, np.float32)
+    assert [env.step(still)[3] for _ in range(4)] == [False, False, False, True]
+
+
 def test_an_action_that_is_no_number_is_error() -> None:
     """An action that is no number is an error."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])

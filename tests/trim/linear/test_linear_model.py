@@ -269,10 +269,6 @@ def test_linear_models_have_poles_plots_and_arrays() -> None:
     axes = linear.bode()
     assert axes[0].get_title() == "speed, ft/s"
     pyplot.close(axes[0].figure)
-    dataset = linear.to_xarray()
-    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A[0, 2]
-    assert float(dataset.U0.sel(input="throttle")) == linear.point["throttle"]
-    assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]
     for wrong in (0, "pitch_rate", (0, 0), slice(None)):
         with pytest.raises(BadInputError, match="with names"):
             linear[wrong]

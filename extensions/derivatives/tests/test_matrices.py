@@ -1,0 +1,67 @@
+"""Linear models of matrices alone."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+import pytest
+
+import hfa
+from hfa_support.errors import BadInputError
+
+A = np.array([[0.0, 1.0], [2.0, -0.3]])
+B = np.array([[0.0], [1.0]])
+
+
+def test_matrices_alone_are_a_linear_model() -> None:
+    """It has modes, responses, names and a point, as that of an aircraft has."""
+    linear = hfa.LinearModel(A, B)
+    assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
+    assert linear.modes[0].eigenvalue in np.linalg.eigvals(A)
+    assert not linear.is_stable
+    assert linear.A["x2", "x1"] == 2.0
+    again = hfa.linearize(linear.model, linear.point)
+    assert np.array_equal(again.A, A)
+    assert np.array_equal(again.B, B)
+    assert "x2" in linear.report().text()
+    assert linear.to_dict()["A"] == A.tolist()
+
+
+def test_matrices_of_outputs_keep_their_place() -> None:
+    """The order of `control.ss(A, B, C, D)`; outputs are those of the model's own equations."""
+    C = [[1.0, 2.0]]
+    D = [[3.0]]
+    linear = hfa.LinearModel(A, B, C, D, states=("q", "v"), inputs=("f",))
+    assert linear.to_control()(2j) == pytest.approx(control.ss(A, B, C, D)(2j))
+    again = hfa.linearize(linear.model, linear.point, outputs=linear.outputs)
+    assert np.array_equal(again.C, C)
+    assert np.array_equal(again.D, D)
+    assert linear["y1", "f"].zeros() == pytest.approx(linear.zeros())
+
+
+def test_lqr_of_matrices_is_that_of_the_game() -> None:
+    """lqr(A, B, Q, R) has the gain of the game and of python-control."""
+    expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
+    for found in (
+        hfa.lqr(A, B, np.eye(2), np.eye(1)),
+        hfa.lqr(A, B, Q=np.eye(2), R=[1.0]),
+        hfa.lqr(hfa.LinearModel(A, B), np.eye(2), np.eye(1)),
+    ):
+        assert pytest.approx(expected) == found.K
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"A": A, "B": np.ones((3, 1))}, "B is 3 x 1; give 2 x 1"),
+        ({"A": np.ones((2, 3)), "B": B}, "A is 2 x 3; give 2 x 2"),
+        ({"A": A, "B": B, "C": np.ones((1, 3))}, "C is 1 x 3; give 1 x 2"),
+        ({"A": A, "B": B, "states": ("x",)}, "states has 1 entries"),
+        ({"A": A, "B": B, "outputs": ("y",)}, "outputs has 1 entries; C has 2 rows"),
+        ({"A": A * np.nan, "B": B}, "A.0..0. is nan"),
+        ({"A": A, "B": B, "E": B}, "no disturbances"),
+    ],
+)
+def test_wrong_matrices_are_named(arguments: dict[str, object], said: str) -> None:
+    with pytest.raises(BadInputError, match=said):
+        hfa.LinearModel(**arguments)  # type: ignore[arg-type]

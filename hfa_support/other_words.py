@@ -1,0 +1,52 @@
+"""Words of other tools and books, for messages about unknown names."""
+
+#: A word, and the names here that it may mean, in lower case, with _ for -.
+_TABLE = """
+aileron: aileron_center aileron_outer
+alt: altitude
+angle: dihedral
+--alpha: --hold
+--alt: --hold
+--altitude: --hold
+--angle: --dihedral
+--mach: --hold
+--speed: --hold
+--theta: --hold
+aoa: alpha
+bank: phi roll
+derivatives: rates_at
+dynamics: rates_at
+eig: eigenvalues
+elev: elevator elevator_center
+elevator: elevator_center elevator_outer
+fpa: path_angle gamma
+gamma: path_angle flight_path_angle delta
+h: altitude
+hinf: solve_game
+hinfsyn: solve_game
+interp: at
+load_aircraft: load_model
+margins: loop_margins margin
+p: roll_rate
+phi: roll bank
+pitch: theta
+psi: yaw heading
+q: pitch_rate
+r: yaw_rate
+reduce: select
+residual: residuals certificate
+reward: cost
+sel: at
+ss: linearmodel
+t: time
+tas: speed
+theta: pitch
+v: speed
+velocity: speed
+vt: speed
+"""
+#: Word of another tool -> the names here that it may mean.
+MEANINGS = {
+    word: names.split()
+    for word, names in (line.split(": ") for line in _TABLE.strip().replace("-", "_").splitlines())
+}

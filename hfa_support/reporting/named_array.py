@@ -1,0 +1,43 @@
+"""Arrays with names along their axes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfa_support.errors import refuse_unknown
+
+
+class NamedArray(np.ndarray):
+    """An array with names of the entries along each axis, () without names. They index the last
+    axes: states["alpha"], (N,); A["pitch_rate", "alpha"], a number."""
+
+    names: tuple[tuple[str, ...], ...] = ()
+
+    def __getitem__(self, index: Any) -> Any:
+        """Entries by name, or as of a plain array. Raises BadInputError for another name."""
+        values = np.asarray(self)
+        keys = index if isinstance(index, tuple) else (index,)
+        if str not in map(type, keys):
+            return values[index]
+        numbers = []
+        for key, names in zip(keys, self.names[-len(keys) :], strict=True):
+            if isinstance(key, str):
+                refuse_unknown("unknown name", key, names)
+                key = names.index(key)
+            numbers.append(key)
+        return values[..., *numbers]
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
+    def __reduce__(self) -> Any:
+        return with_names, (np.asarray(self), *self.names)
+
+
+def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
+    """The array with names of the entries along each axis, or ()."""
+    named = values.view(NamedArray)
+    named.names = names
+    return named
