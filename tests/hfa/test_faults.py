@@ -40,7 +40,7 @@ def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str
     assert path.read_text() == "{}"
 
 
-PICTURE = "trim --dihedral 15 --picture a.png"
+PICTURE = "linearize --dihedral 15 --picture a.png"
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
         pytest.param("learn --dihedral 15 -o a.npz", 4, marks=pytest.mark.slow),
         pytest.param(PICTURE, 4, marks=pytest.mark.slow),
         # room for the data, not for the picture
-        pytest.param("trim --dihedral 15 -o a.json --picture a.png", 24, marks=pytest.mark.slow),
+        pytest.param(f"{PICTURE} -o a.json", 24, marks=pytest.mark.slow),
     ],
 )
 def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -> None:

@@ -60,6 +60,6 @@ def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch)
 
     # The disk is full between the two files, at no moment that a test can choose.
     monkeypatch.setattr("hfa_support.reporting.data_files.write_text", full)
-    result = hfa("trim", "--dihedral", "15", "--picture", "trim.png", "-o", "trim.json")
+    result = hfa("linearize", "--dihedral", "15", "--picture", "a.png", "-o", "a.json")
     assert (result.code, result.out) == (BAD_INPUT, "")
     assert list(Path().iterdir()) == []

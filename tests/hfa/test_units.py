@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from units_of_outputs import assert_no_feet
 
 from hfa_support import units
 
@@ -134,10 +133,6 @@ def test_the_trim_that_was_printed_can_be_typed() -> None:
 
 
 AT = ("--dihedral", "12")
-
-
-def test_text_and_pictures_say_no_feet(tmp_path: Path) -> None:
-    assert_no_feet("trim", *AT, folder=tmp_path)
 
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])

@@ -38,7 +38,7 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
     "words",
     [
         "trim --dihedral 15 -o a.json",
-        "trim --dihedral 15 --picture a.png",
+        "linearize --dihedral 15 --picture a.png",
     ],
 )
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:

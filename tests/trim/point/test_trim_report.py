@@ -1,5 +1,5 @@
 """The report of a trim: every variable, limit and verdict in 100 columns; the same numbers in
-files; loads, performance and the front view by a second method."""
+files; loads and performance by a second method."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from ambiance import Atmosphere
 from cli import hfa
-from known_models import model_at
 from random_points import RATE_SCALES
 
 import hfa_model
@@ -25,8 +24,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_model import choice
 from hfa_model.trim_loads import performance
-from trim import release, trim_figure, trim_report
-from trim.hfa.front_view import panels_from_the_front
+from trim import release, trim_report
 from trim.point.margins import all_margins
 
 BASE = level_flight(float(np.radians(10.0)))
@@ -206,36 +204,6 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
     assert figures.hinge_moment_total == pytest.approx(0.0, abs=1e-6)
     elastic = p.hinge_stiffness * point.states.dihedral
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
-
-
-@pytest.mark.parametrize("degrees", [-20.0, 0.0, 30.0])
-def test_lift_is_across_panels_and_carries_weight(
-    published_aircraft: Model, degrees: float
-) -> None:
-    """Lift is across each panel carries the weight and is drawn to scale."""
-    point = model_at(degrees).point
-    panels = panels_from_the_front(published_aircraft, point)
-    loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
-    for panel, lift in zip(
-        panels, (loads.outer.lift, loads.center.lift, loads.outer.lift), strict=True
-    ):
-        assert np.linalg.norm(panel.lift) == pytest.approx(lift)
-        assert panel.lift @ (panel.ends[1] - panel.ends[0]) == pytest.approx(0.0, abs=1e-9)
-    lift, weight = (sum(getattr(panel, name) for panel in panels) for name in ("lift", "weight"))
-    # What is missing to the whole weight is the lift's tilt by alpha, drag and thrust: a few
-    # thousandths.
-    np.testing.assert_allclose(lift, -weight, rtol=5e-3, atol=1e-9)
-    axes = trim_figure(published_aircraft, point).axes[0]
-    drawn = [
-        np.subtract(text.xy, text.xyann) for text in axes.texts if text.arrow_patch is not None
-    ]
-    forces = [force for panel in panels for force in (panel.lift, panel.weight)]
-    scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
-    np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)
-    assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
-    sense = "up" if loads.hinge_moment > 0.0 else "down"
-    label = f"{abs(loads.hinge_moment):.1f} ft lbf, tips {sense}" if degrees else "0.0 ft lbf"
-    assert [text.get_text() for text in axes.texts].count(label) == 2
 
 
 def test_undetermined_trims_are_told_from_determined_ones() -> None:
