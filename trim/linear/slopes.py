@@ -7,7 +7,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.layout import Layout, components
+from hfa_aircraft.layout import Layout
 from hfa_aircraft.model import Model
 from trim.linear.switches import STEP, rates_of, steps_of
 
@@ -70,11 +70,10 @@ def exact_sides(
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
     """Return the Function (x, u, p) -> derivatives of the rates by (x, u), (n, n + m)."""
-    vectors = layout.symbols("x", "u", "p")
-    rates, _ = layout.expressions([components(vector) for vector in vectors], ())
-    by_state = ca.jacobian(rates, vectors[0])
-    by_input = ca.jacobian(rates, vectors[1])
-    return ca.Function("slopes", vectors, [ca.horzcat(by_state, by_input)])
+    rates = rates_of(layout)
+    x, u, p = rates.sx_in()
+    derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))
+    return ca.Function("slopes", [x, u, p], [derivatives])
 
 
 def correct(

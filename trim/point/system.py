@@ -117,7 +117,8 @@ class Equations:
         jacobians = ca.substitute(derivatives, [x, u], [self.x, self.u])
         A, B = (ca.vec(ca.densify(jacobian).T) for jacobian in jacobians)
         flat = ca.vertcat(self.x, self.u, self.y, A, B, self.residual)
-        return RowFunction(ca.Function("linear", [self.z, self.c], [ca.densify(flat)]))
+        arguments = [self.z, self.c]
+        return RowFunction(ca.Function("linear", arguments, [ca.densify(flat)], {"cse": True}))
 
 
 @lru_cache(maxsize=32)
@@ -387,10 +388,9 @@ class TrimSystem:
         (flat,) = self.rows[1](z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
-        end = n + m + len(self.structure.watched)
-        A = flat[:, end : end + n * n].reshape(len(flat), n, n)
-        B = flat[:, end + n * n : end + n * (n + m)].reshape(len(flat), n, m)
-        return flat[:, :end], A, B, flat[:, end + n * (n + m) :]
+        ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
+        point, A, B, residual = np.split(flat, ends, axis=1)
+        return point, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual
 
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
