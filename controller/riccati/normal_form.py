@@ -229,6 +229,11 @@ class NormalForm:
         mixed = signed @ low[..., n:].mT
         return np.asarray(total[0] + (mixed + mixed.mT + X @ self.rounded @ X))
 
+    def rough_residual(self, X: np.ndarray) -> np.ndarray:
+        """`residual` in double precision."""
+        linear = X @ self.A
+        return linear + linear.mT + self.Q - X @ self.S @ X
+
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """Return the largest residual of each game relative to its terms, (...).
 
@@ -240,13 +245,12 @@ class NormalForm:
         """
         S_size = np.abs(self.B @ self.B.mT) + np.abs(self.E @ self.E.mT)
         size = np.abs(X)
-        linear = X @ self.A
-        residual = linear + linear.mT + self.Q - X @ self.S @ X
         linear = size @ np.abs(self.A)
         terms = linear + linear.mT + np.abs(self.Q) + size @ S_size @ size
         largest = terms.max(axis=(-2, -1))
         return np.asarray(
-            np.abs(residual).max(axis=(-2, -1)) / np.where(largest > 0.0, largest, 1.0)
+            np.abs(self.rough_residual(X)).max(axis=(-2, -1))
+            / np.where(largest > 0.0, largest, 1.0)
         )
 
     def value(self, X: np.ndarray) -> np.ndarray:
