@@ -148,8 +148,19 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     if np.any(free):
         free &= S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
         in_y = S / (units[..., :, None] * units[..., None, :])
-        sizes = [np.abs(matrix).max(axis=(-2, -1)) for matrix in (in_y, A)]
+        sizes = [largest(matrix) for matrix in (in_y, A)]
         with np.errstate(all="ignore"):
             exponent = np.round(0.5 * (np.log2(sizes[0]) - np.log2(sizes[1])))
         units = units * np.exp2(np.where(free, exponent, 0.0))[..., None]
     return units
+
+
+def largest(matrices: np.ndarray) -> np.ndarray:
+    """Return max |M_ij| of each matrix, (...)."""
+    return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
+
+
+def largest_or_1(matrices: np.ndarray) -> np.ndarray:
+    """Return the largest entry of each matrix, or 1 where all entries are 0."""
+    sizes = largest(matrices)
+    return np.where(sizes > 0.0, sizes, 1.0)

@@ -15,13 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import spectrum
+from controller.riccati.balancing import largest, largest_or_1, spectrum
 from controller.riccati.derivations import (
     SETTLED,
     by_doubling,
     by_eigenvectors,
     inverses,
-    largest,
     norms,
 )
 from controller.riccati.normal_form import MODERATE, RANK, NormalForm
@@ -340,7 +339,7 @@ def closed_loops(form: NormalForm, X: np.ndarray, game: np.ndarray | None = None
 
 def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured:
     """Return the values of `TESTS_OF_P` for finite X, for one game or for a stack."""
-    size = _size(X)
+    size = largest_or_1(X)
     return {
         "residual": form.relative_residual(X),
         "symmetry": largest(X - X.mT) / size,
@@ -352,7 +351,7 @@ def measured_solution(form: NormalForm, X: np.ndarray, loops: Loops) -> Measured
 
 def measured_agreement(X: np.ndarray, second_X: np.ndarray) -> Measured:
     """Return the value of `TEST_OF_AGREEMENT`, for one game or for a stack."""
-    return {"second_derivation": largest(X - second_X) / _size(X)}
+    return {"second_derivation": largest(X - second_X) / largest_or_1(X)}
 
 
 def checks_of(tests: Mapping[str, tuple[str, float, str]], measured: Measured) -> tuple[Check, ...]:
@@ -377,9 +376,3 @@ def refuse_failures(checks: tuple[Check, ...]) -> None:
     for check in checks:
         if not check.ok:
             raise NoSolutionError(check.reason)
-
-
-def _size(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest entry of each matrix, or 1 where all entries are 0."""
-    sizes = largest(matrices)
-    return np.where(sizes > 0.0, sizes, 1.0)

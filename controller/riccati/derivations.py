@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.riccati.balancing import hamiltonian
+from controller.riccati.balancing import hamiltonian, largest
 from controller.riccati.normal_form import NormalForm
 
 #: Newton steps after the eigenvectors: one in double precision, the others with twice the digits.
@@ -122,11 +122,6 @@ def by_doubling(form: NormalForm) -> np.ndarray:
         if not (np.abs(E) > SMALL).any():
             break
     return X + LAST * one
-
-
-def largest(matrices: np.ndarray) -> np.ndarray:
-    """Return max |M_ij| of each matrix, (...)."""
-    return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
 
 
 def norms(matrices: np.ndarray) -> np.ndarray:

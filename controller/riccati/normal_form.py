@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balancing import hamiltonian, units_of
+from controller.riccati.balancing import hamiltonian, largest, largest_or_1, units_of
 from controller.riccati.double_double import (
     Pair,
     add,
@@ -247,11 +247,7 @@ class NormalForm:
         size = np.abs(X)
         linear = size @ np.abs(self.A)
         terms = linear + linear.mT + np.abs(self.Q) + size @ S_size @ size
-        largest = terms.max(axis=(-2, -1))
-        return np.asarray(
-            np.abs(self.rough_residual(X)).max(axis=(-2, -1))
-            / np.where(largest > 0.0, largest, 1.0)
-        )
+        return largest(self.rough_residual(X)) / largest_or_1(terms)
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """Return P in the user's coordinates, (..., n, n), symmetric."""

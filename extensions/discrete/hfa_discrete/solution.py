@@ -10,6 +10,7 @@ import numpy as np
 
 from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
+from controller.riccati.balancing import largest
 from controller.riccati.careful_derivations import by_refined_doubling, by_schur, unrefined
 from controller.riccati.certificate import (
     INDEFINITENESS,
@@ -19,7 +20,6 @@ from controller.riccati.certificate import (
     refuse_failures,
 )
 from controller.riccati.delta_search import Answer, smallest_delta
-from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact
 from controller.riccati.existence import existence
 from controller.riccati.normal_form import RANK

@@ -12,9 +12,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from controller.riccati.balancing import units_of
+from controller.riccati.balancing import largest, units_of
 from controller.riccati.careful_derivations import ROUNDING
-from controller.riccati.derivations import largest
 from controller.riccati.double_double import add, exact, product, transposed
 from controller.riccati.frequency_response import square_root
 from controller.riccati.normal_form import NormalForm, similar

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.derivations import largest
+from controller.riccati.balancing import largest
 from controller.riccati.gare import solve_game
 from hfa_discrete.discrete_game import DiscreteGame
 from hfa_discrete.solution import solve_discrete
