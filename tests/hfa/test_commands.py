@@ -61,6 +61,8 @@ def test_help_names_every_command() -> None:
 
 
 def test_trim_json() -> None:
+    """JSON of `hfa trim` has the documented names, units and residuals, and the condition of the
+    paper."""
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
     assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)
@@ -106,6 +108,7 @@ def test_a_saved_point_starts_the_next_trim(command: str) -> None:
 
 
 def test_linearize_json_keeps_the_contract() -> None:
+    """JSON of `hfa linearize` has the documented keys and shapes; A is near the printed one."""
     data = answer("linearize", "--dihedral", "15")
     assert set(data) >= LINEAR_MODEL_KEYS
     assert {"states", "inputs", "residuals"} <= set(data["operating_point"])
@@ -123,6 +126,7 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_sweep_text_and_json() -> None:
+    """`hfa sweep` prints a column for each mode; its eigenvalues are those of its A."""
     shown = text("sweep", "--dihedral", "0:15:5")
     assert shown.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
     assert re.search(
@@ -153,6 +157,7 @@ def test_sweep_keeps_failed_points_as_rows() -> None:
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:
+    """All checks of both printed pairs pass, and every entry is within 1.3 half units."""
     shown = text("regenerate")
     assert "Both printed pairs regenerated: yes\n" in shown
     assert shown.count(" PASS\n") == 4
@@ -195,6 +200,7 @@ CHOSEN = (
 
 
 def test_without_names_every_state_is_an_output() -> None:
+    """By default C is the identity, D is 0, and E has a column for each component of wind."""
     data = answer("linearize", *AT_15)
     assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
     np.testing.assert_array_equal(data["C"], np.eye(6))
@@ -214,6 +220,7 @@ def test_without_names_every_state_is_an_output() -> None:
 
 
 def test_names_choose_rows_and_columns_in_their_order() -> None:
+    """--states, --inputs and --outputs select rows and columns of A to E in the typed order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
     rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
@@ -234,6 +241,7 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
+    """Text omits E. The file contains E and F of all winds, equal to those of `linearize`."""
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
     winds = tuple(choice.aircraft().disturbances)
@@ -292,6 +300,8 @@ def test_text_says_which_aircraft(heavy: Path) -> None:
 
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
+    """The provenance contains imposed, free and limited variables, changed parameters and the
+    command."""
     words = (
         "--dihedral",
         "12",

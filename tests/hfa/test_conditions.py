@@ -90,6 +90,7 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
 
 
 def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
+    """A sweep of the throttle with free gamma finds the known glide angles, and stores its grid."""
     target = tmp_path / "glide.npz"
     data = answer(
         "sweep",

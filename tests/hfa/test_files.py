@@ -73,6 +73,7 @@ def plain(value: Any) -> Any:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    """A .npz file contains exactly the numbers and texts of the JSON data, without pickles."""
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
     with np.load(path, allow_pickle=False) as archive:
@@ -113,6 +114,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.parametrize("name", ["plane", "failing"])
 def test_sweep_csv(tmp_path: Path, name: str) -> None:
+    """Each row of the .csv has the values, status, reason, state, A and B of the JSON data."""
     path, data = written(tmp_path, name, "csv")
     rows = rows_of(path)
     assert len(rows) == len(data["values"])

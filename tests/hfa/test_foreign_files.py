@@ -49,6 +49,8 @@ def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) ->
 
 
 def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
+    """The attributes of a StateSpace as JSON are read as a plant; one with a time step is
+    refused."""
     names = {"states": known["states"], "inputs": known["inputs"]}
     system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
     content = {

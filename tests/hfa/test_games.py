@@ -24,6 +24,8 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
+    """`hfa solve` reports P and K of `solve_game` bit by bit, with certificate, delta_min and
+    margins."""
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert (
         set(data)

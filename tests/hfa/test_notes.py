@@ -53,6 +53,8 @@ COLOR = re.compile("\033\\[[0-9;]*m")
 def test_a_terminal_gets_colors(
     environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A terminal gets colors unless NO_COLOR is set; pipes and JSON get none; the text is
+    unchanged."""
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "400")

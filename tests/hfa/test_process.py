@@ -96,6 +96,7 @@ def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
     ],
 )
 def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -> None:
+    """Commands do not import the listed heavy libraries, also where they refuse their words."""
     run = f"for words in {commands}: main(words.split())"
     program = (
         f"import sys\nfrom hfa.main import main\n{run}\nprint('imported', *sorted(sys.modules))"

@@ -89,6 +89,7 @@ def test_matrices_are_similar() -> None:
 
 
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
+    """Plants and points written in SI are converted; a point in km/h is refused."""
     for suffix in ("json", "npz", "mat"):
         plant = str(tmp_path / f"plant.{suffix}")
         assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0

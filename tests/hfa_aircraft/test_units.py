@@ -33,6 +33,7 @@ def factors(model: Model, names: tuple[str, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
 def test_the_same_trim_linear_model_and_game(model: Model) -> None:
+    """Trim, A, P and delta_min of a model in SI equal the converted ones in English units."""
     converted = in_si(model)
     point = find_operating_point(model, usual_condition(model).at(ANGLE))
     point_in_si = find_operating_point(converted, usual_condition(converted).at(ANGLE))
@@ -74,6 +75,7 @@ def test_a_trim_report_in_si_has_newtons() -> None:
 
 
 def test_parameters_envelope_and_pickles_are_converted() -> None:
+    """A model in SI accepts parameters in kg, converts its envelope, and survives a pickle."""
     model = MODELS[1]
     converted = in_si(model)
     heavier = converted.with_parameters(panel_mass=200.0)

@@ -45,6 +45,7 @@ def _jet(units: dict[str, str]) -> Model:
 
 
 def test_linearize_and_sweep_give_one_name() -> None:
+    """A mode has one name in a sweep and in the linear model at each of its points."""
     model = _jet(_UNITS)
     speeds = [400.0, 500.0, 600.0]
     swept = sweep(model, {"V": speeds})

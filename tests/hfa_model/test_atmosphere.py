@@ -38,6 +38,7 @@ EARTH_RADIUS, GRAVITY, GAS_CONSTANT, LAPSE_RATE = (
 def test_it_is_that_of_an_independent_package(
     lowest: float, highest: float, tolerance: float
 ) -> None:
+    """Density, temperature and speed of sound agree with the package `ambiance`."""
     altitudes = np.linspace(lowest, highest, 400)
     expected = Atmosphere(altitudes * METRE_PER_FOOT)
     thick, kelvin, sound = np.array(

@@ -137,6 +137,10 @@ def longer_chord(p: Parameters, factor: float) -> Parameters:
 
 @pytest.mark.parametrize("change", [heavier, longer_chord])
 def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> None:
+    """Two scalings of the parameters leave trim, A and B unchanged; without the drag they do not.
+
+    The identification therefore has to fix these two freedoms.
+    """
     other_aircraft = hfa.aircraft(
         hfa_model.variant_of(aircraft), change(hfa_model.parameters_of(aircraft), 1.7)
     )

@@ -72,6 +72,10 @@ def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> N
 def test_newton_in_wind_equals_the_euler_lagrange_equations(
     parameters: Parameters, ground_drag: bool
 ) -> None:
+    """In moving air `newton` agrees with the independent Lagrangian to 1e-11.
+
+    The planted error is the other definition of the drag in wind.
+    """
     reference = judge(True, ground_drag=ground_drag)
     assert (
         max(

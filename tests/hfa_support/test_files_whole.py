@@ -33,6 +33,7 @@ def stored(path: Path) -> list[float]:
 
 
 def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interruption while a file is written leaves the old content and no temporary file."""
     path = tmp_path / "kept.npz"
     save(path, np.arange(4.0))
 

@@ -48,6 +48,8 @@ def test_tests_of_the_core_pass_without_extensions() -> None:
 
 
 def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
+    """Without extensions the core trims, hides their commands and options, and refuses them in one
+    line."""
     sys.path.insert(0, str(ROOT / "tests"))
     try:
         from core_alone import environment

@@ -273,6 +273,10 @@ def entries() -> list[Any]:
 
 
 def test_examples_of_public_names_print_what_they_show() -> None:
+    """The examples in docstrings of public names run and print the shown results.
+
+    Every name of `hfa` has an example, except the two exceptions.
+    """
     parser = doctest.DocTestParser()
     failures = io.StringIO()
     runner = doctest.DocTestRunner(verbose=False)

@@ -79,6 +79,10 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
+    """A package with entry points adds a file format of aircraft and a command of two words.
+
+    Its faults, a missing and a broken file, are reported in one line.
+    """
     (folder / "broken.pm").write_bytes(b"mass \xff")
     trimmed, overview, unknown, trim_help, missing, broken = run_in_turn(
         site,

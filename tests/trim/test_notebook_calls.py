@@ -71,6 +71,8 @@ def test_names_are_held_values_and_sweep_columns() -> None:
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
+    """Further attributes of a linear model are python-control's, and act on named inputs and
+    outputs."""
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
@@ -177,6 +179,8 @@ def test_a_property_that_fails_keeps_its_error() -> None:
 
 
 def test_names_index_values_and_modes() -> None:
+    """Points, linear models and sweeps are indexed by names, and suggest the nearest for a wrong
+    one."""
     linear = _linear()
     point = linear.point
     assert point.ok
@@ -221,6 +225,7 @@ def test_transfer_functions_have_the_response_of_the_model() -> None:
 
 
 def test_lqr_is_the_game_without_disturbance() -> None:
+    """`hfa.lqr` returns the K of the game without disturbance, and its closed loop."""
     linear = _linear()
     weights = {"speed": 1.0, "pitch": 50.0, "dihedral": 50.0}
     regulator = hfa.lqr(linear, weights, np.ones(5))
@@ -262,6 +267,8 @@ def test_bode_and_nyquist_take_names() -> None:
 
 
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:
+    """A sweep is indexed and iterated as linear models; a point without a trim raises its
+    reason."""
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     assert len(swept) == len(list(swept)) == 4
     for index, linear in enumerate(swept):

@@ -419,6 +419,8 @@ OWN = ("--aircraft", "examples/f16.py:F16")
 
 
 def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
+    """The commands trim, linearize and sweep the F-16 by its own names, and refuse options of the
+    HFA."""
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
     assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA")
     saved = tmp_path / "point.json"

@@ -108,6 +108,7 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_matrices_without_names_have_those_of_their_files() -> None:
+    """A.npy is read with B.npy beside it, weights.npy alone; any other name is an unnamed array."""
     for name, value in (
         ("A", -np.eye(2)),
         ("B", np.ones((2, 1))),

@@ -25,6 +25,7 @@ def short_run(seed: int = 4, **more: Any) -> TrainingRun:
 
 
 def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """The callback gets increasing fractions up to 1 with one-line messages."""
     seen: list[tuple[float, str]] = []
     short_run(progress=lambda fraction, _, message: seen.append((fraction, message)))
     fractions = [fraction for fraction, _ in seen]

@@ -59,6 +59,7 @@ def test_natural_spread_follows_the_units() -> None:
 
 
 def test_natural_spread_solves_its_equation() -> None:
+    """The spread agrees with the integral of the covariance over time, computed by small steps."""
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
     shifted = game.A - beta * np.eye(2)
@@ -151,6 +152,7 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
 
 
 def test_malformed_stacks_are_refused() -> None:
+    """Wrong shapes, nan, a box of no width, and a state without excitation are refused by name."""
     game = stable_game()
     with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
@@ -197,6 +199,7 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
+    """The residual along a Newton step equals e - f N computed anew, for every basis."""
     game, _ = published(PUBLISHED[1])
     equations = build(game, name)
     rng = np.random.default_rng(2)

@@ -266,6 +266,11 @@ def test_games_with_a_barely_reached_mode(count: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games(seed: int) -> None:
+    """Of 1,000 random games at most 0.5 % are refused wrongly, and as many at the edge of
+    existence.
+
+    Brackets of delta_min are never wrong, and at most 3 % are wide or missing.
+    """
     count = 1000
     verdicts = Counter[str]()
     brackets = Counter[str]()

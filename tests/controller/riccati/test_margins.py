@@ -29,6 +29,7 @@ def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
 
 
 def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
+    """The loop is stable 0.1 % inside each gain and phase margin, and unstable 0.1 % outside."""
     K = solve_game(game).K
     for i, margin in enumerate(loop_margins(game, K)):
         for factor, stable in (
@@ -216,6 +217,7 @@ def test_a_third_order_loop_in_closed_form() -> None:
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
+    """Gain and phase margins of each loop, the others closed, agree with python-control to 1e-6."""
     game = game_models()[name]
     K = factor * solve_game(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:

@@ -144,6 +144,8 @@ def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
 
 @needs_compiler
 def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
+    """A library whose content belongs to another function, or a link, is not accepted from the
+    cache."""
     x = ca.SX.sym("x")
     generated.machine_code(ca.Function("square", [x], [x**2]))
     (square,) = cache.glob("*.so")

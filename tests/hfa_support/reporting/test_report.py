@@ -64,6 +64,7 @@ def test_markdown_has_headings_and_tables() -> None:
 
 
 def test_html_has_real_tables_and_escapes_every_word() -> None:
+    """HTML has headings, scrollable tables and embedded pictures, drawn once, with escaped text."""
     drawn: list[str] = []
     made = report(drawn)
     html = made.html(2)
@@ -82,6 +83,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
 
 
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
+    """JSON, .npz, .mat and .csv contain the data and records; another suffix is refused."""
     made = report([]).with_data(more=[1])
     expected = {
         "schema": "hfa.test/1",
@@ -132,6 +134,8 @@ def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
 
 
 def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
+    """Names of users cannot become formulas in a spreadsheet, or links, tags and columns in
+    Markdown."""
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")

@@ -20,6 +20,7 @@ from studies.identification.parameters import ALTERNATIVES
 def test_it_writes_the_committed_parameters(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The study reproduces the parameters, standard errors and notes of the package."""
     words = ["-o", "mine.TOML", "--json"]
     assert run_alone(identification, "python -m studies.identification", words) == 0
     text = capsys.readouterr().out

@@ -69,6 +69,7 @@ def constants_of(setting: Setting, law: str, predefined_time: float) -> Any:
 
 
 def test_the_signals_are_those_that_the_paper_prints() -> None:
+    """Disturbance, noise and reference at 3 s equal the formulas printed in the paper."""
     t = 3.0
     configuration = section5_configuration()
     s = np.sin(0.3)

@@ -101,6 +101,8 @@ def flown(
 def test_the_right_sides_are_equal(
     normalisation: str, coordinates: str, basis: str, told: bool
 ) -> None:
+    """Policy and weight rate in flight equal an independent computation, for each reading of the
+    paper."""
     law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
     r = forcing(law.game.A, REFERENCE) if told else zero(6)
     policy = CriticPolicy("critic", law, r)
@@ -118,6 +120,7 @@ def test_the_right_sides_are_equal(
 
 
 def test_another_law_is_seen() -> None:
+    """The comparison detects another exponent, and a reference that the law does not know."""
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
     W = np.linspace(-50.0, 100.0, law.basis.size)

@@ -73,6 +73,7 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
 
 
 def test_the_servo_is_the_model_and_its_correction(published_aircraft: Model) -> None:
+    """The controller's matrices equal the design model with gain, observer and integrator."""
     controller = reference_servo(published_aircraft, "simvfa-1", ANGLES[1:])
     model = level_model(published_aircraft, ANGLES[1])
     built = design_model(published_aircraft, model, simvfa_design("simvfa-1"))

@@ -110,6 +110,7 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_data_without_a_result_are_refused() -> None:
+    """Data of too low rank, an overflowing flight, and a policy without value end in one line."""
     game, _ = published("published-5")
     with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
         learn_by_integrals(game, intervals=21, interval=1e-4)

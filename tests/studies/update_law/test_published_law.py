@@ -73,6 +73,8 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
 
 
 def test_direction_is_the_printed_sum() -> None:
+    """The update direction equals the printed sum over samples, and the normalisers their
+    formulas."""
     sample = random_sample()
     gamma = 0.01
     a1 = 3.0
@@ -149,6 +151,7 @@ def test_explicit_steps_stable_below_limit_and_not_above() -> None:
 
 @pytest.mark.parametrize("gain", [1.0, 1e4, 1e9])
 def test_implicit_step_satisfies_its_equation(gain: float) -> None:
+    """The implicit step solves (end - start) / step = direction(end), also for gains of 1e9."""
     sample = random_sample(4)
     gamma = 0.01
     step = 0.1

@@ -41,6 +41,7 @@ def assert_same_outcome(found: dict[str, Any], stored: dict[str, Any]) -> None:
 
 
 def test_the_stored_table_is_todays_and_whole() -> None:
+    """The stored rows have the settings and summaries that the study would compute now."""
     assert tuple(COMMITTED) == tuple(ROWS)
     of = references()
     for name, row in COMMITTED.items():
@@ -68,6 +69,7 @@ def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
 
 
 def test_another_outcome_is_seen() -> None:
+    """The comparison of outcomes detects a changed overflow, certificate, error and gain."""
     row = COMMITTED[FROZEN]
     assert_same_outcome(row, row)
     for change in (
@@ -84,6 +86,7 @@ def test_another_outcome_is_seen() -> None:
 
 
 def test_ends_hang_on_ninth_digit_of_start_told() -> None:
+    """Runs decided by rounding are counted, and their range of errors is reported."""
     row = COMMITTED["theorem gains, implicit"]
     assert {len(run["P_errors_nearby"]) for run in row["runs"]} == {2}
     hanging = [run for run in row["runs"] if by_rounding(run)]

@@ -110,6 +110,7 @@ def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
 
 
 def test_residualized_models_are_those_of_python_control(model: LinearModel) -> None:
+    """`residualize` agrees with python-control's model_reduction and keeps the static gain."""
     follow = ("alpha", "pitch_rate")
     keep = tuple(name for name in model.states if name not in follow)
     reduced = model.select(residualize=follow)
@@ -165,6 +166,8 @@ def test_a_bode_plot_holds_six_outputs_at_most() -> None:
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
+    """`hfa linearize --bode` reports the transfer functions of the model, and converts them to
+    SI."""
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen
     data = answer(*words, "--picture", str(tmp_path / "bode.svg"))

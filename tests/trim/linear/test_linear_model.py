@@ -203,6 +203,8 @@ def over_ground(aircraft: Model) -> Model:
 
 
 def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
+    """The columns of E for wind at the center and at the outer panels sum to that of uniform
+    wind."""
     point = point_of(aircraft)
     model = linearize(aircraft, point, full=True, disturbances=NAMES)
     column = dict(zip(model.disturbances, model.E.T, strict=True))

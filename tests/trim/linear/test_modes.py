@@ -104,6 +104,8 @@ def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 5.0, 7.5, 10.0, 12.5, 15.0, 16.0, 17.5, 20.0])
 def test_modes_of_the_aircraft(aircraft: Model, degrees: float) -> None:
+    """The modes contain each eigenvalue of A once, have unique names, and are ordered by
+    frequency."""
     model = level_model(aircraft, float(np.radians(degrees)))
     modes = modes_of(model.A, model.states, hfa.aircraft().modes)
     names = [mode.name for mode in modes]

@@ -48,6 +48,7 @@ def effort(point: OperatingPoint) -> float:
 def test_the_papers_condition_level_and_in_a_climb(
     aircraft: Model, degrees: float, climb: float
 ) -> None:
+    """The paper's trims are found, have the imposed climb rate, and do not depend on the start."""
     condition = level_flight(float(np.radians(degrees)), gamma=float(np.radians(climb)))
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
@@ -152,6 +153,7 @@ def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> None:
+    """A throttle limited below the required value is named, with the equation that fails."""
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
         find_operating_point(aircraft, release(limited, free=extra))
@@ -327,6 +329,7 @@ def strong(published_aircraft: Model) -> Model:
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
 def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> None:
+    """Many points at once and a single trim agree on the status of an angle beyond its limit."""
     values = np.radians([[gamma, alpha]])
     chunk = trim_points(strong, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))

@@ -275,6 +275,8 @@ WORDS = "the equations overflow or divide by zero at this condition with these p
     ("variables", "condition"), [(LEVEL, LEVEL_FLIGHT), (LEVEL[:3], GLIDE)], ids=["level", "glide"]
 )
 def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, variables, condition):
+    """States, inputs, A and B of many points equal those of single trims, with and without a
+    compiler."""
     aircraft = choice.aircraft(dynamics)
     k = len(variables)
     values = np.random.default_rng(4).uniform(LOWEST[:k], HIGHEST[:k], size=(25, k))
@@ -403,6 +405,7 @@ def test_wrong_tables_are_refused(aircraft: Model) -> None:
 
 
 def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> None:
+    """A Zarr store has names, units and axes, and xarray selects its data by name."""
     axes = {"dihedral": (0.0, 0.1), "speed": (60.0, 68.0)}
     plan = SweepPlan(axes, choice.aircraft(parameters=parameters))
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")

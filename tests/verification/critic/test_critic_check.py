@@ -182,6 +182,7 @@ def test_a_runs_settling_time_is_computed_anew(
     "ignore:Input"
 )  # SciPy, on a Lyapunov equation that rounding makes singular
 def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
+    """Critics of 1e40 to 1e300, and weights of nan or inf, fail without an exception."""
     for size in (1e40, 1e60, 1e300):  # finite, and P S P is not
         for candidate in (
             from_value(game, size * value(game)),

@@ -58,6 +58,7 @@ CRITICS: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", CRITICS)
 def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
+    """The first line of every planted critic has its grade, stability, and at most 100 columns."""
     scope = Scope(ordinary_box(), flights=3)
     verdict = check_critic(game, CRITICS[name](game), scope=scope)
     unstable = name in ("other root", "huge", "overflowing", "unstable")
