@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from hfa_identify.bands import (
     BAND,
@@ -13,13 +15,16 @@ from hfa_identify.bands import (
     smooth_autocorrelation,
     sums_of_products,
 )
-from hfa_identify.fit import Fit, OutputError
+from hfa_identify.fit import Fit
+from hfa_identify.records import columns_of, with_columns
 from hfa_identify.search import Search
-from hfa_identify.sensors import sensor_errors
+from hfa_identify.sensors import SensorError, sensor_errors
 from hfa_support.reporting.results import Result
 
 #: An error whose score has lost all but this part to the parameters cannot be estimated.
 _CONFOUNDED = 1e-9
+#: Step of a difference, in nominal sizes.
+_DIFFERENCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -63,65 +68,109 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
     residuals without the error, with their autocorrelation: a bias is no slow noise.
     """
     responses = search.responses
-    model = responses.model
-    p = len(responses.free)
-    known = sensor_errors(model, (*search.moving_inputs(), *responses.measured))
-    names = [
-        name
-        for name, error in known.items()
+    known = {
+        name: error
+        for name, error in sensor_errors(
+            responses.model, (*search.moving_inputs(), *responses.measured)
+        ).items()
         if name not in responses.free and responses.has_error(error)
-    ]
-    if not names:
+    }
+    if not known:
         return {}
-    wider = responses.wider(names)
-    bounds = np.array([(each.min, each.max) for each in wider.signals.values()])
-    theta = np.concatenate([fit.theta, np.zeros(len(names))])
-    at = OutputError(wider, search.records, bounds, search.guesses).at(theta, fit.starts)
-    M = at.information
-    g = _score(at)
+    errors = list(known.values())
+    slopes = [_slopes(search, fit, number, errors) for number in range(len(fit.responses))]
+    beyond = fit.beyond_starts(slopes)
+    weighted = [
+        each * np.where(present, 1.0 / fit.noise, 0.0)[:, :, None]
+        for each, present in zip(beyond, fit.present, strict=True)
+    ]
+    p = len(fit.theta)
+    crossed = _summed(weighted, [each.slopes[:, :, :p] for each in fit.responses])
+    own = np.diag(_summed(weighted, slopes))
+    inside = np.linalg.pinv(fit.information, rcond=1e-13, hermitian=True)
+    moved = -crossed @ inside
+    left = own + (moved * crossed).sum(axis=1)
+    residuals = [(each / fit.noise)[:, :, None] for each in fit.residuals]
+    score = _summed(beyond, residuals)[:, 0] + moved @ _summed(fit.projected, residuals)[:, 0]
     fitted = fitted_by_quantity(fit)
-    inside = np.linalg.pinv(M[:p, :p], rcond=1e-13, hermitian=True)
-    errors = {}
-    for place, name in enumerate(names, start=p):
-        along = np.zeros(len(theta))
-        along[place] = 1.0
-        along[:p] = -inside @ M[:p, place]
-        m = float(M[place, place] + M[place, :p] @ along[:p])
-        worst = int(np.argmax(np.abs(along[:p]) / half))
-        unit = known[name].signal(model).unit
+    found = {}
+    for place, (name, error) in enumerate(known.items()):
+        m = float(left[place])
+        worst = int(np.argmax(np.abs(moved[place]) / half))
+        unit = error.signal(responses.model).unit
         moves = responses.free[worst]
-        if m < _CONFOUNDED * M[place, place]:
-            errors[name] = ColumnError(None, None, unit, moves, None, 0.0)
+        if m < _CONFOUNDED * own[place]:
+            found[name] = ColumnError(None, None, unit, moves, None, 0.0)
             continue
-        value = float(along @ g) / m
-        deviation = math.sqrt(max(_variance(at, along, value, fitted), m)) / m
-        per_unit = float(abs(along[worst]) / half[worst])
+        effects = [
+            each[:, :, place] + projected @ moved[place]
+            for each, projected in zip(beyond, fit.projected, strict=True)
+        ]
+        value = float(score[place]) / m
+        deviation = math.sqrt(max(_variance(fit, effects, value, fitted), m)) / m
+        per_unit = float(abs(moved[place, worst]) / half[worst])
         shift = per_unit * abs(value)
         bands = per_unit * BAND * deviation
-        errors[name] = ColumnError(value, BAND * deviation, unit, moves, bands, shift)
-    return errors
+        found[name] = ColumnError(value, BAND * deviation, unit, moves, bands, shift)
+    return found
 
 
-def _score(fit: Fit) -> np.ndarray:
-    """(p,) Σ S' R⁻¹ v."""
-    return np.asarray(
-        sum(
-            np.einsum("nkp,nk->p", projected, residual / fit.noise)
-            for projected, residual in zip(fit.projected, fit.residuals, strict=True)
-        )
-    )
+def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
+    """(c, d) sums over samples and quantities of the products of (N, k, c) and (N, k, d) of each
+    record."""
+    pairs = zip(one, other, strict=True)
+    return np.asarray(sum(np.tensordot(*pair, ((0, 1), (0, 1))) for pair in pairs))
 
 
-def _variance(fit: Fit, along: np.ndarray, value: float, fitted: list[np.ndarray]) -> float:
+def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
+    """(N, k, errors) derivatives of the measured quantities of a record by errors of columns."""
+    return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
+
+
+def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
+    """(N, k) derivative of the measured quantities of a record by an error of a column.
+
+    The record without an error c has the column less c d: d is 1 for a bias, the column itself for
+    a scale, less its slope for a delay. An input, and in turbulence any column, moves what is
+    simulated."""
+    responses = search.responses
+    record = search.records[number]
+    y = fit.responses[number].y
+    free = dict(zip(responses.free, fit.theta, strict=True))
+    bias = free.get(SensorError("bias", error.column).name, 0.0)
+    effect = np.zeros_like(y)
+    if error.column in responses.measured:
+        place = responses.measured.index(error.column)
+        values = y[:, place]
+        slopes = CubicSpline(record.time, values)(record.time, 1)
+    else:
+        place = list(responses.model.inputs).index(error.column)
+        values = record.inputs[:, place]
+        slopes = responses.input_slopes(record, place, record.time)
+    change = {"bias": np.ones(len(y)), "scale": values - bias, "delay": -slopes}[error.kind]
+    if error.column in responses.measured:
+        effect[:, place] = change
+        if not responses.turbulent:
+            return effect
+    columns = columns_of(responses.model, record)
+    if error.column not in columns:
+        return effect
+    small = _DIFFERENCE * error.signal(responses.model).nominal
+    changed = {error.column: columns[error.column] - small * change}
+    moved = with_columns(responses.model, record, changed)
+    simulated = responses.simulated(moved, fit.starts[number], fit.theta)
+    return np.asarray(effect + (simulated.y - y) / small)
+
+
+def _variance(fit: Fit, effects: list[np.ndarray], value: float, fitted: list[np.ndarray]) -> float:
     """The variance of the score of one error, without the residuals that it explains.
 
-    along: (p,) how the parameters move with the error. value: estimate of the error.
-    fitted: (k,) of each record, number of unknowns that its samples determine."""
+    effects: (N, k) of each record, of the error with the parameters moved along. value: its
+    estimate. fitted: (k,) of each record, number of unknowns that its samples determine."""
     total = 0.0
-    for projected, residual, present, shares in zip(
-        fit.projected, fit.residuals, fit.present, fitted, strict=True
+    for effect, residual, present, shares in zip(
+        effects, fit.residuals, fit.present, fitted, strict=True
     ):
-        effect = projected @ along
         for quantity in np.flatnonzero(present.any(axis=0)):
             seen = present[:, quantity]
             left = np.where(seen, residual[:, quantity] - value * effect[:, quantity], 0.0)

@@ -107,10 +107,21 @@ class Fit:
         """(N, k, p) of each record, sensitivities without the part that another initial condition
         explains."""
         p = len(self.theta)
-        return tuple(
-            response.slopes[:, :, :p] - response.slopes[:, :, p:] @ (normal.of_start @ normal.B.T)
-            for response, normal in zip(self.responses, self.normals, strict=True)
-        )
+        return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
+
+    def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """(N, k, c) of each record, sensitivities (N, k, c) without the part that another initial
+        condition explains."""
+        p = len(self.theta)
+        beyond = []
+        for total, response, normal, present in zip(
+            slopes, self.responses, self.normals, self.present, strict=True
+        ):
+            by_start = response.slopes[:, :, p:]
+            weighted = by_start * np.where(present, 1.0 / self.noise, 0.0)[:, :, None]
+            starts = normal.of_start @ np.tensordot(weighted, total, ((0, 1), (0, 1)))
+            beyond.append(total - by_start @ starts)
+        return tuple(beyond)
 
     @cached_property
     def samples(self) -> np.ndarray:

@@ -37,8 +37,8 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
     """Yield unknowns (p,) and starts of records from which a second minimum is searched."""
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
-        # The second minimum must be apart from the first as the same search finds that.
-        thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts)
+        # The second minimum must be apart from the first, which one step finds from the fit.
+        thin = fit if search.responses.turbulent else search.thin(fit.theta, fit.starts, 1)
         if near.converged and _is_apart(near, thin, search.responses.turbulent):
             yield near.theta, near.starts
     for theta in _far_values(search, fit):

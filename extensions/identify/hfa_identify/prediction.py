@@ -26,6 +26,7 @@ from hfa_identify.rotating_air import BEGIN, LAG, LIMITS, in_rotating_air, rotat
 from hfa_identify.search import begin_of
 from hfa_identify.sensors import SensorError
 from hfa_support.errors import BadInputError
+from hfa_support.native.bound import BoundFunction
 from hfa_support.native.machine_code import machine_code
 
 #: Turbulence with which a search begins: change of the speed in 1 s as a part of the speed, of
@@ -226,7 +227,7 @@ class Predictions(Responses):
         innovation = present * (z - self._seen.function(x, u, theta))
         corrected = x + ca.mtimes(K, innovation)
         arguments = [x, u, theta, z, present, K]
-        return ca.Function("correction", arguments, [corrected, innovation])
+        return ca.Function("correction", arguments, [ca.densify(corrected), ca.densify(innovation)])
 
     def _advance_samples(self, count: int, intervals: int) -> ca.Function:
         """Return a function of intervals between samples, of `count` steps of integration each: (x,
@@ -265,18 +266,18 @@ class Predictions(Responses):
         intervals = len(record.time) - 1
         key = (count, intervals)
         if key not in self._advances:
-            self._advances[key] = self._advance_samples(*key)
-        moved, begins, _ = self._advances[key](
+            self._advances[key] = BoundFunction(self._advance_samples(*key))
+        moved, begins, _ = self._advances[key].at(
             start,
-            before.T,
-            after.T,
-            durations.reshape(intervals, count).T,
-            rest,
-            z[:-1].T,
-            present[:-1].T.astype(float),
-            np.tile(gain.K, (1, intervals)),
+            before.ravel(),
+            after.ravel(),
+            durations,
+            np.tile(rest, intervals),
+            z[:-1].ravel(),
+            present[:-1].ravel(),
+            np.tile(gain.K.T.ravel(), intervals),
         )
-        at_samples = np.vstack([start, moved.full().T])
+        at_samples = np.vstack([start, moved.reshape(intervals, -1)])
         innovations = np.where(present, z - self._outputs(at_samples, driven, rest), 0.0)
         if not np.isfinite(innovations).all():
             raise FloatingPointError("the simulation diverges")
@@ -285,7 +286,7 @@ class Predictions(Responses):
             theta,
             z - innovations @ gain.whiten.T,
             at_samples,
-            begins.full().T,
+            begins.reshape(intervals * count, -1),
             (before, after),
             durations,
             count,

@@ -23,7 +23,7 @@ from hfa_aircraft.signals import Signal
 from hfa_identify.records import Record
 from hfa_identify.sensors import SensorError, sensor_errors
 from hfa_support.errors import BadInputError
-from hfa_support.native.bound import RowFunction
+from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 
 #: A step of integration is at most this part of the fastest mode's time constant.
@@ -111,9 +111,11 @@ class Responses:
         f = ca.Function("f", [x, driven, theta], [rates])
         unknowns = ca.vertcat(x, theta)
         moved = _runge_kutta(f, x, driven, after, theta, duration)
-        self._step = ca.Function("step", [x, driven, after, theta, duration], ca.cse([moved]))
+        self._step = ca.Function(
+            "step", [x, driven, after, theta, duration], ca.cse([ca.densify(moved)])
+        )
         slopes = ca.densify(ca.jacobian(rates, unknowns))
-        self._advances: dict[Any, ca.Function] = {}
+        self._advances: dict[Any, BoundFunction] = {}
         # Slopes are transposed: a row holds the columns of a matrix one after the other.
         arguments = [x, driven, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
@@ -215,17 +217,22 @@ class Responses:
         inputs = record.inputs.copy()
         slopes = np.zeros_like(inputs)
         rest = theta.copy()
-        half = 0.5 * float(np.median(np.diff(record.time)))
         for column, place in self._late_inputs.items():
             later = record.time + theta[place]
-            recorded = record.inputs[:, column]
-            inputs[:, column] = np.interp(later, record.time, recorded)
-            end = later + half if self._looks_ahead else later
-            rise = np.interp(end, record.time, recorded)
-            rise -= np.interp(end - 2.0 * half, record.time, recorded)
-            slopes[:, column] = rise / (2.0 * half)
+            inputs[:, column] = np.interp(later, record.time, record.inputs[:, column])
+            slopes[:, column] = self.input_slopes(record, column, later)
             rest[place] = 0.0
         return np.hstack([inputs, slopes]), rest
+
+    def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
+        """(N,) slopes of an input over one interval between samples, about times (N,) or before
+        them."""
+        interval = float(np.median(np.diff(record.time)))
+        ends = times + 0.5 * interval if self._looks_ahead else times
+        recorded = record.inputs[:, column]
+        rise = np.interp(ends, record.time, recorded)
+        rise -= np.interp(ends - interval, record.time, recorded)
+        return rise / interval
 
     def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The measured quantities (N, k) with their delays."""
@@ -346,16 +353,17 @@ class Responses:
     ) -> np.ndarray:
         """States (steps + 1, n) of a grid of integration (`grid`)."""
         advance = self._advance(len(durations))
-        moved = advance(start, before.T, after.T, theta, durations[None])
-        states = np.vstack([start, moved.full().T])
+        unknowns = np.tile(theta, len(durations))
+        (moved,) = advance.at(start, before.ravel(), after.ravel(), unknowns, durations)
+        states = np.vstack([start, moved.reshape(len(durations), -1)])
         if not np.isfinite(states).all():
             raise FloatingPointError("the simulation diverges")
         return states
 
-    def _advance(self, steps: int) -> ca.Function:
+    def _advance(self, steps: int) -> BoundFunction:
         """Return the function that maps a state to the states after each of these steps."""
         if steps not in self._advances:
-            self._advances[steps] = self._step.mapaccum(steps)
+            self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:

@@ -112,9 +112,11 @@ class Search:
         except FloatingPointError:
             return math.inf
 
-    def thin(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> Fit:
+    def thin(
+        self, theta: np.ndarray, starts: Sequence[np.ndarray], most_steps: int = MOST_STEPS
+    ) -> Fit:
         """The fit of the thinned records, from values of the unknowns and starts of the records."""
-        return self._thin.fit(theta, starts, small=_ROUGH)
+        return self._thin.fit(theta, starts, small=_ROUGH, most_steps=most_steps)
 
     def whole(
         self,
