@@ -22,8 +22,8 @@ import numpy as np
 import hfa
 
 aircraft = hfa.aircraft()
-point = hfa.find_operating_point(aircraft, hfa.paper.level_flight(np.radians(10.0)))
-plant = hfa.linearize(aircraft, point).to_control()
+point = hfa.trim(aircraft, dihedral=np.radians(10.0))
+plant = point.linearize().to_control()
 
 degree = np.radians(1.0)
 large_x = np.array([1.0, 2 * degree, 2 * degree, 2 * degree, 2 * degree, 2 * degree])
@@ -31,16 +31,13 @@ large_u = np.array([10.0, 2 * degree, 2 * degree, 2 * degree, 2 * degree])
 K, _, poles = control.lqr(plant, np.diag(large_x**-2.0), np.diag(large_u**-2.0))
 print(f"slowest closed-loop pole {max(poles.real):.4f} 1/s")
 
-faster = hfa.find_operating_point(
-    aircraft, hfa.paper.level_flight(np.radians(10.0), speed=69.0), start=point
-)
+faster = hfa.trim(aircraft, dihedral=np.radians(10.0), speed=69.0)
 x_d = np.array([faster[name] - point[name] for name in plant.state_labels])
-u_d = np.array(faster.inputs) - np.array(point.inputs)
+u_d = faster.u - point.u
 
 # u = u_d - K (x - x_d)
-closed = control.ss(
-    plant.A - plant.B @ K, plant.B @ (u_d + K @ x_d)[:, None], np.eye(6), np.zeros((6, 1))
-)
+command = (u_d + K @ x_d)[:, None]
+closed = control.ss(plant.A - plant.B @ K, plant.B @ command, np.eye(6), np.zeros((6, 1)))
 time = np.linspace(0.0, 10.0, 1001)
 x = control.step_response(closed, time).states[:, 0]
 u = u_d[:, None] - K @ (x - x_d[:, None])

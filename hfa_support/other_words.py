@@ -26,6 +26,7 @@ hinf: solve_game
 hinfsyn: solve_game
 interp: at
 load_aircraft: load_model
+make_env: environment
 margins: loop_margins margin
 p: roll_rate
 phi: roll bank
@@ -37,10 +38,12 @@ reduce: select
 residual: residuals certificate
 reward: cost
 sel: at
+set_parameters: with_parameters
 ss: linearmodel
 t: time
 tas: speed
 theta: pitch
+to_csv: save
 v: speed
 velocity: speed
 vt: speed

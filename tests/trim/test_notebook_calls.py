@@ -78,11 +78,15 @@ def test_other_attributes_are_those_of_python_control() -> None:
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
     with pytest.raises(AttributeError, match="LinearModel has no attribute 'dcgane'; did you mean"):
         linear.dcgane  # noqa: B018
+    with pytest.raises(AttributeError, match=r"'margins'; did you mean margin\?"):
+        linear.margins  # noqa: B018
     loop = linear["pitch_rate", "elevator_center"]
     margins = control.margin(loop.to_control())
     assert loop.margin() == margins
     assert linear.margin(inputs="elevator_center", outputs="pitch_rate") == margins
     assert linear.pole() == pytest.approx(linear.poles())  # a name of MATLAB
+    with pytest.raises(AttributeError, match="'margins'; did you mean margin\\?"):
+        linear.margins  # noqa: B018
     with pytest.raises(BadInputError, match="unknown input 'elevator'"):
         linear.damp(inputs="elevator")
     assert {"damp", "modes", "step"} <= set(dir(linear))

@@ -59,5 +59,6 @@ def of_control(model: LinearModel, name: str) -> Any:
 
         return call
     if not hasattr(system, name):
-        raise no_attribute(model, name, *dir(system), *dir(control))
+        functions = [each for each, value in vars(control).items() if isfunction(value)]
+        raise no_attribute(model, name, *dir(system), *functions)
     return getattr(system, name)

@@ -130,9 +130,9 @@ def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any
     """A class that needs a library; BadInputError with the line that installs it."""
     try:
         import_module(library)
-    except ImportError as error:
+    except ImportError:
         raise BadInputError(
-            f'{library} is missing; run python -m pip install "hfa-toolchain[{extra}]"'
-        ) from error
+            f'{library} is not installed; type python -m pip install ".[{extra}]"'
+        ) from None
     found: Callable[..., Any] = getattr(import_module(module), name)
     return found

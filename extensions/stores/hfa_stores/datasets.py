@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 def dataset(result: Any) -> xarray.Dataset:
     """Return an operating point, a linear model or a sweep as an `xarray.Dataset`, with names and
     units. Needs xarray."""
+    try:
+        import xarray  # noqa: F401
+    except ImportError:
+        raise BadInputError("xarray is not installed; type python -m pip install xarray") from None
     if isinstance(result, Sweep):
         return _of_sweep(result)
     if isinstance(result, LinearModel):

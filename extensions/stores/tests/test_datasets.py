@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 from own_models import F16
 
@@ -37,3 +39,10 @@ def test_points_and_linear_models_are_datasets() -> None:
     trimmed = point.to_xarray()
     assert float(trimmed.alpha) == point["alpha"]
     assert trimmed.alpha.attrs["units"] == "rad"
+
+
+def test_a_missing_xarray_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line that installs it is in the error."""
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(hfa.BadInputError, match="pip install xarray"):
+        hfa.trim(hfa.aircraft()).to_xarray()
