@@ -89,7 +89,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def times(self) -> Vector:
-        """`time`, by its name of 0.3, for one version."""
+        """`time`, under its name of 0.3."""
         return self.time
 
     @property

@@ -176,7 +176,10 @@ class StackEquations:
         return linear, quadratic
 
     def along(self, rates: np.ndarray) -> np.ndarray:
-        """Return ∂ψ_j rates_j, (N_h, M)."""
+        """Return the derivatives of ψ_j along given rates of the state, ∂ψ_j rates_j, (N_h, M).
+
+        rates: (N_h, n)
+        """
         product: np.ndarray = (self.gradient @ rates[:, :, None])[..., 0]
         return product
 

@@ -25,16 +25,19 @@ LOSS_TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class FlightCost(Result):
-    """Cost lost by u = -K z against the optimum, percent of z'P*z, each under its own worst
-    disturbance, or inf where there is no bound: the gain is not below delta or the loop not stable.
+    """Cost of u = -K z above the optimum, percent of z'P*z, each policy under its worst
+    disturbance.
 
-    worst: over starts.
-    mean: over starts of equal optimal cost.
+    It is inf without a bound: where the gain is not below delta, or the loop not stable.
+
+    worst: largest over the initial conditions.
+    mean: mean over initial conditions of equal optimal cost.
     gain: L2 gain, to be below delta.
-    exact_gain: the same of the optimum.
-    distance: the smallest change that takes A - B K to an undamped mode, as a part of its norm in
+    exact_gain: L2 gain of the optimum.
+    distance: the smallest change that gives A - B K an undamped mode, relative to its norm in
         balanced units, or 0 for an unstable loop.
-    exact_distance: the same of the optimum."""
+    exact_distance: this distance for the optimum.
+    """
 
     json_keys = (
         "cost_lost_worst_percent=worst cost_lost_mean_percent=mean l2_gain=gain "

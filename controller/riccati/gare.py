@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Result, Reported):
-    """The value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
+    """Value z'P z of a game, its policies u = -K z and d = L z, and its certificate.
 
     P: (n, n), value z'P z
     K: (m, n), gain, u = -K z

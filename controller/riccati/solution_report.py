@@ -26,7 +26,7 @@ from trim.linear.linear_model import LinearModel
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedGame(Solution):
-    """A certified solution with the smallest delta, the cost of its policies and their margins.
+    """Certified solution with the smallest delta, the cost of its policies and their margins.
 
     smallest: the smallest delta
     meaning: the cost of the policies and the L2 gain, checked

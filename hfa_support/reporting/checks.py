@@ -24,7 +24,7 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Check(Result):
-    """A named number that must be `value relation limit`.
+    """A number that must satisfy `value relation limit`.
 
     name: of the quantity
     value: the number

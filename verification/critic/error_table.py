@@ -38,9 +38,9 @@ class ErrorTable(Result):
 
     times: (N,), s.
     errors: by the names of `COLUMNS`, (N,) each, or nan where P is not known.
-    decides: whose column must settle.
+    decides: name of the column that must settle.
     limit: of that column.
-    predefined_time: T_w, s, or None when none is promised.
+    predefined_time: T_w, s, or None without one.
     """
 
     json_keys = "time=times limit settling_time predefined_time predefined_time_kept"
