@@ -1,4 +1,5 @@
-"""Air with mass and memory: the `unsteady` dynamics of the highly flexible aircraft."""
+"""The `unsteady` dynamics of the highly flexible aircraft, in air with apparent mass and lagged
+lift."""
 
 from hfa_support.public_names import public_names
 

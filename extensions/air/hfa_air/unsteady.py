@@ -61,7 +61,7 @@ NEWTON = Newton()
 
 
 class Lag(NamedTuple):
-    """1 - Σ A_i exp(-b_i s) of a unit step, s = V t / b in half chords b.
+    """Response 1 - Σ A_i exp(-b_i s) to a unit step, s = V t / b in half chords b.
 
     shares: A_1, A_2
     rates: b_1, b_2
@@ -86,7 +86,7 @@ EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span
 
 
 class _PanelMotion(NamedTuple):
-    """Motion of a panel through its air.
+    """Motion of a panel relative to its air.
 
     panel: "center" or "outer"
     wind: of the air at the panel
@@ -103,7 +103,7 @@ class _PanelMotion(NamedTuple):
 
 
 class _Strip(NamedTuple):
-    """A wing or a tail of a panel, as the flow meets it.
+    """Wing or tail of a panel, with the flow at it.
 
     name: one of `STRIPS`
     control: the angle of attack that its control surface is worth, rad
@@ -120,7 +120,7 @@ class _Strip(NamedTuple):
 
 
 class _LaggedPanel(NamedTuple):
-    """The air's velocity at one panel and its loads.
+    """Velocity of the air at one panel, and its loads.
 
     loads: of wing and tail
     lift_coefficient: of the wing
@@ -133,7 +133,7 @@ class _LaggedPanel(NamedTuple):
 
 
 class _Plate(NamedTuple):
-    """A wing or a tail, as air moves with it.
+    """Wing or tail as a plate that accelerates the air around it.
 
     mass: apparent mass, slug
     half_chord: ft
@@ -148,8 +148,8 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads on the aircraft of the air that a plate carries, at accelerations (w_b', q', η'') of
-    0, and the matrix M_a that gives the rest: -M_a (w_b', q', η'').
+    """Loads of the air accelerated by a plate, at accelerations of 0, and the matrix of their
+    derivatives.
 
     forward: lbf, along the x axis of the body
     downward: lbf, along the z axis
@@ -167,7 +167,7 @@ class _CarriedAir(NamedTuple):
 
 @dataclass(frozen=True)
 class UnsteadyEquations:
-    """The unsteady equations as a `Model` takes them.
+    """Unsteady equations in the form of a `Model`.
 
     ground_drag: as in `declaration.Equations`
     """
@@ -177,7 +177,7 @@ class UnsteadyEquations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Rates by state, outputs by name.
+        """Return rates by state and outputs by name.
 
         x: states, the seven and `LAG_STATES`
         u: inputs
@@ -228,23 +228,23 @@ def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
 
 
 def _aspect_ratio(p: Any) -> Quantity:
-    """Λ of the whole wing, 3 s / c."""
+    """Return the aspect ratio Λ = 3 s / c of the whole wing."""
     return 3 * p.panel_span / p.chord
 
 
 def _slope_factor(p: Any, aspect_ratio: Quantity) -> Quantity:
-    """1 / (1 + a / (π Λ)), the factor of a finite span on the lift slope (Prandtl, elliptic
+    """Return 1 / (1 + a / (π Λ)), the effect of a finite span on the lift slope (Prandtl, elliptic
     lift)."""
     return 1 / (1 + p.finite_span * p.lift_slope / (math.pi * aspect_ratio))
 
 
 def _tail_chord(p: Any) -> Quantity:
-    """sqrt(S_t / Λ_t), ft."""
+    """Return the chord of the tail, sqrt(S_t / Λ_t), ft."""
     return ca.sqrt(p.tail_area / p.tail_aspect_ratio)
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Σ A_i (a - z_i), rad: the part of a strip's angle a that does not act yet.
+    """Return Σ A_i (a - z_i), rad, the part of a strip's angle a that does not act yet.
 
     kind: "lag" or "gust", as the names of the states z_i begin
     strip: one of `STRIPS`
@@ -344,8 +344,8 @@ def _lagged_alpha(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """H = ½ρV² c a (s²/6) a_tip, a_tip = -η' s / (2V), ft lbf: the hinge moment of the lift that
-    the motion about the hinge makes along an outer wing; and the rates of its lag states.
+    """Return the hinge moment of the lift due to the hinge motion along an outer wing, and its lag
+    rates.
 
     speed: V, ft/s
     air: ρ, slug/ft^3
@@ -478,8 +478,7 @@ def _with_forces(
     pitching_moment: Quantity,
     hinge_moment: Quantity,
 ) -> Loads[Quantity]:
-    """The loads with forces in body axes (lbf) added, and with these moments (ft lbf) in place of
-    their own."""
+    """Return the loads with added forces in body axes (lbf) and new moments (ft lbf)."""
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     return loads._replace(

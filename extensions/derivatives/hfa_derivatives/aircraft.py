@@ -128,7 +128,7 @@ def _parameters(table: Table) -> dict[str, Signal]:
 
 
 class _Equations:
-    """(x, u, p, w) -> rates by state, outputs by name, of an aircraft with a table."""
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of an aircraft with a table."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
@@ -202,7 +202,7 @@ class _Equations:
         return total
 
     def _value(self, p: Any, name: str) -> Any:
-        """A derivative, 0 where the table has none."""
+        """Return a derivative, or 0 where the table has none."""
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:

@@ -1,4 +1,4 @@
-"""An aircraft that is another one with other values of its parameters."""
+"""Aircraft defined by another aircraft and new values of its parameters."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
 @dataclass(frozen=True)
 class Entry:
-    """The entry of a table under a name: a number, a text with a unit, or two of them; and its
-    place."""
+    """Entry of a table: a number, a text with a unit, or two of them, with its place in the
+    file."""
 
     value: Any
     where: str
@@ -98,7 +98,7 @@ def table_of(values: Mapping[str, Any]) -> Table:
 
 
 def _of_toml(path: str) -> dict[str, Entry]:
-    """The entries of a TOML file, those of its groups included."""
+    """Return the entries of a TOML file, including those of its groups."""
     return dict(_flat(read_toml(path), path))
 
 
@@ -169,7 +169,7 @@ def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> T
 
 
 def _text(name: str, entries: Mapping[str, Entry]) -> str:
-    """A text of the table, "" where it is not given."""
+    """Return a text of the table, or "" where it is not given."""
     if name not in entries:
         return ""
     entry = entries[name]
@@ -183,7 +183,8 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Lowest and highest value of an input: of a control surface in rad, of the thrust a force."""
+    """Return the lowest and highest value of an input: rad for a control surface, a force for
+    thrust."""
     unit = "rad"
     if name == THRUST_INPUT:
         unit = "lbf" if system == "english" else "N"

@@ -1,1 +1,1 @@
-"""Networks as critics: their files read, their errors searched and proved."""
+"""Critics that are networks: reading of their files, search and proof of their errors."""

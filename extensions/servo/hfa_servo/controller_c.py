@@ -1,5 +1,5 @@
-"""A scheduled controller for other tools: what steers an exported loop, and C with a loop of 100 Hz
-as an example."""
+"""Export of a scheduled controller: expressions for other tools, and C with an example loop of 100
+Hz."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ SECONDS = 20
 
 @dataclass(frozen=True)
 class CommandArguments:
-    """Commands that are given from outside, after a filter: each (k,), as of `CommandSteps`."""
+    """Commands given from outside, after their filter, (k,) each, with the methods of
+    `CommandSteps`."""
 
     names: tuple[str, ...]
     value: ca.SX
@@ -49,20 +50,21 @@ class CommandArguments:
     goal: ca.SX
 
     def at(self, t: ca.SX) -> ca.SX:
-        """r."""
+        """Return the commands r."""
         return self.value
 
     def rate(self, t: ca.SX) -> ca.SX:
-        """r'."""
+        """Return the rates r' of the commands."""
         return self.slope
 
     def end(self, t: ca.SX) -> ca.SX:
-        """Target of the filter."""
+        """Return the target of the filter."""
         return self.goal
 
 
 class CommandedPolicy(NamedTuple):
-    """A controller about a trim whose commands are symbols, after r'' = ω² (goal - r) - 2 ζ ω r'.
+    """Controller about a trim whose commands are symbols, filtered by r'' = ω² (goal - r) - 2 ζ ω
+    r'.
 
     filtered: [r; r']
     filtered_rate: their rates
@@ -76,21 +78,25 @@ class CommandedPolicy(NamedTuple):
 
 
 def commandable(controller: ScheduledController) -> tuple[str, ...]:
-    """Outputs that the controller can be commanded."""
+    """Return the outputs that can be commanded."""
     value = COMMAND_SIGNALS[0]
     return tuple(name.removesuffix(value) for name in controller.commands if name.endswith(value))
 
 
 def longest_step(controller: ScheduledController) -> float:
-    """1 ms, or less where the fastest mode of the controller requires it, s."""
+    """Return the longest step, s: 1 ms, or less where the fastest mode of the controller requires
+    it."""
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
 
 def commanded_policy(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> CommandedPolicy:
-    """The controller about a trim, its commands given from outside. Raises BadInputError when it
-    was made for another model or other values of the scheduling variable."""
+    """Return the controller about a trim, with commands given from outside.
+
+    Raises BadInputError when it was made for another model, or for other values of the scheduling
+    variable.
+    """
     names = commandable(controller)
     r = ca.SX.sym("r", len(names))
     slope = ca.SX.sym("slope", len(names))
@@ -134,8 +140,7 @@ def c_controller_texts(
     origin: str,
     actuators: ActuatorBank | None = None,
 ) -> dict[str, str]:
-    """File -> its text: header, source and, behind actuators, an example. origin: where it comes
-    from, lines of text.
+    """Return file name -> text: header, source and, with actuators, an example.
 
     Raises BadInputError when the controller was made for another model or other values of the
     scheduling variable, an actuator cannot hold the trim, or the controller measures what these
@@ -192,7 +197,7 @@ def _example(
     command: dict[str, str],
     origin: str,
 ) -> str:
-    """The loop of 100 Hz: the aircraft, its actuators and its sensors simulated."""
+    """Return the text of the example: a loop of 100 Hz with aircraft, actuators and sensors."""
     model = point.model
     state, amount = displaced_state(model)
     loop = exported_loop(model, point, actuators=actuators)
@@ -226,7 +231,8 @@ def _example(
 
 
 def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> ca.Function:
-    """(scheduled, measured, memory, command, lowest, highest) -> (u, memory'), u within the limits.
+    """Return the Function (scheduled, measured, memory, command, lowest, highest) -> (u,
+    memory').
 
     scheduled: value of the scheduling variable, absolute; the rest as deviations from trim
     memory: [controller; r; r']
@@ -256,8 +262,10 @@ def _controller_function(point: OperatingPoint, commanded: CommandedPolicy) -> c
 def _measured_loop(
     outputs: MeasuredOutputs, loop: ExportedLoop, actuators: ActuatorBank, point: OperatingPoint
 ) -> ca.Function:
-    """(y, u) -> (y', the scheduling variable, the measured outputs), y = [X; actuators], in still
-    air; u as deviations from trim."""
+    """Return the Function (y, u) -> (y', scheduling variable, measured outputs), in still air.
+
+    y = [X; actuators]; u are deviations from trim.
+    """
     model = point.model
     trim = np.array(point.inputs)
     y = ca.SX.sym("y", len(loop.states))

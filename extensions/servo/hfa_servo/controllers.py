@@ -1,5 +1,5 @@
-"""From a design to its controller: the exact gain or the central controller at every angle,
-certified."""
+"""Computation of the controllers of a design: a certified gain or central controller at every
+angle."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ from trim.point.level_model import level_model
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """x' = A x + B [y; w] + W (u_applied - u),  u = C x + D [y; w] at one scheduling value.
+    """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one scheduling
+    value.
 
     limit: the smallest delta of the game or, of a shaped loop, the smallest gamma
     checks: what certifies it
@@ -73,8 +74,8 @@ def design_controller(
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """The controllers of a design at `breakpoints` (N,), increasing values of the scheduling
-    variable, in one table. They measure the sensors of the design, or the states without sensors.
+    """Return the controllers of a design at increasing values of the scheduling variable,
+    `breakpoints` (N,).
 
     Raises BadInputError for a model that is not scheduled over one of its linear states.
     NoSolutionError names the breakpoint at which there is no trim or no certified controller.
@@ -125,7 +126,7 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """UserWarning where entries of A and B are means of two slopes: the first, and how many are."""
+    """Warn where entries of A and B are means of two slopes; name the first, and their number."""
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
         first = kinked[0]
@@ -171,7 +172,7 @@ def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearCo
 
 
 def _state_feedback(built: DesignModel) -> Feedback:
-    """The exact gain of the game, from all states."""
+    """Return the exact gain of the game, from all states."""
     game = built.game()
     exact = solve_game(game)
     n = len(built.A)
@@ -188,7 +189,7 @@ def _state_feedback(built: DesignModel) -> Feedback:
 
 
 def _output_feedback(built: DesignModel) -> Feedback:
-    """The central controller of the game, from the sensors."""
+    """Return the central controller of the game, from the sensors."""
     plant = GeneralizedPlant.measured(built.game(), built.C, built.V, built.D)
     central: Any = solve_plant(plant, built.design.delta)
     return Feedback(
@@ -248,7 +249,7 @@ def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearControl
 def _followed_model(
     model: Model, built: DesignModel, following: Following
 ) -> tuple[DesignModel, np.ndarray, np.ndarray]:
-    """The design model behind the actuators of `following`, and A and B of its response to
+    """Return the design model with the actuators of `following`, and A and B of its response to
     commands."""
     design = built.design
     slow = dict.fromkeys(design.inputs, Actuator(bandwidth=following.bandwidth))
@@ -266,7 +267,7 @@ def _followed_model(
 
 
 def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...]]:
-    """States, commands and command filter of the controller."""
+    """Return the states, the commands and the command filter of the controller."""
     if design.shaping is None:
         commands = tuple(f"{name}{COMMAND_SIGNALS[0]}" for name in design.integrals)
         if not design.sensors:
@@ -286,7 +287,7 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """The measured signals: the sensors, or all states, the integrated outputs in place of their
+    """Return the measured signals: the sensors, or all states with integrated outputs for their
     integrals."""
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]

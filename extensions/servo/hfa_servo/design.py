@@ -1,5 +1,4 @@
-"""The choices of a design: which inputs act through which actuators, which outputs are integrated,
-at what weight; and the files that hold them, those of the package and the user's own, for any
+"""Design of a controller: inputs with actuators, integrated outputs, and weights, in files for any
 `Model`.
 
 Names of states and signals imply their unit.
@@ -46,7 +45,7 @@ _ENDS = {
 
 @dataclass(frozen=True)
 class Actuator:
-    """order 1: a' = -ω a + ω λ u.  order 2: a'' = -ω² a - 2 ζ ω a' + ω² λ u.
+    """Actuator of order 1, a' = -ω a + ω λ u, or of order 2, a'' = -ω² a - 2 ζ ω a' + ω² λ u.
 
     bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that
     arrives. Raises BadInputError when the order is another or a number is not positive."""
@@ -65,7 +64,7 @@ class Actuator:
 
 
 class OutputWeight(NamedTuple):
-    """gain (1 + corner/s) / (1 + lag s).
+    """Weight gain (1 + corner/s) / (1 + lag s) of an output.
 
     gain: 1/unit of the output
     corner: rad/s
@@ -95,7 +94,7 @@ class Following(NamedTuple):
 
 
 class Shaping(NamedTuple):
-    """A loop shaping.
+    """Settings of a loop shaping.
 
     inputs: input -> gain
     outputs: measured output -> weight
@@ -127,7 +126,7 @@ class Shaping(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """The design model is the linear model with `inputs` alone, their actuators, and e' = y for
+    """Settings of a design: the linear model with `inputs`, their actuators, and e' = y for
     `integrals`.
 
     name: of a shipped design or its file
@@ -233,18 +232,20 @@ class Design:
 
     @property
     def integral_states(self) -> tuple[str, ...]:
-        """Integrals of outputs."""
+        """Names of the integrals of outputs."""
         return tuple(f"{name}_integral" for name in self.integrals)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """States of the plant, then integrals."""
+        """Names of the states of the plant, then of the integrals."""
         return (*self.plant_states, *self.integral_states)
 
 
 def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) -> None:
-    """BadInputError for a name that is not among the choices, or given twice. unknown: "design
-    NAME: unknown sensor", say."""
+    """Raise BadInputError for a name that is not among the choices, or is given twice.
+
+    unknown: beginning of the message, such as "design NAME: unknown sensor"
+    """
     for name in names:
         refuse_unknown(unknown, name, choices)
         if names.count(name) > 1:
@@ -253,8 +254,10 @@ def _refuse_names(unknown: str, names: Sequence[str], choices: Sequence[str]) ->
 
 
 def signal_unit(model: Model, name: str) -> str:
-    """The unit of a state of a controller, by its name: ft/s of speed_estimate, ft/s^2 s of the
-    integral of an acceleration, or "" where the name is not of a signal of the model."""
+    """Return the unit of a state of a controller, by its name, or "" for an unknown signal.
+
+    Examples are ft/s for speed_estimate, and ft/s^2 s for the integral of an acceleration.
+    """
     without_lag = re.sub(r"_lag_\d+$", "", name).removeprefix("model_")
     whole, _ = model.part(without_lag)
     if whole in model.signals:
@@ -299,8 +302,8 @@ _FILE = {
 
 @checks_arguments
 def load_design(name: str, model: Model) -> Design:
-    """A design that comes with the package, by its name in `NAMED`, or one of the user's, by its
-    file, for a model in the units of its declaration.
+    """Return a design by its name in `NAMED`, or from the user's file, for a model in its declared
+    units.
 
     inputs, integrals: lists of names
     disturbance: where it enters, "states", "commands" or one of the model's, or the table
@@ -322,7 +325,7 @@ def load_design(name: str, model: Model) -> Design:
 
 
 def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
-    """The design of the entries of a file; BadInputError as `load_design`."""
+    """Return the design of the entries of a file. Raises BadInputError as `load_design`."""
     breakpoints = f"{model.schedule}s"
     form: dict[str, Any] = {**_FILE}
     form["shaping"] = {**_FILE["shaping"], f"{breakpoints}*": [NUMBER]}  # type: ignore[dict-item]
@@ -362,7 +365,10 @@ def design_of(name: str, data: Mapping[str, Any], model: Model) -> Design:
 def _shaping_of(
     name: str, entries: Mapping[str, Any], breakpoints: str, model: Model
 ) -> Shaping | None:
-    """The settings of [shaping], None without it. breakpoints: their key."""
+    """Return the settings in [shaping], or None without it.
+
+    breakpoints: key of the breakpoints
+    """
     if "shaping" not in entries:
         return None
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
@@ -392,8 +398,8 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries of `whole` with those of `changes` in their place; two tables are merged entry
-    by entry."""
+    """Return the entries of `whole` replaced by those of `changes`; tables are merged entry by
+    entry."""
     merged = {**whole, **changes}
     for key, change in changes.items():
         if isinstance(whole.get(key), dict) and isinstance(change, dict):

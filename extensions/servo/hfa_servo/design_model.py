@@ -1,5 +1,5 @@
-"""The design model: a linear model with actuators and integrals in one set of matrices, names
-kept."""
+"""Design model: a linear model with actuators and integrals in one set of matrices, with its
+names."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class DesignModel(Reported):
 
     @property
     def V(self) -> np.ndarray:
-        """Intensity of the noise of the sensors, (p, p)."""
+        """Intensity of the sensors' noise, (p, p)."""
         return np.diag([float(value) for value in self.design.sensors.values()]).reshape(
             2 * (len(self.sensors),)
         )
@@ -105,8 +105,10 @@ class DesignModel(Reported):
         return Game(A=self.A, B=self.B, E=self.E, Q=Q, R=R, delta=self.design.delta, names=names)
 
     def _check_integrals(self) -> None:
-        """[A B; C D] of the integrated outputs has full row rank: without it the plant has a zero
-        at 0."""
+        """Raise BadInputError unless [A B; C D] of the integrated outputs has full row rank.
+
+        Otherwise the plant has a zero at 0.
+        """
         names = self.design.integrals
         plant = len(self.states) - len(names)
         rows = np.hstack([self.A[:, :plant], self.B])
@@ -231,7 +233,7 @@ def watched_outputs(
 
 
 def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
-    """(rows, columns), 1 where both have one name, else 0."""
+    """Return a matrix (rows, columns) with 1 where the names are equal, else 0."""
     entries = [[float(row == column) for column in columns] for row in rows]
     return np.array(entries).reshape(len(rows), len(columns))
 

@@ -160,7 +160,7 @@ class GeneralizedPlant(Reported):
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """The control side, and with measurements the filter side."""
+        """Control side, and with measurements the filter side."""
         control = Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
         if not len(self.C2):
             return (control,)
@@ -168,7 +168,7 @@ class GeneralizedPlant(Reported):
 
     @property
     def floor(self) -> float:
-        """Lower bound of δ from D11 alone."""
+        """Lower bound of δ that follows from D11 alone."""
         if not len(self.C2):
             return float(np.linalg.norm(self.D11, 2)) if self.D11.size else 0.0
         return max(side.feedthrough for side in self.sides)
@@ -212,8 +212,10 @@ class GeneralizedPlant(Reported):
 
     @classmethod
     def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
-        """Partition of a state-space system whose last outputs are y and whose last inputs are u,
-        as in `hinfsyn`."""
+        """Return the partition of a state-space system as for `hinfsyn`.
+
+        The last outputs of the system are y, and its last inputs u.
+        """
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r = len(C) - measurements
         k = B.shape[1] - inputs
@@ -232,8 +234,7 @@ class GeneralizedPlant(Reported):
 
     @cached_property
     def axes(self) -> Axes:
-        """Axes in which fast and slow states are apart, in balanced units: everything is computed
-        there."""
+        """Balanced axes that separate fast and slow states, used in all computations."""
         axes = Axes.of(self.A)
         control = self.in_axes(axes).sides[0]
         return axes.scaled(NormalForm.of(control.game(math.inf)).units)
@@ -244,7 +245,8 @@ class GeneralizedPlant(Reported):
         return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
-        """The smallest δ for which `solve_plant` has a controller, to `TOLERANCE` relative.
+        """Return the smallest δ for which `solve_plant` has a controller, to `TOLERANCE`
+        relative.
 
         Found by bisection of log δ. Raises NoSolutionError when no δ will do.
         """
@@ -330,7 +332,7 @@ class OutputFeedback(Reported):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StateFeedback(Reported):
-    """The gain of a plant whose states are measured, and what certifies it.
+    """Gain of a plant whose states are measured, with its certificate.
 
     P: (n, n), the stabilizing solution
     K: (m, n), gain, u = -K x
@@ -348,8 +350,7 @@ class StateFeedback(Reported):
 
 @checks_arguments
 def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """The central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K. delta = inf: the H2
-    optimal one (LQG).
+    """Return the central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K.
 
     Where nothing crosses and D11 = 0:  A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y the
     same of the transposed plant,  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1
@@ -367,7 +368,8 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """The solution with its checks, without advice if no controller exists."""
+    """Return the solution with its checks. Raises NoSolutionError, without advice, if none
+    exists."""
     answer = conditions(plant, delta)
     if not answer.exists:
         verdict = "is open" if answer.exists is None else "fails"
@@ -394,7 +396,7 @@ def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateF
 
 
 def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> StateFeedback:
-    """The gain of a solution X in the plant's axes, with the checks of its loop."""
+    """Return the gain of a solution X in the plant's axes, with the checks of its loop."""
     axes = plant.axes
     apart = plant.apart
     L, F = apart.sides[0].policies(X, delta)
@@ -409,8 +411,10 @@ def _state_feedback(plant: GeneralizedPlant, X: np.ndarray, delta: float) -> Sta
 def _output_feedback(
     plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float
 ) -> OutputFeedback:
-    """The central controller of solutions X and Y in the plant's axes, with the checks of the
-    coupling, its loop and its second derivation."""
+    """Return the central controller of X and Y in the plant's axes, with its checks.
+
+    The checks are of the coupling, of the loop and of a second derivation.
+    """
     axes = plant.axes
     apart = plant.apart
     radius, _ = _radius(X, Y)
@@ -487,7 +491,7 @@ def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
 
 
 def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
-    """A, B, C, D from w to z of plant and controller, states [x; x̂]."""
+    """Return A, B, C, D from w to z of the plant with a controller, with the states [x; x̂]."""
     Ak, Bk, Ck, Dk = controller
     n = np.linalg.inv(np.eye(len(Dk)) - Dk @ plant.D22)
     u = np.hstack([n @ Dk @ plant.C2, n @ Ck])  # u and y by the states, and by w
@@ -523,7 +527,7 @@ def loop_checks(
 
 
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
-    """The L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
+    """Return the L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
 
     The search for δ_min starts above it: it has the units of δ, whatever these are. inf where
     rounding hides that controller.
@@ -543,8 +547,7 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
 
 
 def check_modes(plant: GeneralizedPlant) -> None:
-    """u reaches and y sees every mode that is not stable; neither u to z nor w to y has a zero on
-    the imaginary axis.
+    """Raise NoSolutionError unless u reaches and y observes every mode that is not stable.
 
     NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing
     solution."""
@@ -558,7 +561,7 @@ def check_modes(plant: GeneralizedPlant) -> None:
 
 
 def _barely_met(plant: GeneralizedPlant) -> str:
-    """The modes that are barely reached or shown, in words, or "" if none exists."""
+    """Return the modes that are barely controllable or observable in words, or ""."""
     verbs = (("u reaches", "z shows"), ("the sensors see", "the disturbance reaches"))
     sides = zip(plant.sides, _OBSTACLES, verbs, strict=False)
     found = [
@@ -569,8 +572,10 @@ def _barely_met(plant: GeneralizedPlant) -> str:
 
 
 def _response_difference(one: Controller, other: Controller) -> float:
-    """Largest |K1(jω) - K2(jω)| / |K1(jω)|, or |K2(jω)| where K1 is zero, over the frequencies of
-    K1."""
+    """Return the largest |K1(jω) - K2(jω)| / |K1(jω)| over the frequencies of K1.
+
+    Where K1 is zero the result is |K2(jω)|.
+    """
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
     first, second = (C @ responses(A, B, grid) + D for A, B, C, D in (one, other))
@@ -669,8 +674,10 @@ def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: fl
 
 
 def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
-    """ρ(XY), real and not negative for X, Y >= 0, in whatever units; and a with a a' <= Y for which
-    it is a'X a."""
+    """Return ρ(XY), real and not negative for X, Y >= 0, and a with a a' <= Y and a'X a = ρ(XY).
+
+    The result does not depend on units.
+    """
     half = scaled_root(Y)
     product = half.T @ X @ half
     values, vectors = np.linalg.eigh((product + product.T) / 2.0)

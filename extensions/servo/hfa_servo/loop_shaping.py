@@ -24,8 +24,10 @@ ROUNDING = 1e-6
 
 
 class Robust(NamedTuple):
-    """u = -F x̂, x̂' = A x̂ + B u + H (y - C x̂), F: (m, n), H: (n, p); gamma_min, the smallest γ
-    of any controller."""
+    """Controller u = -F x̂, x̂' = A x̂ + B u + H (y - C x̂), with F (m, n) and H (n, p).
+
+    gamma_min is the smallest γ of any controller.
+    """
 
     F: np.ndarray
     H: np.ndarray
@@ -34,8 +36,8 @@ class Robust(NamedTuple):
 
 
 def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float = 1.1) -> Robust:
-    """The central controller of γ = factor γ_min, factor > 1, that stabilizes all plants within 1/γ
-    of C (sI - A)⁻¹ B.
+    """Return the central controller of γ = factor γ_min that stabilizes all plants within 1/γ of C
+    (sI - A)⁻¹ B.
 
     With A'X + XA - XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0: γ_min² = 1 + ρ(XZ), F = B'X, H =
     γ² ((γ² - 1) I - ZX)⁻¹ Z C'. Raises NoSolutionError when a mode that does not decay is not
@@ -56,8 +58,10 @@ def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float
 
 
 def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> Check:
-    """‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and the loop is stable, from the closed loop alone, or inf
-    where it is not."""
+    """Return the check that ‖[K; I] (I - G K)⁻¹ [I G]‖∞ <= γ and that the loop is stable.
+
+    It uses the closed loop alone. The norm is inf for an unstable loop.
+    """
     n, m = B.shape
     p = len(C)
     closed = np.block([[A, -B @ found.F], [found.H @ C, A - B @ found.F - found.H @ C]])
@@ -85,8 +89,10 @@ class Weights(NamedTuple):
 
 
 def output_weights(outputs: Mapping[str, OutputWeight]) -> Weights:
-    """k (1 + c/s) / (1 + τ s) of each output: v = y + c e with e' = y where c > 0, then τ x' = v -
-    x where τ > 0."""
+    """Return the weight k (1 + c/s) / (1 + τ s) of each output as a system.
+
+    v = y + c e with e' = y where c > 0, then τ x' = v - x where τ > 0.
+    """
     names: list[str] = []
     for name, weight in outputs.items():
         if weight.corner > 0.0:
@@ -151,8 +157,10 @@ def following_model(
 def _held_for_ever(
     M: np.ndarray, steered: np.ndarray, outputs: np.ndarray, chosen: Following
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0], S of w' = S w, the command
-    filter. Raises NoSolutionError when there are none."""
+    """Return Π and Γ with M Π + steered Γ = Π S and outputs Π = [I 0 0].
+
+    S is the matrix of the command filter, w' = S w. Raises NoSolutionError when they do not exist.
+    """
     q = len(outputs)
     size, m = steered.shape
     bandwidth, damping = chosen.filter

@@ -35,8 +35,11 @@ class MeasuredOutputs:
                 matrix[row, inputs.index(moved)] = 1.0
 
     def at(self, measurements: Measurements) -> ca.SX:
-        """y - Y0, (k,). Raises BadInputError where the flight has no actuators, or none with rates,
-        that these outputs are of."""
+        """Return y - Y0, (k,).
+
+        Raises BadInputError where the outputs need actuators, or their rates, that the flight does
+        not have.
+        """
         y = ca.mtimes(ca.DM(self.C), measurements.states)
         if measurements.updraft.numel():
             y = y + ca.mtimes(ca.DM(self.F), measurements.updraft)
@@ -45,7 +48,7 @@ class MeasuredOutputs:
 
 
 def _moved(matrix: np.ndarray, moved: ca.SX, what: str) -> ca.SX:
-    """Contribution of actuator positions and rates to the outputs, or 0 for a matrix without
+    """Return the contribution of actuator positions and rates to the outputs, or 0 without
     entries."""
     if not matrix.any():
         return ca.SX(0)

@@ -1,9 +1,10 @@
-"""Axes of the state in which a plant's fast states and slow ones are apart.
+"""Axes of the state that separate the fast and the slow states of a plant.
 
-In axes that mix them rounding is of the size of the fast states, and hides the slow ones: a plant
-with poles from 1e-4 to 1e4 rad/s, turned, has digits left of neither Riccati equation. The way to
-these axes and back has twice the digits and one rounding at its end, so that no digit of the given
-numbers is lost."""
+In axes that mix them, rounding has the size of the fast states and hides the slow ones. A plant
+with poles from 1e-4 to 1e4 rad/s leaves no correct digits in either Riccati equation. The
+transformation and its inverse are computed with twice the digits and rounded once at the end, so
+that no digit of the given numbers is lost.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, A: np.ndarray) -> Self:
-        """Axes of the Schur form of A, balanced; A: (n, n)."""
+        """Return the balanced axes of the Schur form of A, (n, n)."""
         from scipy.linalg import schur
 
         matrix, units = balanced(A)
@@ -40,7 +41,10 @@ class Axes(NamedTuple):
         return cls(units, W, precise_inverse(W), np.ones(len(W)))
 
     def scaled(self, units: np.ndarray) -> Self:
-        """In the state z, y_i = u_i z_i; units: (n,), powers of two."""
+        """Return the axes of the state z with y_i = u_i z_i.
+
+        units: u, (n,), powers of two
+        """
         return self._replace(scale=self.scale / units)
 
     def rows(self, M: np.ndarray) -> np.ndarray:
@@ -54,35 +58,35 @@ class Axes(NamedTuple):
         return np.asarray(high / self.scale)
 
     def square(self, M: np.ndarray) -> np.ndarray:
-        """T M T⁻¹."""
+        """Return T M T⁻¹."""
         given = exact(M * self.units / self.units[:, None])
         high, _ = product(product(exact(self.W.T), given), self.inverse)
         return np.asarray(high * self.scale[:, None] / self.scale)
 
     def rows_back(self, M: np.ndarray) -> np.ndarray:
-        """T⁻¹ M."""
+        """Return T⁻¹ M."""
         high, _ = product(self.inverse, exact(M / self.scale[:, None]))
         return np.asarray(high * self.units[:, None])
 
     def columns_back(self, M: np.ndarray) -> np.ndarray:
-        """M T."""
+        """Return M T."""
         high, _ = product(exact(M * self.scale), exact(self.W.T))
         return np.asarray(high / self.units)
 
     def square_back(self, M: np.ndarray) -> np.ndarray:
-        """T⁻¹ M T."""
+        """Return T⁻¹ M T."""
         inner = exact(M * self.scale / self.scale[:, None])
         high, _ = product(product(self.inverse, inner), exact(self.W.T))
         return np.asarray(high * self.units[:, None] / self.units)
 
     def value_back(self, X: np.ndarray) -> np.ndarray:
-        """T'X T of a value y'X y, (n, n), symmetric."""
+        """Return T'X T for a value y'X y, (n, n), symmetric."""
         inner = exact(X * np.outer(self.scale, self.scale))
         high, _ = product(product(exact(self.W), inner), exact(self.W.T))
         return _symmetric(high / np.outer(self.units, self.units))
 
     def dual_value_back(self, Y: np.ndarray) -> np.ndarray:
-        """T⁻¹ Y T⁻ᵀ of the value Y of the transposed plant, (n, n), symmetric."""
+        """Return T⁻¹ Y T⁻ᵀ for the value Y of the transposed plant, (n, n), symmetric."""
         inner = exact(Y / np.outer(self.scale, self.scale))
         high, _ = product(product(self.inverse, inner), transposed(self.inverse))
         return _symmetric(high * np.outer(self.units, self.units))

@@ -19,8 +19,7 @@ from hfa_discrete.feedthrough import without_feedthrough
 
 
 class Reduced(NamedTuple):
-    """N⁺, and A, E, C, D of the problem that is left with u = v - N⁺ (C x + D w): there v is paid
-    for apart."""
+    """Problem in v, u = v - N⁺ (C x + D w), where only v has a cost: N⁺, and A, E, C, D."""
 
     past: np.ndarray
     A: np.ndarray
@@ -41,7 +40,7 @@ class Side(NamedTuple):
     N: np.ndarray
 
     def reduced(self) -> Reduced:
-        """The problem in which u pays for itself alone."""
+        """Problem in which the input has its own cost alone."""
         past, rest = self._split()
         into = self.B @ past
         left = rest @ self.C
@@ -51,7 +50,7 @@ class Side(NamedTuple):
         return Reduced(past, self.A - into @ self.C, self.E - into @ self.D, left, rest @ self.D)
 
     def game(self, delta: float) -> Game:
-        """The game whose Riccati equation is this side's."""
+        """Return the game whose Riccati equation is that of this side."""
         _, A, E, C, D = self.reduced()
         A, E, Q = without_feedthrough(A, E, C, D, delta)
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
@@ -63,7 +62,7 @@ class Side(NamedTuple):
         return replace(form, made_of=sizes)
 
     def policies(self, X: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-        """F1 and F2 with the worst w = F1 x and the best u = F2 x for the value x'X x."""
+        """Return F1 and F2 of the worst w = F1 x and the best u = F2 x for the value x'X x."""
         past, _, E, C, D = self.reduced()
         F1 = np.linalg.solve(
             np.eye(D.shape[1]) - D.T @ D / delta**2, (D.T @ C + E.T @ X) / delta**2
@@ -72,7 +71,7 @@ class Side(NamedTuple):
 
     @property
     def feedthrough(self) -> float:
-        """σ_max of the part of z that w reaches at once, whatever u does."""
+        """σ_max of the direct path from w to the part of z that u cannot affect."""
         left = self.reduced().D
         return float(np.linalg.norm(left, 2)) if min(left.shape) else 0.0
 
@@ -83,7 +82,7 @@ class Side(NamedTuple):
         return np.linalg.solve(R[:m], Q[:, :m].T), Q[:, m:].T
 
     def _sizes(self, delta: float) -> Sizes:
-        """Each sum in `reduced` and `without_feedthrough` with the magnitudes of its parts."""
+        """Return the magnitudes of the terms of each sum in `reduced` and `without_feedthrough`."""
         past, rest = self._split()
         into = np.abs(self.B) @ np.abs(past)
         A = np.abs(self.A) + into @ np.abs(self.C)
@@ -103,8 +102,11 @@ class Side(NamedTuple):
 
 
 def _inverse_sizes(D: np.ndarray, sizes: np.ndarray, delta: float) -> tuple[np.ndarray, np.ndarray]:
-    """|M⁻¹| |M| |M⁻¹| of M = I - D D'/δ², and the same of the inverse of its Cholesky factor; |M|
-    by the sizes of D."""
+    """Return |M⁻¹| |M| |M⁻¹| for M = I - D D'/δ², and this product for the inverse of its Cholesky
+    factor.
+
+    |M| is computed from the sizes of D.
+    """
     M = np.eye(len(D)) - D @ D.T / delta**2
     parts = np.eye(len(D)) + sizes @ sizes.T / delta**2
     inverse = np.abs(np.linalg.inv(M))

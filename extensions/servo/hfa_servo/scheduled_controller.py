@@ -1,5 +1,4 @@
-"""A controller scheduled on the measured scheduling variable of a model, the dihedral of the HFA:
-the value that a design makes, a file keeps, a flight flies.
+"""Controllers scheduled on the measured scheduling variable of a model, and their files.
 
 Files are .npz, which is read again, and .mat for other tools.
 """
@@ -167,7 +166,7 @@ class ScheduledController(ByValue, Reported):
             )
 
     def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A, B, C, D at η."""
+        """Return A, B, C, D at η."""
         A, B, C, D = (
             LinearTable(self.breakpoints, stack).at(eta)
             for stack in (self.A, self.B, self.C, self.D)
@@ -175,8 +174,10 @@ class ScheduledController(ByValue, Reported):
         return A, B, C, D
 
     def gain_schedule(self) -> GainSchedule | None:
-        """The gains of a controller that is u = -K(η) x of the states of the linear model, without
-        memory and commands, or None for another controller."""
+        """Return the gains of a controller u = -K(η) x, or None for another controller.
+
+        Such a controller uses the states of the linear model, and has no memory and no commands.
+        """
         if self.states or self.commands or self.measurements != self.model.linear:
             return None
         gains = np.zeros((len(self.breakpoints), len(self.model.inputs), len(self.model.linear)))
@@ -216,7 +217,7 @@ class ScheduledController(ByValue, Reported):
 
     @property
     def called(self) -> str:
-        """The model that it was made for."""
+        """Name of the model for which it was made."""
         if self.dynamics in self.model.extras.variants:
             return f"{self.dynamics} dynamics"
         return self.dynamics
@@ -248,7 +249,7 @@ class ScheduledController(ByValue, Reported):
         return f"{len(self.breakpoints)} {kind} from {self._between(first, last)}"
 
     def _summary(self, limit: str) -> str:
-        """Delta of the game, and the measured, moved and commanded signals."""
+        """Return the delta of the game, and the measured, moved and commanded signals, in words."""
         parts = []
         if limit == "delta_min":
             delta = self.about.get("delta")
@@ -263,7 +264,8 @@ class ScheduledController(ByValue, Reported):
         return "; ".join(parts)
 
     def _data(self) -> dict[str, Any]:
-        """Contents of the JSON: the file but for name and trims, and the units of its signals."""
+        """Return the data for JSON: the file without name and trims, and the units of its
+        signals."""
         stored = _stored(self)
         signals = (*self.measurements, *self.commands)
         kinds = {"signal": signals, "state": self.states, "input": self.inputs}
@@ -284,13 +286,13 @@ class ScheduledController(ByValue, Reported):
 
 
 def identity(model: Model) -> str:
-    """The hash of a model's parameters, in the units of its declaration."""
+    """Return a hash of a model's parameters, in the declared units."""
     native = native_of(model)
     return parameter_hash(native.layout.record("p", native.p.tolist()))
 
 
 def in_units_of(controller: ScheduledController, model: Model) -> ScheduledController:
-    """The controller in the units of a model, the original one or that in SI.
+    """Return the controller in the units of a model, unchanged or converted to SI.
 
     With a signal s' = f s: A' = f_x A / f_x, B' = f_x B / f_y, C' = f_u C / f_x, D' = f_u D / f_y,
     W' = f_x W / f_u.
@@ -361,8 +363,10 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 
 @checks_arguments
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
-    """The controller in a .npz file of `save_controller`, in the names and units of a model.
-    BadInputError names the file and its fault."""
+    """Return the controller in a .npz file of `save_controller`, in the names and units of a model.
+
+    Raises BadInputError that names the file and its fault.
+    """
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")
     content = read_arrays(path)

@@ -1,5 +1,5 @@
-"""A controller on a plant with actuators of choice: the closed loop, its poles, and its margins,
-one loop at a time."""
+"""Closed loop of a controller on a plant with chosen actuators: its poles and single-loop
+margins."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ TOGETHER = "all inputs"
 
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
-    """x' = A x + B u, y = C x of the plant with x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y; the
-    commands are constant."""
+    """Loop of x' = A x + B u, y = C x and x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y, at constant
+    commands."""
 
     A: np.ndarray
     B: np.ndarray
@@ -56,7 +56,7 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """The matrix of [x; x_c] with the loop closed. Raises NoSolutionError where its numbers
+        """Matrix of [x; x_c] of the closed loop. Raises NoSolutionError where its numbers
         overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
@@ -90,8 +90,10 @@ def servo_plant(
 
 
 def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop:
-    """The controller where the plant is. Where inputs move a measured output at once, that path is
-    closed."""
+    """Return the loop of a controller with a plant.
+
+    A direct path from inputs to a measured output is closed.
+    """
     Ak, Bk, Ck, Dk = controller.at(plant.model.point.values[controller.model.schedule])
     measured = len(controller.measurements)
     Bk = Bk[:, :measured]
@@ -108,8 +110,12 @@ def servo_loop(plant: DesignModel, controller: ScheduledController) -> ServoLoop
 def servo_margins(
     loop: ServoLoop, inputs: tuple[str, ...], sensors: tuple[str, ...]
 ) -> dict[str, LoopMargin]:
-    """Margins of every input and every sensor while all other loops stay closed, and of all inputs:
-    the same factor, phase or delay in each. Raises NoSolutionError when the loop is unstable."""
+    """Return the margins of every input and sensor with all other loops closed, and of all inputs
+    alike.
+
+    The last has one factor, phase or delay in all inputs. Raises NoSolutionError when the loop is
+    unstable.
+    """
     closed = loop.closed
     matrices = (closed, loop.A, loop.Ak)
     poles = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
@@ -132,7 +138,7 @@ def servo_margins(
 
 
 class LoopRow(NamedTuple):
-    """The loop at one scheduling value, behind the actuator of each input.
+    """Loop at one scheduling value, with an actuator at each input.
 
     scheduled_at: the value
     abscissa: 1/s
@@ -152,7 +158,7 @@ class LoopRow(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """A margin, and where it is."""
+    """Margin and its place."""
 
     margin: LoopMargin
     where: str
@@ -160,7 +166,7 @@ class _Cell(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MarginTable(Checked, Result, Reported):
-    """The margins of a controller at many scheduling values, behind many actuators."""
+    """Margins of a controller at many scheduling values, with many actuators."""
 
     json_keys = "ok rows=data_rows checks"
 
@@ -169,14 +175,14 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def single(self) -> tuple[LoopMargin, ...]:
-        """Margins of every loop that is opened alone, in every row."""
+        """Margins of every loop opened alone, in every row."""
         return tuple(
             margin for row in self.rows for name, margin in row.loops.items() if name != TOGETHER
         )
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Every loop is stable."""
+        """Check that every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
         unstable = sum(row.abscissa >= 0.0 for row in self.rows)
         reason = (
@@ -214,9 +220,8 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """A row for each value and actuators: abscissa, and of each loop gain dB, phase deg,
-        crossover
-        rad/s, delay s."""
+        """One row for each value and actuators: abscissa, and for each loop gain dB, phase deg,
+        crossover rad/s, delay s."""
         by = self.controller.model.schedule
         rows = []
         for row in self.rows:

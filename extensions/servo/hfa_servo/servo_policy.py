@@ -1,5 +1,4 @@
-"""A scheduled controller in flight: its matrices at the measured scheduling variable, its
-measurements, commands."""
+"""Policy of a scheduled controller in flight, at the measured scheduling variable."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ class ServoPolicy(Policy):
     scheduled_at: float
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """u of the controller's inputs; 0, the trim, of the others."""
+        """Return u of the controller's inputs, and 0, the trim, for the others."""
         _, _, C, D, _ = self._matrices(measurements)
         u = ca.mtimes(C, memory) + ca.mtimes(D, self._inputs(t, measurements))
         return ca.mtimes(ca.DM(self._chosen), u)
@@ -81,7 +80,7 @@ class ServoPolicy(Policy):
         }
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
-        """[measured; commands]; an output without a command is commanded to stay at its trim."""
+        """Return [measured; commands]; an output without a command is held at its trim."""
         values = dict(
             zip(
                 COMMAND_SIGNALS,
@@ -100,14 +99,14 @@ class ServoPolicy(Policy):
         return ca.vertcat(*rows)
 
     def _matrices(self, measurements: Measurements) -> tuple[ca.SX, ...]:
-        """A, B, C, D, W at the measured η."""
+        """Return A, B, C, D, W at the measured η."""
         model = self.regulated.model
         deviation = measurements.states[model.linear.index(model.schedule)]
         return self._table.at(self.scheduled_at + deviation)
 
     @property
     def _chosen(self) -> np.ndarray:
-        """(m, l): the controller's inputs among all."""
+        """Matrix (m, l) that selects the controller's inputs among all."""
         inputs = self.regulated.model.inputs
         return np.array(
             [[float(name == moved) for moved in self.controller.inputs] for name in inputs]
@@ -120,8 +119,10 @@ class ServoPolicy(Policy):
 
 
 class MatrixTables:
-    """Matrices (N, rows, columns) each, linear between breakpoints: one CasADi function, which is
-    called, not expanded."""
+    """Matrices (N, rows, columns) that are linear between breakpoints, as one CasADi function.
+
+    The function is called, not expanded.
+    """
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
         self._shapes = [stack.shape[1:] for stack in stacks]
@@ -131,7 +132,7 @@ class MatrixTables:
         self._function = ca.Function("table", [eta], [values], {"never_inline": True})
 
     def at(self, eta: ca.SX) -> tuple[ca.SX, ...]:
-        """Each matrix at a value of the scheduling variable."""
+        """Return each matrix at a value of the scheduling variable."""
         ends = np.cumsum([0, *(rows * columns for rows, columns in self._shapes)]).tolist()
         parts = ca.vertsplit(self._function(eta), ends)
         return tuple(
@@ -142,7 +143,7 @@ class MatrixTables:
 def servo_policy(
     controller: ScheduledController, commands: CommandSteps, model: Model, point: OperatingPoint
 ) -> ServoPolicy:
-    """The controller about a trim of the model that it was made for, following commands.
+    """Return the policy of the controller about a trim of its model, with commands.
 
     Its `fastest` is that of the controller alone: an estimator's mode, which the loop hardly moves;
     a gain without memory has none. BadInputError when it was made for another model or other values

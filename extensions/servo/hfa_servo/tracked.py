@@ -1,4 +1,4 @@
-"""Errors of a controller from its commands."""
+"""Tracking errors of a controller."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Tracked(NamedTuple):
 
 
 def tracked(flight: Deviations, outputs: MeasuredOutputs, commands: CommandSteps) -> list[Tracked]:
-    """Each commanded output of a flight with its command, without the noise of the sensors."""
+    """Return each commanded output of a flight with its command, without sensor noise."""
     model = outputs.model
     rows = [list(model.states).index(name) for name in model.linear]
     values = flight.states[:, rows] @ outputs.C.T + flight.inputs @ outputs.D.T

@@ -1,4 +1,4 @@
-"""The effect of rounding on the value of a state."""
+"""Effect of rounding on the value of a state."""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ import numpy as np
 
 
 def on_entries(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """The function on every entry of an array; keyword arguments are the same for all entries."""
+    """Return the function applied to every entry of an array; keywords are common to all
+    entries."""
     return np.vectorize(function, otypes=[object])
 
 

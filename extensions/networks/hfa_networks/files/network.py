@@ -1,4 +1,4 @@
-"""Critics that are neural networks, of files or as CasADi functions."""
+"""Critics that are neural networks, from files or CasADi functions."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _of_states(
 
 
 def _squashed(function: ca.Function, squash: Squash) -> ca.Function:
-    """x -> tanh(function(x)) scale + bias."""
+    """Return the function x -> tanh(function(x)) scale + bias."""
     x = symbols_for([function], function.numel_in(0))
     action = ca.tanh(ca.vec(function(x))) * ca.DM(squash.scale) + ca.DM(squash.bias)
     return ca.Function("squashed", [x], [ca.densify(action)])

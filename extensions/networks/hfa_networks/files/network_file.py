@@ -43,7 +43,7 @@ _EPSILON = 1e-5
 
 
 class Layer(NamedTuple):
-    """y = weight x + bias; for a LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
+    """Layer y = weight x + bias, or LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
 
     name: in the file, without ".weight".
     weight: (k, n), of a LayerNorm (k,).
@@ -71,7 +71,7 @@ class Layer(NamedTuple):
 
 
 class NetworkFile(NamedTuple):
-    """The content of a network's file.
+    """Content of a network's file.
 
     functions: requested part, or name of an output -> function from x (n,) to its numbers (k,).
     chain: the operations in their order, as "6 -> tanh 64 -> 1".
@@ -188,7 +188,7 @@ def _refuse_unread(
 
 
 def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
-    """The layers in the order in which they run.
+    """Return the layers in order of evaluation.
 
     widths: how many inputs the first may have.
     suffix: of the file.
@@ -235,7 +235,8 @@ def _no_chain(
 
 
 def _kind(layer: Layer) -> str:
-    """The name without its numbers: layers of one kind run in the order of their numbers."""
+    """Return the name without its numbers; layers of one kind are evaluated in order of their
+    numbers."""
     return re.sub(r"\d+", "#", layer.name)
 
 
@@ -244,7 +245,7 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """The layers as they are. Raises BadInputError where the numbers in their names give another
+    """Return the layers unchanged. Raises BadInputError where the numbers in their names differ in
     order."""
     last: dict[str, Layer] = {}
     for layer in layers:
@@ -288,8 +289,7 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
 
 
 def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterator[list[Layer]]:
-    """Every order of the layers, of each group from its first on, that begins with one of the
-    widths."""
+    """Yield every order of the layers that begins with one of the widths."""
     if not any(groups):
         yield []
     for index, group in enumerate(groups):
@@ -300,7 +300,7 @@ def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterato
 
 
 def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
-    """Each layer and the name of the function behind it, "" for none."""
+    """Return each layer with the name of its activation, "" for none."""
     between, last = _activations(layers, activation)
     names = [""] * len(layers)
     if between:
@@ -353,7 +353,10 @@ def _follows(before: Layer, layer: Layer) -> bool:
 def _composed(
     steps: list[tuple[Layer, str]], normalizer: Normalizer | None
 ) -> tuple[ca.Function, RowNetwork | None]:
-    """x -> the output of the last layer; the same on rows, None where that is no faster."""
+    """Return the function x -> output of the last layer, and the function for rows.
+
+    The latter is None where it is no faster.
+    """
     x = ca.SX.sym("x", steps[0][0].inputs)
     products = Products(x)
     h = np.fromiter(ca.vertsplit(x), object)
@@ -375,7 +378,7 @@ def _composed(
 
 
 def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
-    """The entries, CasADi scalars, normalized."""
+    """Return the normalized entries, CasADi scalars."""
     normal = (h - normalizer.mean) / normalizer.deviation
     if np.isinf(normalizer.clip):
         return np.asarray(normal)
@@ -383,7 +386,7 @@ def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
 
 
 def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
-    """The network behind its normalizer, x (N, n) -> (N, k)."""
+    """Return the network with its normalizer, x (N, n) -> (N, k)."""
 
     def normalized_first(x: np.ndarray) -> np.ndarray:
         normal = (x - normalizer.mean) / normalizer.deviation
@@ -393,7 +396,7 @@ def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """The names of the activation between the layers and of that of the output, or "" for none."""
+    """Return the names of the activations between the layers and at the output, "" for none."""
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
             'a state dict does not contain its activation; give activation="tanh" (or '
@@ -407,7 +410,7 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
 
 
 def _chain(name: str, steps: list[tuple[Layer, str]], parts: Parts) -> str:
-    """The layers in their order, with their names: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    """Return the layers in order as text: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
     words = [str(steps[0][0].inputs)]
     if parts.normalizer is not None:
         words.append(f"normalized by {shortened(parts.normalizer.name)}")

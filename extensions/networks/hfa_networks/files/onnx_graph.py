@@ -1,4 +1,4 @@
-"""ONNX graphs as CasADi functions, operator by operator; other operators are refused by name."""
+"""Conversion of ONNX graphs to CasADi functions. Unsupported operators are refused by name."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_SCALARS = 200_000
 
 
 def _divided(a: Any, b: Any) -> Any:
-    """a / b, for integers without the remainder, as ONNX defines it."""
+    """Return a / b, truncated for integers, as ONNX defines it."""
     quotient = a / b
     if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
         return np.trunc(quotient).astype(int)
@@ -109,7 +109,7 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """The parts of x along an axis, of equal length without sizes; the last may be shorter."""
+    """Return the parts of x along an axis, of equal length by default; the last may be shorter."""
     sizes = split if sizes is None else sizes
     if sizes is None:
         length = -(-x.shape[axis] // num_outputs)
@@ -155,7 +155,7 @@ def _root_of_squares(x: np.ndarray, *axes: Any, **how: Any) -> np.ndarray:
 
 
 def normalized(x: np.ndarray, axes: tuple[int, ...], epsilon: float) -> np.ndarray:
-    """(x - mean) / sqrt(variance + epsilon) over the axes."""
+    """Return (x - mean) / sqrt(variance + epsilon) over the axes."""
     centred = x - np.mean(x, axis=axes, keepdims=True)
     variance = np.mean(centred**2, axis=axes, keepdims=True)
     return centred / on_entries(ca.sqrt)(variance + epsilon)
@@ -307,7 +307,7 @@ _ELEMENTWISE = (
 
 
 class GraphFunctions(NamedTuple):
-    """The functions of an ONNX graph.
+    """Functions of an ONNX graph.
 
     functions: requested kind, or name of the output -> function of x (states,), of a Q (states +
         inputs,).
@@ -480,7 +480,7 @@ def _constants(
 
 
 def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
-    """The numbers of a tensor that are in a file of the folder, and nowhere else."""
+    """Return the numbers of a tensor stored in a file of the folder, and nowhere else."""
     entries = {entry.key: entry.value for entry in tensor.external_data}
     location = entries.get("location", "")
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
@@ -563,7 +563,7 @@ def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int
 
 
 def _refuse_more(size: int, inputs: Any) -> None:
-    """BadInputError before more numbers are made than a network may have."""
+    """Raise BadInputError for more numbers than a network may have, before they are allocated."""
     is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:

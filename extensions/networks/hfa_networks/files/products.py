@@ -13,7 +13,7 @@ _SCALARS = 4096
 
 
 class Products:
-    """Functions of x whose products with large matrices stay products.
+    """Functions of x whose products with large matrices are not expanded.
 
     A graph of scalars of a layer of 1024 x 1024 has two million operations. So the result of such a
     product is new symbols, and `function` puts the graphs and the products together.
@@ -24,8 +24,8 @@ class Products:
         self._factors: list[tuple[ca.SX, np.ndarray]] = []
 
     def times(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """a @ b: new symbols where one factor has symbols and the other is a large matrix of
-        constants."""
+        """Return a @ b, as new symbols where one factor has symbols and the other is a large
+        constant."""
         a_is_constant = a.dtype != object
         b_is_constant = b.dtype != object
         if a_is_constant and not b_is_constant and a.ndim == 2 and b.ndim <= 2:
@@ -41,8 +41,10 @@ class Products:
         return np.fromiter(ca.vertsplit(symbols), object).reshape(shape)
 
     def function(self, outputs: np.ndarray) -> ca.Function:
-        """x -> the entries of an array, row by row, (k,): of scalars (SX) where no product is
-        large, else of matrices (MX)."""
+        """Return the function x -> entries of an array, row by row, (k,).
+
+        It is made of scalars (SX) where no product is large, else of matrices (MX).
+        """
         x = self._symbols[0]
         if not self._factors:
             return ca.Function("network", [x], [_entries(outputs)])
@@ -53,8 +55,10 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """x (N, n) -> the same (N, k), each product of all rows at once, or None where no product
-        is large."""
+        """Return the function x (N, n) -> (N, k), with each product evaluated for all rows.
+
+        The result is None where no product is large.
+        """
         if not self._factors:
             return None
         steps = []
@@ -75,13 +79,16 @@ class Products:
         return on_rows
 
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
-        """Entries that depend on the symbols, at values of these."""
+        """Return entries that depend on the symbols, at values of these symbols."""
         part, places = self._part(entries, len(values))
         return part(*(values[place] for place in places))
 
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
-        """x and the products among the first `count` symbols on which entries depend -> the
-        entries; and the places of these symbols."""
+        """Return a function for entries that depend on the first `count` symbols, and their
+        positions.
+
+        Its arguments are x and the products among these symbols.
+        """
         places = [0]
         for place in range(1, count):
             if ca.depends_on(entries, self._symbols[place]):

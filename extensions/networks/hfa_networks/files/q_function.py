@@ -1,4 +1,4 @@
-"""The policy of a Q(x, u) that is quadratic in u: the u at which its slope in u is 0."""
+"""Policy of a Q(x, u) that is quadratic in u: the u at which ∂Q/∂u = 0."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ _ELSE = (
 
 
 def policy_of(Q: ca.Function, states: int) -> ca.Function:
-    """x (n,) -> u (m,) with ∂Q/∂u = 0; where ∂²Q/∂u² is not definite as at x = 0, not a number.
+    """Return the function x (n,) -> u (m,) with ∂Q/∂u = 0, or nan where ∂²Q/∂u² is not definite as
+    at x = 0.
 
     Q: (x, u) (n + m,) -> 1.
     states: n.
@@ -44,8 +45,8 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
 
 def _degree(Q: ca.Function, states: int) -> float:
-    """The largest degree in u of a graph of scalars, or infinite where it may be no polynomial in
-    u.
+    """Return the largest degree in u of a graph of scalars, or inf where it may not be a polynomial
+    in u.
 
     Degrees are added in a product and the larger one counts in a sum, so nothing that cancels is
     seen.
@@ -68,8 +69,7 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """The degree of the result of an operation on polynomials of these degrees, inf where it is no
-    polynomial."""
+    """Return the degree of an operation on polynomials of given degrees, inf for no polynomial."""
     if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
         return max(degrees)
     if operation == ca.OP_MUL:

@@ -46,8 +46,10 @@ def precision_of(matrix: np.ndarray) -> type[np.floating]:
 
 
 def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetwork | None:
-    """The network of layers (weight (k, n), bias (k,), name of the activation behind it), or None
-    where an activation is not among `ROW_ACTIVATIONS`."""
+    """Return the network of layers (weight (k, n), bias (k,), activation) for rows.
+
+    The result is None for an activation that is not in `ROW_ACTIVATIONS`.
+    """
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None
     kind = precision_of(max((weight for weight, _, _ in layers), key=np.size))

@@ -32,7 +32,7 @@ _ELSE = "save the state dict of the network alone, or export it to ONNX with all
 
 
 class Normalizer(NamedTuple):
-    """x -> clip((x - mean) / deviation, -clip, clip), as a state dict holds it.
+    """Normalizer x -> clip((x - mean) / deviation, -clip, clip) of a state dict.
 
     name: of its tensors in the file.
     mean: (n,).
@@ -47,14 +47,14 @@ class Normalizer(NamedTuple):
 
 
 class Squash(NamedTuple):
-    """y -> tanh(y) scale + bias, as a state dict holds it; (m,) each."""
+    """Output y -> tanh(y) scale + bias of a state dict, (m,) each."""
 
     scale: np.ndarray
     bias: np.ndarray
 
 
 class Parts(NamedTuple):
-    """A network's part of a state dict, and all that is left.
+    """Network of a part of a state dict, with the remaining tensors.
 
     layers: tensors of its layers.
     normalizer: before the first layer, or None for none.
@@ -71,17 +71,17 @@ class Parts(NamedTuple):
 
 
 def _of_rsl_rl(group: Tensors) -> tuple[np.ndarray, float]:
-    """Deviation and clip of rsl_rl's EmpiricalNormalization, whose eps is 0.01."""
+    """Return deviation and clip of rsl_rl's EmpiricalNormalization, whose eps is 0.01."""
     return group["_std"] + 0.01, np.inf
 
 
 def _of_rl_games(group: Tensors) -> tuple[np.ndarray, float]:
-    """Deviation and clip of rl_games' RunningMeanStd."""
+    """Return deviation and clip of rl_games' RunningMeanStd."""
     return np.sqrt(group["running_var"] + 1e-5), 5.0
 
 
 def _of_skrl(group: Tensors) -> tuple[np.ndarray, float]:
-    """Deviation and clip of skrl's RunningStandardScaler."""
+    """Return deviation and clip of skrl's RunningStandardScaler."""
     return np.sqrt(group["running_variance"]) + 1e-8, 5.0
 
 
@@ -222,8 +222,10 @@ def _is_spread(name: str) -> bool:
 
 
 def _has_word(name: str, part: str) -> bool:
-    """Return whether one of the words of "word+word" is in a name; a number only as its first word,
-    where it is the place in a tuple."""
+    """Return whether a word of "word+word" is in a name.
+
+    A number matches only as the first word, where it is the position in a tuple.
+    """
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
         if word and (is_first or (not word.isdigit() and f".{word}." in f".{name}.")):
@@ -232,7 +234,7 @@ def _has_word(name: str, part: str) -> bool:
 
 
 def _grouped(tensors: Tensors) -> dict[str, dict[str, np.ndarray]]:
-    """Module -> its tensors by their own names."""
+    """Return module -> its tensors by their own names."""
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, array in tensors.items():
         stem, _, leaf = name.rpartition(".")
@@ -245,7 +247,7 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """The normalizer that a module is, or None where it is not one that is known."""
+    """Return the normalizer that a module is, or None for an unknown one."""
     for names, module, mean, divisor in _NORMALIZERS:
         if group.keys() == names and stem.endswith(module):
             deviation, clip = divisor(group)

@@ -1,5 +1,7 @@
-"""Tensors of state dicts: torch's files, safetensors, .npz and .json, read without torch and
-without running anything."""
+"""Tensors of state dicts in files of torch, safetensors, .npz and .json.
+
+They are read without torch, and no code in a file is run.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,7 @@ _TYPES = {
 
 
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Name -> array of a state dict, in the order of the file."""
+    """Return name -> array of a state dict, in the order of the file."""
     if suffix == ".npz":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _refuse_large(archive)
@@ -79,8 +81,11 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
-    """Tensors by name: eight bytes contain the length of a JSON object, whose entries state the
-    place of each tensor in the data that follow."""
+    """Return the tensors of a safetensors file by name.
+
+    Eight bytes contain the length of a JSON object, whose entries state the place of each tensor in
+    the data that follow.
+    """
     begin = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:begin])
     data = memoryview(content)[begin:]
@@ -100,7 +105,8 @@ def _dtype(kind: str) -> str:
 
 
 def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
-    """torch._utils._rebuild_tensor_v2: the numbers of a storage at offset + Σ index stride."""
+    """Return the numbers of a storage at offset + Σ index stride
+    (torch._utils._rebuild_tensor_v2)."""
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError("it is damaged: the shape of a tensor is not of whole numbers")
@@ -196,8 +202,7 @@ def _inside(value: Any) -> list[Any]:
 
 
 class _Restricted(pickle.Unpickler):
-    """Builds dictionaries and arrays; every other class or function is refused by its name before
-    it is made."""
+    """Unpickler of dictionaries and arrays, which refuses every other class or function by name."""
 
     def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
         refuse_pickle_bomb(content)
@@ -229,7 +234,7 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """A member of a zip, of a bounded size, whatever size its directory states.
+    """Return a member of a zip file, limited in size whatever its directory states.
 
     Raises BadInputError where it is larger, or packed as neither torch nor NumPy does.
     """
@@ -244,8 +249,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
-    """Return the tensors in a file of torch.save; the policy.pth of stable-baselines3 is such a
-    file."""
+    """Return the tensors in a file of torch.save, such as policy.pth of stable-baselines3."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()
@@ -262,7 +266,7 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
-    """Arrays of dictionaries in dictionaries, named like "model.0.weight"."""
+    """Return the arrays of nested dictionaries, with names such as "model.0.weight"."""
     if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}
     tensors: dict[str, np.ndarray] = {}

@@ -1,4 +1,4 @@
-"""A CasADi function as affine rows, without rounding, between nodes that are not affine."""
+"""Representation of a CasADi function by exact affine rows between nodes that are not affine."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _LINEAR = {
 
 
 class NotReadError(Exception):
-    """The function has another operation, or is too large."""
+    """Error of a function with an unsupported operation, or that is too large."""
 
 
 class Node(NamedTuple):
-    """A node that is not affine.
+    """Node that is not affine.
 
     kind: "tanh", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), "square" or "product".
     rows: of its one or two arguments.
@@ -45,7 +45,7 @@ class Node(NamedTuple):
 
 
 def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
-    """The row of each output of x -> y, and the nodes in them.
+    """Return the row of each output of x -> y, and the nodes in these rows.
 
     Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
     node: common terms of two polynomials cancel. Raises NotReadError where the function has
@@ -76,7 +76,7 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
-    """a + factor b."""
+    """Return a + factor b."""
     total = dict(a)
     for variable, coefficient in b.items():
         change = factor * coefficient
@@ -88,7 +88,7 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
 
 
 class _Reader:
-    """Makes rows of rows, and nodes where they are not affine."""
+    """Builder of rows from rows, with nodes where an operation is not affine."""
 
     def __init__(self, inputs: int) -> None:
         self.nodes: list[Node] = []
@@ -130,14 +130,14 @@ class _Reader:
         raise NotReadError
 
     def _relu(self, row: Row) -> Row:
-        """max(t, 0), as t + max(-t, 0) where that is a node already."""
+        """Return the row of max(t, 0), as t + max(-t, 0) where the latter is already a node."""
         opposite = self._known.get(_key("relu", _plus({}, row, -_ONE)))
         if opposite is not None:
             return _plus(row, {opposite: _ONE})
         return {self._node("relu", row): _ONE}
 
     def _step(self, row: Row) -> Row:
-        """1 where t > 0, 0 where t < 0, and any number between at 0."""
+        """Return the row of a step: 1 for t > 0, 0 for t < 0, and any number between at 0."""
         return {self._node("step", row): _ONE}
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
@@ -200,7 +200,7 @@ class _Reader:
         return self._monomials[powers]
 
     def _node(self, kind: str, *rows: Row) -> int:
-        """The variable of a node, which may be there already."""
+        """Return the variable of a node, which is reused where it exists."""
         key = _key(kind, rows[0])
         if len(rows) == 1 and key in self._known:
             return self._known[key]

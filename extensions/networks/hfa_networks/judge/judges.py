@@ -1,5 +1,4 @@
-"""The findings of this extension for the judge of critics, on a critic that is a nonlinear function
-of the state."""
+"""Findings on critics that are nonlinear functions of the state, for the judge of critics."""
 
 from __future__ import annotations
 

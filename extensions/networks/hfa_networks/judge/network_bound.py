@@ -18,7 +18,7 @@ _BATCH = 1024
 
 
 class Proof(NamedTuple):
-    """The proved bound on the errors of a network.
+    """Proved bound on the errors of a network.
 
     what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
     error: proved upper bound, relative as searched, ...
@@ -37,7 +37,7 @@ class Proof(NamedTuple):
 
     @property
     def where(self) -> str:
-        """The part of the box on which it is proved, never more than that."""
+        """Part of the box on which it is proved, in words, never too large."""
         if self.fraction == 1.0:
             return "in the box"
         return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"

@@ -46,7 +46,7 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class Flown(NamedTuple):
-    """The results of flights of a network from the box; the names are those of the JSON.
+    """Results of flights of a network from the box; the names are those of the JSON.
 
     flights: number of initial conditions, or 0 where the linear loop is unstable.
     cost_lost_flown_percent: beyond V*, at most.
@@ -67,19 +67,21 @@ class Flown(NamedTuple):
 
 
 class Loop(Protocol):
-    """A plant under a policy."""
+    """Plant with a policy."""
 
     @property
     def rest(self) -> np.ndarray | None:
         """Return the equilibrium near z = 0, (n,), or None without one."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the equilibrium, (n,), and the cost, or None where V* about the equilibrium
-        has not decreased."""
+        """Return the end state minus the equilibrium, (n,), and the cost.
+
+        The result is None where V* about the equilibrium has not decreased.
+        """
 
 
 class TimeAxis(Protocol):
-    """The plant of a critic with a policy, in continuous or discrete time.
+    """Plant of a critic with a policy, in continuous or discrete time.
 
     With w = L* z, the worst disturbance of the exact policies, a policy u costs J - V* = the sum
     over time of (u - u*)' `price` (u - u*).
@@ -87,21 +89,25 @@ class TimeAxis(Protocol):
 
     @property
     def price(self) -> np.ndarray:
-        """(m, m), of u - u*."""
+        """Weight of u - u*, (m, m)."""
 
     def is_stable(self, K: np.ndarray) -> bool:
         """Return whether A - B K is stable."""
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """X (n, n): under w = L* z, u = -K z costs z'Xz more than V*, or None where that loop is
-        not stable."""
+        """Return X, (n, n): under w = L* z, u = -K z costs z'X z more than V*.
+
+        The result is None where that loop is not stable.
+        """
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Without disturbance."""
+        """Return the loop without disturbance."""
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the loop under w = L* z; its cost is that of u - u*, less the remaining cost at
-        the equilibrium."""
+        """Return the loop under w = L* z.
+
+        Its cost is that of u - u*, minus the remaining cost at the equilibrium.
+        """
 
 
 class InTime:
@@ -120,7 +126,7 @@ class InTime:
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """X of F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K."""
+        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K."""
         from scipy.linalg import solve_continuous_lyapunov
 
         linear = self._worst - self._game.B @ K
@@ -130,7 +136,7 @@ class InTime:
         return np.asarray(solve_continuous_lyapunov(linear.T, -change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Without disturbance."""
+        """Return the loop without disturbance."""
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ policy(z)
         return _FlowLoop(z, rates, self._exact, self.duration, b)
@@ -172,7 +178,7 @@ class InSteps:
         return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Without disturbance."""
+        """Return the loop without disturbance."""
         return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
@@ -199,7 +205,8 @@ def _radius(matrix: np.ndarray) -> float:
 
 
 def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
-    """z -> (u - u*)' price (u - u*), u - u* less its value at the equilibrium."""
+    """Return the function z -> (u - u*)' price (u - u*), with u - u* relative to the
+    equilibrium."""
     at_rest = np.array(policy(rest)).ravel() + K @ rest
 
     def cost(z: ca.SX) -> ca.SX:
@@ -238,8 +245,10 @@ class _FlowLoop:
         return self._bound.results[0]
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the equilibrium, and the cost, or None where V* about the equilibrium has
-        not decreased to `RETURNED`."""
+        """Return the end state minus the equilibrium, and the cost.
+
+        The result is None where V* about the equilibrium has not decreased to `RETURNED`.
+        """
         from scipy.integrate import odeint
 
         if self.rest is None:
@@ -295,7 +304,7 @@ class _StepLoop:
         self.rest = rest
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """The end less the equilibrium, and the cost.
+        """Return the end state minus the equilibrium, and the cost.
 
         None where V* about the equilibrium has decreased neither to `RETURNED` nor to twice the
         remainder of the exact policy, which after the most steps may be larger.
@@ -399,15 +408,19 @@ def flown_losses(
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-    """States of the box |z_i| <= b_i, every other one a corner: (count, n)."""
+    """Return initial conditions in the box |z_i| <= b_i, (count, n); every other one is a
+    corner."""
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
     return starts * b
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """The largest of 2^-k ... 2^k times the box, k = `DOUBLINGS`, such that flights converge from a
-    few initial conditions in it and in each smaller one tried, or 0 for none."""
+    """Return the largest multiple of the box from which flights converge, or 0 for none.
+
+    The multiples are 2^-k ... 2^k, k = `DOUBLINGS`. Flights begin at a few initial conditions, and
+    all smaller multiples that were tried converge too.
+    """
 
     def returns(size: float) -> bool:
         return all(loop.returned(start) is not None for start in size * starts_in(b, few))

@@ -51,7 +51,7 @@ _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
 class Found(NamedTuple):
-    """The largest error that was found: relative, of `name`, at the state z (n,)."""
+    """Largest error that was found: relative, of `name`, at the state z (n,)."""
 
     name: str
     error: float
@@ -59,8 +59,12 @@ class Found(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """errors: at the origin and in the box. checks: these, and that of the rest point. states: at
-    which the errors were computed at first."""
+    """Findings on a network.
+
+    errors: at the origin and in the box
+    checks: checks of these, and of the equilibrium
+    states: states at which the errors were computed first
+    """
 
     errors: list[Check]
     checks: list[Check]
@@ -71,7 +75,7 @@ class Findings(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """A network compared with the exact solution, over a box of states.
+    """Comparison of a network with the exact solution over a box of states.
 
     weights: (m,), of the inputs relative to each other: the roots of their prices.
     box: b (n,), of the states |z_i| <= b_i.
@@ -120,7 +124,7 @@ class Comparison(NamedTuple):
         return names, ca.vertcat(*errors)
 
     def function(self, kinds: Sequence[str]) -> ca.Function:
-        """z -> the errors of these kinds, whose functions are graphs of scalars."""
+        """Return the function z -> errors of these kinds, which are graphs of scalars."""
         z = ca.SX.sym("z", len(self.box))
         return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
 
@@ -133,8 +137,11 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Search a network over the box |z_i| <= b_i, prove a bound, and fly it from there, if its
-    linear loop is stable."""
+    """Search the errors of a network over the box |z_i| <= b_i, prove a bound, and fly it from
+    there.
+
+    It is flown if its linear loop is stable.
+    """
     about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
     origin, worst, proof = _searched_and_proved(about, limit, scope)
     errors = search_checks(critic, origin, worst, limit)
@@ -207,8 +214,7 @@ def search_checks(
 
 
 def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
-    """The largest error at the origin, and those found over the box |z_i| <= b_i: of V, of any
-    dV/dz_i, of any input.
+    """Return the largest error at the origin, and those found over the box |z_i| <= b_i.
 
     L-BFGS-B climbs each error from the `CLIMBS` worst corners and the `CLIMBS` worst others of
     `STARTS` states, of a wide network from the worst state alone, and from the state `also` (n,).
@@ -252,7 +258,8 @@ def _sizes(values: ca.DM) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """(weights, y) -> where weights'errors(b y), |y_i| <= 1, is largest on the way up from y."""
+    """Return the function (weights, y) -> local maximum of weights'errors(b y), |y_i| <= 1, uphill
+    from y."""
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())

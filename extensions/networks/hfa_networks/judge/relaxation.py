@@ -49,7 +49,7 @@ class Lines(NamedTuple):
 
 
 def _tanh(t: np.ndarray) -> np.ndarray:
-    """tanh t within `_TANH_ERROR`, of operations that IEEE 754 rounds correctly."""
+    """Return tanh t within `_TANH_ERROR`, from operations that IEEE 754 rounds correctly."""
     r = np.minimum(np.abs(t), _SATURATED) / 32.0
     power = np.ones_like(r)  # exp(-r), then exp(-2 |t|)
     for k in range(16, 0, -1):
@@ -60,7 +60,7 @@ def _tanh(t: np.ndarray) -> np.ndarray:
 
 
 def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Parallel to the chord."""
+    """Return lines parallel to the chord that bound tanh."""
     at_low = _tanh(low)
     at_high = _tanh(high)
     slope = np.clip((at_high - at_low) / np.maximum(high - low, _TINY), 0.0, 1.0)
@@ -77,7 +77,8 @@ def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """A bound of g(t) = tanh t - slope t over [low, high], but for the rounding of g itself.
+    """Return an upper bound of g(t) = tanh t - slope t over [low, high], except for the rounding of
+    g.
 
     at_ends: the larger of g(low) and g(high).
 
@@ -99,7 +100,10 @@ def _highest_above(
 
 
 def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Parallel to the chord; max(t, 0) - slope t is highest at an end and lowest, 0, at t = 0."""
+    """Return lines parallel to the chord that bound max(t, 0).
+
+    max(t, 0) - slope t is largest at an end, and smallest, 0, at t = 0.
+    """
     crosses = (low < 0.0) & (high > 0.0)
     slope = np.where(crosses, high / np.maximum(high - low, _TINY), low >= 0.0)
     slope = np.clip(slope, 0.0, 1.0)
@@ -109,7 +113,8 @@ def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """1 for t > 0, 0 for t < 0, anything between where the range has 0 in it."""
+    """Return bounds of the step: 1 for t > 0, 0 for t < 0, and any number between where 0 is in the
+    range."""
     is_open = (low <= 0.0) & (high >= 0.0)
     constant = np.where(is_open, 0.5, low > 0.0)
     return Lines((np.zeros_like(low),), constant, 0.5 * is_open, np.ones_like(low))
@@ -153,14 +158,14 @@ _Blocks = dict[int, np.ndarray]
 
 
 class _Group(NamedTuple):
-    """Nodes of one kind and level; the rows of each argument."""
+    """Nodes of one kind and level, with the rows of each argument."""
 
     kind: str
     arguments: tuple[_Blocks, ...]
 
 
 class _Affine(NamedTuple):
-    """Rows of the inputs: (boxes, rows, ...).
+    """Rows in terms of the inputs, (boxes, rows, ...).
 
     spreads: of each group, which part of the radius each node is; those that are in no row are
         missing.
@@ -173,7 +178,7 @@ class _Affine(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds of the output that is largest over each box, |e_i|.
+    """Bounds of the largest output |e_i| over each box.
 
     highest: (boxes,), upper bound of all |e_i|, or nan without a bound.
     lowest: (boxes,), lower bound of |e_i| at the corner (boxes, n).
@@ -188,7 +193,7 @@ class Bounds(NamedTuple):
 
 
 class Relaxation:
-    """Bounds of the outputs of a function y (n,) -> e; NotReadError as `affine_rows`."""
+    """Bounds of the outputs of a function y (n,) -> e. Raises NotReadError as `affine_rows`."""
 
     def __init__(self, function: ca.Function) -> None:
         rows, nodes = affine_rows(function)
@@ -210,7 +215,7 @@ class Relaxation:
         self._at_once = int(np.clip(_LARGEST_ARRAY // max(widths) ** 2, 1, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
-        """The bounds over the boxes centres ± half_widths, (boxes, n) each."""
+        """Return the bounds over the boxes centres ± half_widths, (boxes, n) each."""
         parts = []
         with np.errstate(all="ignore"):  # what is not finite is not bounded
             for first in range(0, len(centres), self._at_once):
@@ -263,7 +268,7 @@ class Relaxation:
         return line._replace(radius=np.where(rounding <= _LARGEST, radius, np.inf))
 
     def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
-        """Rows of the inputs alone, of rows of all variables."""
+        """Return rows of all variables as rows of the inputs alone."""
         rows = {group: block[None] for group, block in blocks.items()}
         radius = self._gamma * _sizes_of(blocks, sizes)
         spreads: _Blocks = {}
@@ -286,7 +291,8 @@ class Relaxation:
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The middle and the half width of the ranges of rows over the boxes: (boxes, rows)."""
+        """Return the middle and the half width of the ranges of rows over the boxes, (boxes,
+        rows)."""
         middle = affine.constant + np.matmul(affine.slopes, centres[:, :, None])[:, :, 0]
         sizes = np.abs(affine.slopes)
         radius = affine.radius + np.matmul(sizes, half_widths[:, :, None])[:, :, 0]
@@ -297,7 +303,11 @@ class Relaxation:
 def _blocks(
     rows: Iterable[Row], positions: Mapping[int, tuple[int, int]], widths: Sequence[int]
 ) -> _Blocks:
-    """The rows, whose variables are at these positions, (group, column); widths: of the groups."""
+    """Return the rows in blocks, one for each group of variables.
+
+    positions: variable -> (group, column)
+    widths: widths of the groups
+    """
     listed = list(rows)
     blocks = {0: np.zeros((len(listed), widths[0]))}
     for index, row in enumerate(listed):
@@ -310,12 +320,12 @@ def _blocks(
 
 
 def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
-    """Σ |w_j| |v_j| of each row, (boxes, rows), of the sizes |v_j| of the variables."""
+    """Return Σ |w_j| |v_j| of each row, (boxes, rows), from the sizes |v_j| of the variables."""
     terms = [sizes[group] @ np.abs(block).T for group, block in blocks.items()]
     return np.sum(terms, axis=0)
 
 
 def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """stack @ matrix, as one product of matrices."""
+    """Return stack @ matrix, computed as one product of matrices."""
     boxes, rows, inner = stack.shape
     return (stack.reshape(boxes * rows, inner) @ matrix).reshape(boxes, rows, -1)

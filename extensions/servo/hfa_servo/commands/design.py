@@ -44,7 +44,7 @@ def _bandwidths(text: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
-    """A controller over the scheduling variable, or the file of one."""
+    """Request of `hfa design`: a new controller, or the file of one."""
 
     file: Path | None = option(
         "design to compute (.toml), or controller to print (.npz)",
@@ -72,8 +72,8 @@ class DesignRequest(UnitsOption, AircraftOptions, OutputOptions):
     )
 
     def breakpoints(self, design: Any) -> np.ndarray:
-        """The values of the scheduling variable at which there are controllers, (N,), in the units
-        of the aircraft's declaration, as the design is."""
+        """Return the values of the scheduling variable with a controller, (N,), in the declared
+        units."""
         by = self.model.schedule
         if self.at is not None:
             typed = array_of(f"--{called_at(self.model)}", self.at, _MOST_POINTS)
