@@ -372,7 +372,7 @@ def _draw_bars(axes: Any, bars: Sequence[dict[str, Any]]) -> None:
     axes.set(
         xscale="log",
         xlim=(0.2, 5000),
-        ylim=(-1.6, len(bars) - 0.4),
+        ylim=(-0.6, len(bars) - 0.4),
         xlabel="time of the peer divided by ours (orange: slower than the peer)",
     )
     axes.plot([], [], color="black", linewidth=1.5, label="limit of this machine")

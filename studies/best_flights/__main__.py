@@ -122,7 +122,7 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
     figure = new_figure(10.0, 7.0)
     panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
     for column, (degrees, best) in enumerate(zip(DEGREES, flights, strict=True)):
-        panels[0, column].set_title(f"{degrees:g} deg: best flight found {best.cost:,.0f}")
+        panels[0, column].set_title(f"{degrees:g} deg, lowest cost found: {best.cost:,.0f}")
         for name, axes in zip(_DRAWN, panels[:, column], strict=True):
             _draw(axes, best, name)
         panels[-1, column].set_xlabel("time, s")

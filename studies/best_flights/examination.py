@@ -184,7 +184,7 @@ def table(rows: Sequence[dict[str, Any]]) -> Table:
         )
     header = (
         *("aircraft", "found", "SciPy differs", "meshes", "guesses"),
-        *("linear optimum leaves", "else over the best", "one flight"),
+        *("linear optimum leaves limits", "median cost over best", "one flight"),
     )
     return Table(header, lines)
 

@@ -24,7 +24,7 @@ SOURCES = Path(__file__).parent / "sources"
 RESULTS = Path(__file__).with_name("results.csv")
 PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
-_HEAD = """# Printed answers of others
+_HEAD = """# Verdicts on published answers
 
 `hfa printed` judges a printed answer with its plant:
 
@@ -35,8 +35,8 @@ as printed: all 20 entries
 ```
 
 [Each verdict](critics.md#a-printed-answer) concerns digits, not causes. [The table of
-results](../studies/published/results.csv) lists every answer with its verdict, [its
-folder](../studies/published/sources) the sources with the printed digits. `python -m
+results](../studies/published/results.csv) lists every answer with its verdict. [The
+sources](../studies/published/sources) contain the printed digits. `python -m
 studies.published` judges all of them.
 """
 

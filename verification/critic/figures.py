@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,7 +54,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
         title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
     else:
         maps.append(("(learned - exact) / |exact|", relative, None))
-    figure = make(4.0 * len(maps) + 0.5, 4.6 if table is None else 7.6)
+    figure = make(4.0 * len(maps) + 0.5, 4.0 if table is None else 7.6)
     figure.suptitle(title, fontsize=11)
     grid = figure.add_gridspec(1 if table is None else 2, len(maps))
     for index, (map_title, entries, size) in enumerate(maps):
@@ -63,7 +63,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
         axes.set_xticks(range(len(names.states)), names.states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
         if any(names.state_units) and size is not None:
-            units = ", ".join(dict.fromkeys(unit for unit in names.state_units))
+            units = ", ".join(dict.fromkeys(names.state_units))
             per = "inputs per states" if name == "K" else "cost per states squared"
             axes.set_xlabel(f"{per}, states in {units}", fontsize=7)
     if table is not None:
@@ -97,7 +97,7 @@ def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
     }
     _draw_errors(axes, positions, curves, None)
     axes.set_xlabel("")
-    names: Sequence[str] = [Path(name).name for name in verdicts]
+    names = [Path(name).name for name in verdicts]
     axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
     return figure
 
@@ -140,9 +140,9 @@ def _heat_map(
         linear = size * _LINEAR_SHARE
         powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
     norm = SymLogNorm(linthresh=linear, vmin=-size, vmax=size)
-    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm)
+    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm, aspect="auto")
     ticks = [*-powers, 0.0, *powers[::-1]]
-    bar = figure.colorbar(image, ax=axes, shrink=0.8, ticks=ticks, format="%g")
+    bar = figure.colorbar(image, ax=axes, ticks=ticks, format="%g")
     bar.ax.minorticks_off()
     if is_difference:
         bar.ax.set_yticklabels([f"{tick:+.2g}" if tick else "0" for tick in ticks])

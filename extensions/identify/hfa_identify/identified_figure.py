@@ -37,14 +37,17 @@ def identified_figure(
             time = record.time - record.time[0] + begin
             measured = factor * record.measured[name]
             fitted = factor * y[:, row]
-            left.plot(time, measured, ".", color="0.6", markersize=2.0)
-            left.plot(time, fitted, color="C0", linewidth=1.2)
+            left.plot(time, measured, ".", color="0.6", markersize=2.0, label="measured")
+            left.plot(time, fitted, color="C0", linewidth=1.2, label="fitted")
             right.plot(time, measured - fitted, color="C3", linewidth=0.6)
         left.set_ylabel(f"{name},\n{shown_unit(unit)}")
         right.set_ylabel(shown_unit(unit))
-    axes[0][0].set_title("measured (dots) and fitted")
-    axes[0][1].set_title("residual")
+    axes[0][0].set_title("measured and fitted")
+    axes[0][1].set_title("residual: measured - fitted")
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    shown = dict(zip(labels, handles, strict=True))  # one entry for all records
+    title = f"{identified.model.title}: {', '.join(identified.records)}"
+    figure.legend([*shown.values()], [*shown], loc="outside upper center", ncols=2, title=title)
     for bottom in axes[-1]:
         bottom.set_xlabel("time, s")
-    figure.suptitle(f"{identified.model.title}: {', '.join(identified.records)}")
     return figure

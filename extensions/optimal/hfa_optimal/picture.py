@@ -36,9 +36,10 @@ def drawn(
         axes.set_xlim(0.0, seconds)
     for axes in panels[len(names) :]:
         axes.set_axis_off()
-    for axes in panels[max(0, len(names) - 3) : len(names)]:
-        axes.set_xlabel("time, s", fontsize=8)
+    for axes in panels[: len(names)]:
         axes.tick_params(labelbottom=True)
+    for axes in panels[(len(names) - 1) // 3 * 3 : len(names)]:
+        axes.set_xlabel("time, s", fontsize=8)
     handles = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):

@@ -49,6 +49,7 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     rows = -(-len(pairs) // columns)
     figure = Figure(figsize=(1.0 + 4.2 * columns, 3.8 * rows + 1.4), layout="constrained")
     name = region.plant.loop.model.title
+    sections = "section" if len(pairs) == 1 else "sections"
     others = ", all other deviations 0" if len(states) > 2 else ""
     for index, (i, j) in enumerate(pairs):
         axes = figure.add_subplot(rows, columns, index + 1)
@@ -65,7 +66,7 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     figure.legend(
         handles,
         labels,
-        title=f"{name}: sections of the proved set{others}",
+        title=f"{name}: {sections} of the proved set{others}",
         loc="outside upper center",
         fontsize=8,
         ncols=1 if len(pairs) == 1 else 3,
@@ -84,7 +85,7 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
             levels.append((name, level, color, "--"))
     for outcome, (level, _) in region.bounds.starts.items():
         if outcome in _MARKERS:
-            levels.append((f"lowest V that {_ENDS[outcome]}", level, "C3", "--"))
+            levels.append((f"V of the nearest condition that {_ENDS[outcome]}", level, "C3", "--"))
     for name, level, color, style in levels:
         edge_x, edge_y = _cut(region.V, level, region.T, i, j)
         x = shown_values(edge_x, x_unit)

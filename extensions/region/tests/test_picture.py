@@ -50,7 +50,7 @@ def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
     axes = axes_of(figure)
     shown = lines(axes)
     rise = "lowest V with V' >= 0"
-    least = "lowest V that does not converge"
+    least = "V of the nearest condition that does not converge"
     starts = "initial condition that does not converge"
     assert {"proved", rise, least, starts, "box of a critic's comparison"} <= set(shown)
     for name, level in (("proved", 0.25), (rise, 0.3), (least, 0.5)):
