@@ -10,7 +10,7 @@ can begin at W = 0. With np.savez("mine.npz", **run.history) the command for thi
 `hfa verify --dihedral 5 --weights mine.npz --set predefined_time=15`. Run the script with
 .venv/bin/python; it prints
 
-    PASS on the linear game: no cost lost, exact within 1e-06
+    PASS on the linear game: optimal cost, exact within 1e-06
     the largest error stays within 1e-06 from 18.3 s on
     by 15 s: FAIL
 """

@@ -244,7 +244,7 @@ def _refuse_different_values(P: np.ndarray, P_of_weights: np.ndarray) -> None:
     """Raise BadInputError where two P differ by more than the rounding of six printed digits."""
     sizes = np.sqrt(np.abs(np.diag(P)))
     if not np.all(np.abs(P - P_of_weights) <= TOGETHER * np.outer(sizes, sizes)):
-        raise BadInputError("W and P are of different values; leave one of them out")
+        raise BadInputError("W and P give different values; leave one of them out")
 
 
 def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:

@@ -133,10 +133,10 @@ def _climb(answers: _Answers, begin: float) -> None:
             most = f"delta up to {delta / 4.0:.4g}"
             if last.exists is None:
                 raise NoSolutionError(
-                    f"rounding does not decide whether any {most} will do: {last.reason}; check the"
+                    f"rounding hides whether any {most} has a solution: {last.reason}; check the"
                     " scaling of A, B, Q and R"
                 )
-            raise NoSolutionError(f"no {most} will do: {last.reason}")
+            raise NoSolutionError(f"no {most} has a solution: {last.reason}")
 
 
 def _descend(answers: _Answers, least: float) -> None:

@@ -79,10 +79,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         named=True,
     )
     condition: TrimCondition | Path | None = option(
-        lambda model: (
-            f"{condition_help(model)}; or a .csv file of points: a row of names, then a row"
-            " of values, as in --hold, for each point"
-        ),
+        lambda model: f"{condition_help(model)}; or points (.csv): names, then rows of values",
         "FILE",
         OfModel(condition_or_list),
         rare=True,
@@ -164,7 +161,7 @@ def sweep(request: SweepRequest) -> int:
         stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{stores}")
         return _in_memory(request)
-    request.refuse(("picture",), "is not available with a store")
+    request.refuse(("picture",), "is not available with a store; leave it out")
     return _in_store(request)
 
 

@@ -85,30 +85,21 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "setting of the learning law; with --weights predefined_time=S; for a network "
-        "scale=a,b,... (factor on each state); for a state dict activation=HIDDEN[,OUTPUT], such "
-        "as tanh or relu,tanh",
+        "setting of the learning law; with --weights predefined_time=S; of a network scale=a,b,... "
+        "(factor on each state); of a state dict activation=HIDDEN[,OUTPUT], as in relu,tanh",
         _SETTINGS,
     )
     discount: float | None = option(
-        "discount factor per step of discrete time; needs --dt",
-        "NUMBER",
-        positive,
-        part="verify.discounted",
+        "discount factor per sample; needs --dt", "NUMBER", positive, part="verify.discounted"
     )
     dt: float | None = option(
-        "sample time of discrete time, s; needs --discount",
-        "S",
-        positive,
-        part="verify.discounted",
+        "sample time, s; needs --discount", "S", positive, part="verify.discounted"
     )
     limit_error: float = option(
         f"largest relative error that passes; default {LIMIT:g}", "X", positive, default=LIMIT
     )
     limit_cost: float | None = option(
-        "exit 0 if the cost is at most this percentage above the optimum",
-        "PERCENT",
-        positive,
+        "exit 0 if the cost is at most this percentage above the optimum", "PERCENT", positive
     )
     region: float | None = option(
         "add the region of attraction of the saturated loop, searched for S seconds",
@@ -133,7 +124,7 @@ def verify(request: VerifyRequest) -> int:
     """Compare a critic with the exact game solution: a law of hfa, or your own weights, P, K or
     network.
 
-    Exit code 0 only when every check passes, or when the cost lost is within --limit-cost."""
+    Exit code 0 only when every check passes, or when the cost is within --limit-cost."""
     paths = [path for files in request.weights for path in files]
     _refuse_unused(request, paths)
     if request.draws is not None and len(paths) > 1:
@@ -238,7 +229,7 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     if request.discount is not None:
         request.refuse(("picture",), "does not go with --discount; leave it out")
         if len(paths) != 1:
-            raise BadInputError("--discount needs one file of --weights")
+            raise BadInputError("--discount needs one critic; add --weights FILE")
         if "predefined_time" in request.set:
             raise BadInputError("--set predefined_time does not go with --discount; leave it out")
     if not paths:

@@ -10,12 +10,22 @@ from typing import Any
 from controller.critic.critic_file import Reading, critic_suffixes
 from hfa.options.argument_types import input_file, number
 from hfa.options.request import Request, option
+from hfa_support.errors import BadInputError
 from hfa_support.files import MATRIX_FILES
+
+
+def listed_numbers(text: str) -> list[float]:
+    """Return the numbers of "a,b,..."."""
+    try:
+        return [number(word) for word in text.split(",")]
+    except BadInputError as error:
+        raise BadInputError(f"{error} for each entry, a,b,...") from None
+
 
 #: What --set says of a file of --weights -> the kind of its value.
 READING_SETTINGS: dict[str, Callable[[str], Any]] = {
     "activation": str,
-    "scale": lambda text: [number(entry) for entry in text.split(",")],
+    "scale": listed_numbers,
 }
 
 
@@ -36,8 +46,7 @@ class ReadingOptions(Request):
         rare=True,
     )
     network: str = option(
-        "roles of the parts of a network file, as in V=critic,policy=actor; default: found from "
-        "the number of outputs",
+        "roles of network parts, as in V=critic,policy=actor; default: by the number of outputs",
         "[V=]NAME",
         default="",
         rare=True,

@@ -16,6 +16,7 @@ from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names, usual_game
 from hfa.options.argument_types import input_file, number, one_of, whole
+from hfa.options.critics import listed_numbers
 from hfa.options.request import OfModel, Request, option
 from hfa.options.trims import OF_THE_TRIM, AircraftOptions, TrimOptions, UnitsOption, of_hfa
 from hfa.output import ProgressLine
@@ -47,7 +48,7 @@ def _delta(text: str) -> float:
 
 def diagonal(text: str) -> np.ndarray:
     """Return diag(a, b, ...) from "a,b,...", (n, n), the form of Q and R."""
-    return np.diag([number(entry) for entry in text.split(",")])
+    return np.diag(listed_numbers(text))
 
 
 def _diagonal_option(name: str) -> Any:
@@ -328,5 +329,5 @@ def _converted(kind: str, text: str) -> Any:
         return text
     if kind.startswith("int"):
         return whole(0)(text)
-    values = tuple(number(word) for word in text.split(","))
+    values = tuple(listed_numbers(text))
     return values[0] if len(values) == 1 and kind.startswith("float") else values

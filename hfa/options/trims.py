@@ -202,7 +202,7 @@ def scheduled(
 
     def convert(model: Model, text: str) -> Any:
         if not model.schedule:
-            raise BadInputError(f"is of a scheduling variable; {model.name} declares none")
+            raise BadInputError(f"needs a scheduling variable; {model.name} declares none")
         return kind(model, text)
 
     def unit(model: Model) -> str:

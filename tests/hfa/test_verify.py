@@ -156,5 +156,5 @@ def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
     )
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     printed = hfa(*words, "--limit-cost", "0.01").out
-    assert "PASS on the linear game by cost limit 0.01 %: cost lost 0.0015 %" in printed
-    assert "\ncost lost, worst start, percent " in printed
+    assert "PASS on the linear game by cost limit 0.01 %: 0.0015 % above the optimum" in printed
+    assert "\n% above the optimum, worst case " in printed

@@ -62,7 +62,7 @@ class TrimProblem:
                     "this is not an equilibrium, and no variable is free; free one that moves it"
                 )
             idle = " and ".join(self.idle)
-            raise BadInputError(f"{idle} moves no equation; free another variable")
+            raise BadInputError(f"{idle} has no effect on the equations; free another variable")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the arguments; compiled functions are made again."""

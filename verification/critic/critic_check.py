@@ -190,8 +190,8 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
             learned = disk_margin(game, critic.K)
     best = disk_margin(game, exact.K)
     rows = [
-        ("cost lost, worst start, percent", f"{lost.worst:.3g}", "0"),
-        ("cost lost, mean over starts, percent", f"{lost.mean:.3g}", "0"),
+        ("% above the optimum, worst case", f"{lost.worst:.3g}", "0"),
+        ("% above the optimum, mean over cases", f"{lost.mean:.3g}", "0"),
         ("L2 gain", f"{lost.gain:.4g}", f"{lost.exact_gain:.4g}"),
         ("distance to instability", f"{lost.distance:.3g}", f"{lost.exact_distance:.3g}"),
         ("margin of all inputs, disk", _margin(learned, "disk"), _margin(best, "disk")),

@@ -91,7 +91,7 @@ def verdicts_figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
         "error of P": np.array([verdict.P_rel_error for verdict in judged]),
         "error of K": np.array([verdict.K_rel_error for verdict in judged]),
         "largest error": np.array([verdict.largest_error for verdict in judged]),
-        "cost lost, of the linear optimum": np.array(
+        "cost above the linear optimum": np.array(
             [verdict.cost_lost / 100.0 for verdict in judged]
         ),
     }

@@ -42,7 +42,7 @@ def verdicts_report(
         "error of K",
         "largest error",
         "stabilizing",
-        "linear cost lost, percent",
+        "linear cost, % above the optimum",
         "L2 gain",
     )
     rows = []

@@ -212,8 +212,8 @@ class Verdict(Checked, Result, Reported):
         if math.isinf(self.cost_lost):
             return "cost without bound"
         if self.cost_lost < ROUNDING:
-            return "no cost lost"
-        return f"cost lost {self.cost_lost:.2g} %"
+            return "optimal cost"
+        return f"{self.cost_lost:.2g} % above the optimum"
 
     def grade_text(self, limit_cost: float | None = None) -> str:
         """Return PASS, NEAR or FAIL, or with a limit of the cost, percent, PASS or FAIL."""

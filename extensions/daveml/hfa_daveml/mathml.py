@@ -92,7 +92,7 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
         return _OF_TWO[name](*arguments)
     if name in _OF_MANY and count >= 1:
         return reduce(_OF_MANY[name], arguments)
-    raise BadInputError(f"<{shortened(name)}> of {count} arguments is not supported in a formula")
+    raise BadInputError(f"<{shortened(name)}> of {count} argument(s) is not supported in a formula")
 
 
 def _number(element: ElementTree.Element) -> float:

@@ -267,7 +267,7 @@ def _refuse_missing(
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
     if missing:
-        raise BadInputError(f"{where}: {', '.join(missing)} missing; add what the table lacks")
+        raise BadInputError(f"{where}: {', '.join(missing)} missing; add them")
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:

@@ -75,7 +75,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
     from verification.critic.scope import Scope
 
     if len(paths) != 1:
-        raise BadInputError("a plant in discrete time needs one file of --weights")
+        raise BadInputError("a plant in discrete time needs one critic; add --weights FILE")
     request.refuse(("discount", "dt", "region", "flights", "draws", "picture"), _CONTINUOUS)
     (path,) = paths
     problem: DiscreteGame = named.discrete

@@ -131,7 +131,7 @@ def learn_steps(
                     return Learned(_training_run(learner, rows, seed), after)
                 before = after
     raise NoSolutionError(
-        f"Q-learning does not settle in {iterations} iterations: the plant may have no stabilizing"
+        f"Q-learning has not converged in {iterations} steps: the plant may have no stabilizing"
         " policy, delta be too small, or a step move the state too far; `hfa solve` reports which"
     )
 
@@ -173,7 +173,7 @@ class _QLearner:
             )
         scales = np.sqrt(np.mean(together**2, axis=0))
         if not scales.all():
-            raise BadInputError("a column of x, u and w is 0 in every step; record it moving")
+            raise BadInputError("a column of x, u and w is 0 in every step; excite it")
         features = _products(together / scales)
         refuse_poor(rank(unit_rows(features)), features.shape[1], "the recorded steps")
         costs = np.einsum("ji,ik,jk->j", together, cost, together)
@@ -211,8 +211,7 @@ class _QLearner:
         H = self._H(weights)
         if not np.abs(H).max() <= LARGEST_CRITIC_ENTRY:
             raise NoSolutionError(
-                "Q-learning does not settle: the value grows without end, no policy stabilizes the"
-                " plant"
+                "Q-learning diverges: the value grows without end, no policy stabilizes the plant"
             )
         if not self.has_saddle(H):
             raise NoSolutionError(

@@ -78,7 +78,7 @@ def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> No
     data = answer(*words, *problem)
     assert (data["ok"], data["schema"], data["dt"]) == (True, "hfa.discounted-check/1", DT)
     assert hfa(*words, *problem).out.startswith(
-        "PASS on the linear game: no cost lost, exact within 1e-06"
+        "PASS on the linear game: optimal cost, exact within 1e-06"
     )
     assert answer(*words, code=FAILED)["ok"] is False
     result = hfa(*words, *problem[:2])
@@ -113,5 +113,5 @@ def test_a_verdict_in_discrete_time_is_printed() -> None:
     game = Game([[0.9]], [[1.0]], [[1.0]], [[1.0]], [[1.0]], np.inf)
     exact = solve_discounted(game, 0.9)
     verdict = check_discounted(game, from_value(game, exact.P), 0.9)
-    assert str(verdict).startswith("PASS on the linear game: no cost lost, exact within 1e-06")
+    assert str(verdict).startswith("PASS on the linear game: optimal cost, exact within 1e-06")
     assert "A - B K" in str(check_discounted(game, from_gain(game, [[-1.0]]), 0.9))

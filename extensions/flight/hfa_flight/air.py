@@ -40,7 +40,7 @@ def gust_speed(point: OperatingPoint) -> float:
     model = point.model
     if "speed" not in (*model.states, *model.outputs):
         raise BadInputError(
-            f"{model.name} has no state or output speed, at which a gust is met; declare one"
+            f"{model.name} has no state or output speed, which a gust needs; declare one"
         )
     if "speed" in point.values:
         return point.values["speed"]

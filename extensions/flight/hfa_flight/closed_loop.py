@@ -358,7 +358,7 @@ class ClosedLoop:
         )
         if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(
-                f"the flight starts with {parts.plant.size} numbers;"
+                f"the initial state has {parts.plant.size} numbers;"
                 f" this plant has {self.state_sizes.plant} states"
             )
         return np.concatenate(parts)

@@ -172,7 +172,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             run = self.learned(game)
             if not run.settled:
                 raise NoSolutionError(
-                    f"law '{self.law}' has not learned here: {run.outcome}; choose another law or "
+                    f"law '{self.law}' learned no policy: {run.outcome}; choose another law or "
                     "model"
                 )
             return GainPolicy(self.law, run.K)

@@ -47,7 +47,7 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
     frames = scenario.duration / frame
     if round(frames) < 1 or abs(frames - round(frames)) > _WHOLE * frames:
         raise BadInputError(
-            f"--duration is {scenario.duration:g} s; --method {JSBSIM} flies whole frames of --step"
+            f"--duration is {scenario.duration:g} s; --method {JSBSIM} needs whole frames of --step"
             f" {frame:.6g} s: change one of them"
         )
     return replace(scenario, step=frame, tick=frame)
@@ -77,7 +77,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     }
     for what, is_present in extra.items():
         if is_present:
-            raise BadInputError(f"--method {JSBSIM} flies without {what}; leave it out")
+            raise BadInputError(f"--method {JSBSIM} does not support {what}; leave it out")
     return CompiledLoop(loop, tick=lambda compiled: _OwnTick(compiled, make))
 
 

@@ -131,7 +131,7 @@ def scheduled_gains(
     if model.schedule not in model.linear:
         raise BadInputError(
             f"{model.name} is scheduled over {model.schedule or 'nothing'};"
-            " a schedule of gains needs a state of linear"
+            " a schedule of gains needs a state of the linear model"
         )
     if schedule.gains.shape[-1] != len(model.linear):
         raise BadInputError(

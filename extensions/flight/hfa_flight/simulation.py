@@ -175,7 +175,7 @@ class CompiledLoop:
         if lost.any():
             time = (begin + int(np.argmax(lost))) * self.loop.scenario.step
             raise NoSolutionError(
-                f"the flight left every bound at t = {time:.6g} s; the loop is unstable or the step"
+                f"the simulation diverges at t = {time:.6g} s; the loop is unstable or the step"
                 " too long"
             )
         return lost

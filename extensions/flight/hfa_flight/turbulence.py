@@ -180,7 +180,7 @@ def _feet(model: Model) -> float:
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
-            f"{model.name} has no speed in ft/s or m/s, at which turbulence is met; declare one"
+            f"{model.name} has no speed in ft/s or m/s, which turbulence needs; declare one"
         )
     return units[model.unit("speed")]
 

@@ -130,7 +130,12 @@ def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
         assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0
         for name, function in (("WITH_TABLE", "drag"), ("IMPLICIT", "inflow")):
             refused = hfa("export", "--aircraft", f"tanks.py:{name}", "-o", f"refused_{place}")
-            assert_refused(refused, 2, f"the function {function}", "cannot be written as C")
+            assert_refused(
+                refused,
+                2,
+                f"the function {function}",
+                "cannot be written as C; write the equations without it",
+            )
     texts = [path.read_text("utf-8") for path in Path("c").iterdir()]
     assert any("HFA_WIND_RAIN, /* ft/s */" in text for text in texts)
     assert not any("updraft" in text or "dihedral" in text for text in texts)

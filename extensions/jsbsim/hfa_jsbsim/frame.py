@@ -116,7 +116,7 @@ class Frames:
         for name in self._states:
             if name not in self._equations.states:
                 raise BadInputError(
-                    f"the state {shortened(name)} is a filter's, which JSBSim steps itself; leave"
+                    f"the state {shortened(name)} belongs to a filter that JSBSim integrates; leave"
                     " ?filters=states out"
                 )
         for name in self._inputs:

@@ -218,7 +218,7 @@ def test_command_says_how_network_read_on_discrete_plant() -> None:
     right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
     assert right.code == DONE
     assert right.out.startswith(
-        "PASS on the linear game: no cost lost, no error above 1e-06 in the box, proved as simplified"
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
     )
     assert "Read: network right.pt: policy 2 -> 1" in right.out
     shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})

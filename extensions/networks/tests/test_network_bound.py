@@ -172,13 +172,13 @@ def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
 
     verdict = judged(game, policy)
     assert verdict.headline().startswith(
-        "PASS on the linear game: no cost lost, no error above 1e-06 in the box, proved as simplified"
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
     )
     assert verdict.to_dict()["network"]["proved"]["boxes"] == 1
     assert (
         judged(game, policy, seconds=0.0)
         .headline()
-        .endswith("no cost lost, no error above 1e-06 found at 1000 states")
+        .endswith("optimal cost, no error above 1e-06 found at 1000 states")
     )
 
 
@@ -211,7 +211,7 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
         return linear(game, z) + off
 
     verdict = judged(game, policy, seconds=0.0)
-    assert "no cost lost, no error above 1e-06 found at" in verdict.headline()
+    assert "optimal cost, no error above 1e-06 found at" in verdict.headline()
     verdict = judged(game, policy)
     assert not verdict.ok
     assert verdict.value_of("searched_policy_error") > 1.0

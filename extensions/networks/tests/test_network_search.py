@@ -93,7 +93,7 @@ def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
     assert data["reach"] == 16.0
     headline = verdict.headline()
     assert verdict.grade == "fail"
-    assert "no cost lost, equilibrium 0." in headline
+    assert "optimal cost, equilibrium 0." in headline
     assert "without bound" not in headline
     assert verdict.reason == "it is right but for a constant in u"
 
@@ -106,4 +106,4 @@ def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))
     assert "rest_point" in failed_names(verdict.checks)
     assert verdict.grade == "near"
-    assert verdict.headline().startswith("NEAR on the linear game: no cost lost, not exact (")
+    assert verdict.headline().startswith("NEAR on the linear game: optimal cost, not exact (")

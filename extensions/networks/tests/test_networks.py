@@ -63,7 +63,7 @@ def test_a_network_that_is_the_value_passes(game: Game) -> None:
     assert from_network(game, narrow).precision == "float32"
     said = hfa("verify", *AT_15, "--weights", narrow).out
     assert said.startswith(
-        "PASS on the linear game: no cost lost, no error above 1e-06 in the box, proved as simplified"
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
     )
     assert "(searched, 1000 starts; not a bound)" in said
 

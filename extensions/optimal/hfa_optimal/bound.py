@@ -110,7 +110,7 @@ def lower_bound(
     prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
-        raise BadInputError(f"{path} is of flights in which all inputs move; leave inputs out")
+        raise BadInputError(f"{path} bounds flights in which all inputs move; leave inputs out")
     verified = check_cost_certificate(path, progress, problem.model)
     given = given_of(problem, "this command", {})
     for name in ("Q", "R"):

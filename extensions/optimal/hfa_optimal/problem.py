@@ -216,9 +216,7 @@ class FlightProblem:
         itself, and for a trim that no flight reaches."""
         z = self._deviations_of(start)
         if not z.any():
-            raise BadInputError(
-                "the flight begins at its end; give an initial condition off the trim"
-            )
+            raise BadInputError("the initial condition is the final trim; give one off the trim")
         self.refuse_outside(z)
         return z
 

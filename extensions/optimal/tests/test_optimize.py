@@ -81,7 +81,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ([], "name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
+        ([], "give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE"),
         (["--start", "height=3"], "height is unknown; choose from speed"),
         (["--start", "speed"], "'speed' is not NAME=VALUE"),
         (["--start", "speed=1,speed=2"], "speed is given twice, 1 and 2"),

@@ -69,7 +69,7 @@ def load_flights(path: Path) -> StoredFlights:
         data = read_json(file)
     except OSError as error:
         raise BadInputError(
-            f"{file} cannot be read ({error.strerror}); give what {_STUDY} wrote"
+            f"{file} cannot be read ({error.strerror}); give a file of {_STUDY}"
         ) from error
     try:
         if data["schema"] != FlightsData.schema:
@@ -81,7 +81,7 @@ def load_flights(path: Path) -> StoredFlights:
         table = flights_table(data["flights"])
         return StoredFlights(data, table, limits_in_words(data["limits"]), models)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(f"{file} is damaged ({error!r}); give what {_STUDY} wrote") from error
+        raise BadInputError(f"{file} is damaged ({error!r}); give a file of {_STUDY}") from error
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:

@@ -59,6 +59,7 @@ class Assessment(Result, Reported):
     mistakes: of its deployment, proved or likely.
     needs: delay, s, margin or cost, percent -> required value.
     variations: results on changed aircraft.
+    assumed: the trim that was assumed because none was named, in words.
 
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
@@ -80,6 +81,7 @@ class Assessment(Result, Reported):
     mistakes: tuple[Mistake, ...]
     needs: Mapping[str, float] = field(default_factory=dict)
     variations: tuple[Variation, ...] = ()
+    assumed: str = ""
 
     @property
     def holds(self) -> bool:
@@ -140,8 +142,8 @@ class Assessment(Result, Reported):
             return [*filter(None, [bad[0], bounded, own, *bad[1:], *flown, *loop])]
         rough = "every flight with {} stays inside the envelope".format
         roughly = [rough(flown.disturbed_by) for flown in self._rough[:1]]
-        verdicts = [holding, bounded, own, loop[1]]
-        return [*filter(None, [*verdicts, *flown, *roughly, loop[0], *loop[2:]])]
+        verdicts = [holding, flown[0], bounded, own, loop[1]]
+        return [*filter(None, [*verdicts, *flown[1:], *roughly, loop[0], *loop[2:]])]
 
     @property
     def first_line(self) -> str:
@@ -150,15 +152,20 @@ class Assessment(Result, Reported):
         subject = " on the linear plant" if is_linear else ""
         line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
         for headline in self.headlines[1:2]:
-            if len(line) + len(headline) + 2 <= _FIRST_LINE:
-                line += f"; {headline}"
+            short = headline.partition(" (")[0]
+            fitting = [
+                text for text in (headline, short) if len(line) + len(text) < _FIRST_LINE - 1
+            ]
+            if fitting:
+                line += f"; {fitting[0]}"
         return line
 
     @property
     def further(self) -> list[str]:
-        """The findings that are not in the first line, worst first."""
+        """The findings that are not in the first line, worst first, then what was assumed."""
         line = self.first_line
-        return [headline for headline in self.headlines if headline not in line]
+        found = [headline for headline in self.headlines if headline not in line]
+        return [*found, *filter(None, [self.assumed])]
 
     def _mistaken(self) -> str:
         """Return the proved mistakes of the deployment file."""
@@ -209,7 +216,8 @@ class Assessment(Result, Reported):
         count = sum(flown.flights - flown.inside for flown in self._rough)
         total = sum(flown.flights for flown in self._rough)
         flights = f"{count} of {total} flights with {self._rough[0].disturbed_by}"
-        return f"{flights} leave the envelope ({departure_text(first)})"
+        verb = "leaves" if count == 1 else "leave"
+        return f"{flights} {verb} the envelope ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
         """Return the slow mode of the aircraft that the policy does not change, unless it decays
@@ -233,7 +241,8 @@ class Assessment(Result, Reported):
         if not outcomes:
             return ""
         starts = sum(point.flights.starts for point in self.points if point.flights is not None)
-        text = f"{sum(outcome.lost for outcome in outcomes)} of {starts} flights leave the envelope"
+        lost = sum(outcome.lost for outcome in outcomes)
+        text = f"{lost} of {starts} flights {'leaves' if lost == 1 else 'leave'} the envelope"
         departures = [each.departure for each in outcomes if each.departure is not None]
         if not departures:
             return text

@@ -196,7 +196,7 @@ class Deployment(Reported):
 
     def _check_action(self) -> None:
         if not self.action:
-            raise BadInputError("action names nothing; list the inputs that the network moves")
+            raise BadInputError("action is empty; list the inputs that the network moves")
         for name, entry in self.action.items():
             box = entry.get("box")
             if box is not None and not (len(box) == 2 and box[0] < box[1]):
@@ -348,7 +348,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):
-                raise BadInputError(f"{shown(name)} is not a name; give names as texts")
+                raise BadInputError(f"{shown(name)} is not a name; write it in quotes")
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, tuple):
         return [_plain(entry) for entry in value]

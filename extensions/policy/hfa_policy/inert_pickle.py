@@ -126,12 +126,12 @@ class _Restricted(pickle.Unpickler):
             return _inert(module, name)
         whose = " (a class or function of the user's own)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"it wants to call {shortened(f'{module}.{name}')}{whose}, which is refused; nothing "
+            f"it would call {shortened(f'{module}.{name}')}{whose}, which is refused; nothing "
             "of it was run"
         )
 
     def persistent_load(self, pid: Any) -> Any:
-        raise BadInputError("it refers to data outside of it")
+        raise BadInputError("it refers to data outside the file; save it again")
 
 
 def inert(content: bytes) -> Any:

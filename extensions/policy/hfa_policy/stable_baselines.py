@@ -200,7 +200,7 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
     if "actor.mu." in names:
         return "TD3", "actor", "relu"
     raise BadInputError(
-        "its tensors are of no actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
+        "its tensors are not those of an actor of PPO, A2C, SAC or TD3; export the policy to ONNX"
     )
 
 
@@ -252,9 +252,9 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
     low = getattr(space, "low", None)
     high = getattr(space, "high", None)
     if not (isinstance(low, np.ndarray) and isinstance(high, np.ndarray)):
-        raise BadInputError(f"its {what} are a {shortened(kind)}; only a Box is read")
+        raise BadInputError(f"its {what} are a {shortened(kind)}; only a Box is supported")
     if low.ndim != 1 or low.shape != high.shape:
-        raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is read")
+        raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is supported")
     if not np.all(low <= high):
         raise BadInputError(f"its {what} are a Box whose low is not below its high")
     return np.array(low, dtype=float), np.array(high, dtype=float)

@@ -169,7 +169,7 @@ def test_pickle_that_calls_is_refused_and_not_run(folder):
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
     said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
-    assert "wants to call" in said
+    assert "would call" in said
     assert not made.exists()
 
 
@@ -190,7 +190,7 @@ def test_zip_whose_data_calls_refused_and_not_run(folder):
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
     rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
-    assert "wants to call" in message_of(folder, CARD)
+    assert "would call" in message_of(folder, CARD)
     assert not made.exists()
 
 

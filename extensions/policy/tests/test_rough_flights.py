@@ -55,7 +55,7 @@ def test_a_flight_that_leaves_in_a_gust_fails(good):
     assert 0.0 < rough.departure.time < 5.0
     failing = replace(good, points=(replace(good.points[0], rough=rough),))
     assert not failing.ok
-    assert failing.first_line.startswith("FAIL: 1 of 1 flights with a gust leave the envelope (")
+    assert failing.first_line.startswith("FAIL: 1 of 1 flights with a gust leaves the envelope (")
 
 
 @pytest.mark.parametrize(

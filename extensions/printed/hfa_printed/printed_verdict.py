@@ -77,7 +77,7 @@ class PrintedVerdict(Result, Reported):
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
         if not math.isnan(self.cost_lost):
-            line += f", cost lost {self.cost_lost:.2g} %"
+            line += f", cost {self.cost_lost:.2g} % above the optimum"
         rows = _rows(comparison)
         nearest = np.argsort(-comparison.errors, kind="stable")[:_ENTRIES]
         shown = []

@@ -294,7 +294,7 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
     empty = np.flatnonzero(sizes == 0.0)
     if empty.size:
         raise BadInputError(
-            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; give it some"
+            f"{name} has only zeros in {kind} {empty[0] + 1}: {needed}; give it an entry"
         )
     rank = np.linalg.matrix_rank(matrix / sizes, rtol=RANK)
     if rank < matrix.shape[1]:

@@ -402,5 +402,7 @@ def test_input_that_moves_nothing_is_named():
         lambda x, u, p, w: ({"speed": -x.speed}, {}),
         trim={"speed": 10.0},
     )
-    with pytest.raises(BadInputError, match="push moves no equation; free another variable"):
+    with pytest.raises(
+        BadInputError, match="push has no effect on the equations; free another variable"
+    ):
         find_operating_point(model)

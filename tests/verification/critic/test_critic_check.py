@@ -331,7 +331,7 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
     assert (result.code, result.out) == (BAD_INPUT, "")
-    assert result.err == "hfa: wp.npz: W and P are of different values; leave one of them out\n"
+    assert result.err == "hfa: wp.npz: W and P give different values; leave one of them out\n"
     assert "K is 6 x 5" in hfa(*words, stored("pk.npz", P=P, K=np.ones((6, 5)))).err
 
 

@@ -136,7 +136,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
         assert verdict.ok == (grade == "exact")
     near = check_critic(game, grades["near"])
     assert near.cost_lost < 1.0
-    assert near.headline().startswith("NEAR on the linear game: cost lost ")
+    assert near.headline().startswith("NEAR on the linear game: ")
     assert near.report(limit_cost=1.0).title.startswith("PASS on the linear game by cost limit 1 %")
     far = check_critic(game, from_gain(game, 1.5 * gain(game)))
     assert (far.grade, far.stabilizing) == ("fail", True)

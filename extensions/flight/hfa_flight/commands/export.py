@@ -115,7 +115,7 @@ def _write_function(request: ExportRequest) -> int:
     target = request.output
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
-            f"{target}: a function is called by its file's name; choose letters, digits and _, as "
+            f"{target}: the file's name is the name of the function; use letters, digits and _, as "
             "in hfa_models.m"
         )
     write_text(target, files("hfa_flight.export").joinpath("hfa_models.m").read_text("utf-8"))

@@ -84,7 +84,7 @@ def fly(request: FlyRequest) -> int:
         return _fly_steps(request, request.steps)
     if request.members is not None:
         many = "--samples" if request.draws is None else "--draws"
-        request.refuse(("method", "frame"), f"flies one flight; leave it out with {many}")
+        request.refuse(("method", "frame"), f"simulates one flight; leave it out with {many}")
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
@@ -172,7 +172,7 @@ def _fly_members(request: FlyRequest) -> int:
     members = request.members
     assert members is not None
     if request.draws is not None:
-        request.refuse(("samples",), "is the number of flights, as --draws is; leave it out")
+        request.refuse(("samples",), "and --draws both set the number of flights; leave one out")
     target = request.output
     request.refuse(("picture",), "shows one flight; leave it out with --samples or --draws")
     if target is not None and target.suffix != ".zarr":

@@ -108,7 +108,10 @@ def c_function(
             lines.append(f"w{out[0]} = {operations[code].format(*operands)};")
         else:
             words = [word for word in dir(ca) if word[:3] == "OP_" and getattr(ca, word) == code]
-            raise BadInputError(f"{name}: the operation {words[0]} cannot be written as C")
+            raise BadInputError(
+                f"{name}: the operation {words[0]} cannot be written as C; "
+                "write the equations without it"
+            )
     used = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
     work = textwrap.fill(", ".join(used), 100)
     body = "\n".join(f"    {line}" for line in [*f"{real} {work};".splitlines(), *lines])

@@ -77,7 +77,7 @@ class Draws(Result):
     @property
     def first_line(self) -> str:
         """Return the number of aircraft and the largest cost of the gain, in one line."""
-        aircraft = f"of {self.count} aircraft that the parameters allow"
+        aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
             return f"trimmed: {self.trimmed} {aircraft}"
         if self.trimmed < self.count:
@@ -88,7 +88,7 @@ class Draws(Result):
             line += f"; the game has no solution on {self.unsolved}"
         if cost is not None and np.isfinite(cost):
             others = " on the others" if self.unsolved else ""
-            line += f"; linear cost lost at most {cost:.2g} %{others}"
+            line += f"; cost at most {cost:.2g} % above the optimum{others}"
         return line
 
 

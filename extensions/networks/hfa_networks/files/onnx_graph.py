@@ -125,7 +125,7 @@ def _shape(x: np.ndarray, start: int = 0, end: int | None = None) -> np.ndarray:
 def _einsum(*arrays: np.ndarray, equation: str) -> np.ndarray:
     letters = equation.partition("->")[0].replace(" ", "").split(",")
     if "." in equation or len(letters) != len(arrays):
-        raise BadInputError(f"its Einsum {shortened(equation)!r} is not read; use MatMul")
+        raise BadInputError(f"its Einsum {shortened(equation)!r} is not supported; use MatMul")
     lengths: dict[str, int] = {}
     for word, array in zip(letters, arrays, strict=True):
         lengths |= dict(zip(word, array.shape, strict=True))
@@ -179,7 +179,7 @@ def _batch_norm(
     if how.get("training_mode"):
         raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
     if x.ndim != 2:
-        raise BadInputError(f"its BatchNormalization is of {x.ndim} axes; only of rows is it read")
+        raise BadInputError(f"its BatchNormalization is of {x.ndim} axes; only rows are supported")
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
 

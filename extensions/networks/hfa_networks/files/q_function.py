@@ -26,7 +26,9 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     on x in any way, and ∂²Q/∂u² is definite at x = 0.
     """
     if Q.numel_out(0) != 1:
-        raise BadInputError(f"a network of (x, u) gives {Q.numel_out(0)} numbers; a Q is one")
+        raise BadInputError(
+            f"a network of (x, u) gives {Q.numel_out(0)} numbers; a Q must be one number"
+        )
     if _degree(Q.expand(), states) > 2.0:
         raise BadInputError(f"its Q(x, u) is not quadratic in u; {_ELSE}")
     x = ca.SX.sym("x", states)

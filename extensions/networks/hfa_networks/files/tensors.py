@@ -214,7 +214,7 @@ class _Restricted(pickle.Unpickler):
             return _dtype(name)
         if (module, name) not in _ALLOWED:
             raise BadInputError(
-                f"it wants to make {shortened(f'{module}.{name}')}, which is refused: save "
+                f"it would make {shortened(f'{module}.{name}')}, which is refused; save "
                 "state_dict() alone"
             )
         return _ALLOWED[module, name]
@@ -241,7 +241,7 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1
     if is_encrypted or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise BadInputError(f"its {shortened(name)} is packed in a way that is not read")
+        raise BadInputError(f"its {shortened(name)} has an unsupported compression; save it again")
     if entry.file_size > LARGEST:
         raise BadInputError(f"its {shortened(name)} unpacks to more than {LARGEST >> 20} MiB")
     with archive.open(entry) as stream:

@@ -334,14 +334,15 @@ def _row(numbers: np.ndarray) -> str:
 def _flown_lines(flown: Flown) -> list[str]:
     if not flown.flights:
         return ["No flights: the linear loop is not stable"]
-    cost = "it does not return from all of them"
+    cost = "not all of them converge"
     if math.isfinite(flown.cost_lost_flown_percent):
         cost = (
-            f"cost lost {flown.cost_lost_flown_percent:.3g} percent at most, "
-            f"{flown.cost_lost_flown_mean_percent:.3g} on average"
+            f"cost at most {flown.cost_lost_flown_percent:.3g} % above the optimum, "
+            f"{flown.cost_lost_flown_mean_percent:.3g} % on average"
         )
     lines = [
-        f"Flown in the linear game from {flown.flights} starts in the box (not a bound): {cost}"
+        f"Flown in the linear game from {flown.flights} initial conditions in the box (not a "
+        f"bound): {cost}"
     ]
     reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:

@@ -68,7 +68,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         """The flights to the trim."""
         from hfa_optimal.problem import flight_problem
 
-        self.refuse(("delta",), "is of a game; the cost of a flight has no disturbance")
+        self.refuse(("delta",), "belongs to a game; the cost of a flight has no disturbance")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))

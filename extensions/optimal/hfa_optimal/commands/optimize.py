@@ -106,7 +106,9 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         held = dict(self.to)
         for name in held:
             if name in self.model.parameters:
-                raise BadInputError(f"--to {name}: it is a parameter, which no flight changes")
+                raise BadInputError(
+                    f"--to {name}: it is a parameter, which is constant in flight; name a state"
+                )
         at = held.pop(self.model.schedule, self.at)
         return replace(self, at=at, hold={**self.hold, **held})
 
@@ -148,12 +150,12 @@ def optimize(request: OptimizeRequest) -> int:
     simulation refutes it."""
     begins = (bool(request.deviations), request.starts is not None, bool(request.to))
     if begins.count(True) != 1:
-        raise BadInputError("name one: --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
+        raise BadInputError("give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
     if request.minimize == "time":
-        request.refuse(_OF_COST, "belongs to flights of least cost; leave it out")
+        request.refuse(_OF_COST, "belongs to --minimize cost; leave it out")
         return _quickest(request)
     if request.starts is not None:
-        request.refuse(("picture", "seconds"), "is of one flight; leave it out with --starts")
+        request.refuse(("picture", "seconds"), "belongs to one flight; leave it out with --starts")
     search, game = request.search()
     pilots = request.pilots(search, game)
     bound = None if request.bound is None else _bound(request.bound, search)

@@ -19,6 +19,7 @@ from hfa.options.trims import (
     OutputOptions,
     TrimOptions,
     aircraft_help,
+    called_at,
     picture_option,
     scheduled,
 )
@@ -229,6 +230,14 @@ def _best_flights(
     return lambda at: costs(deployed, at, count, request.seed, progress, request.bound)
 
 
+def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
+    """Return the trim that no option names, in words, or "" where one does."""
+    if not request.model.schedule or {"at", "hold", "condition", "start"} & request.typed:
+        return ""
+    option_name = f"--{called_at(request.model)}"
+    return f"no {option_name} is given: the default trim {points[0].at_scheduled} is assessed"
+
+
 @command(AssessRequest)
 def assess(request: AssessRequest) -> int:
     """Assess a policy as it is deployed: sampled, held, with its normalizer and its delay.
@@ -272,7 +281,7 @@ def assess(request: AssessRequest) -> int:
             progress_of=ProgressLine,
             best=_best_flights(request, each),
         )
-        results.append(found)
+        results.append(replace(found, assumed=_assumed_trim(request, points)))
     if request.draws is not None and len(results) > 1:
         raise BadInputError("--draws is for one deployment file; name one")
     if len(results) == 1:

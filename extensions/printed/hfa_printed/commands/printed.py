@@ -41,7 +41,7 @@ class PrintedRequest(OutputOptions):
 def printed(request: PrintedRequest) -> int:
     """Check every digit of the printed answer of a paper, and name the wrong entry.
 
-    Exit code 0 only when every digit is right, or when the cost lost is within --limit-cost."""
+    Exit code 0 only when every digit is right, or when the cost is within --limit-cost."""
     progress = ProgressLine("compare")
     progress(0, 1)
     verdict = replace(check_printed(request.file, progress), limit_cost=request.limit_cost)

@@ -68,7 +68,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         )
     if edited:
         raise BadInputError(
-            f"{path}: refused, the certificate was edited: its digest is that of other content"
+            f"{path}: the certificate was edited, its digest does not match; prove it again"
         )
     return content, written
 

@@ -80,7 +80,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     if isinstance(statement, GameStatement):
         return given | _given_critic(statement, request)
     if request.weights is None:
-        request.refuse(("design",), "is of a controller; add --weights FILE")
+        request.refuse(("design",), "belongs to a controller; add --weights FILE")
         return given
     return given | _given_controller(statement, request)
 
@@ -141,7 +141,7 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     is not the gain of its P or W."""
     request.refuse(("design",), "is of a schedule, but the certificate is about a game")
     if request.weights is None:
-        request.refuse(("basis",), "is of W; add --weights FILE")
+        request.refuse(("basis",), "belongs to W; add --weights FILE")
         return {}
     option = f"--weights {request.weights}"
     names = UNNAMED
@@ -175,7 +175,7 @@ def _given_controller(
     option = f"--weights {request.weights}"
     model = statement.flight.model
     if isinstance(statement, ModelsStatement):
-        request.refuse(("design",), "is of a controller, but the certificate is about models")
+        request.refuse(("design",), "belongs to a controller, but the certificate is about models")
         gains = load_gain_schedule(request.weights, model)
         return {
             "breakpoints": Given(gains.file_breakpoints, option),

@@ -71,7 +71,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         from hfa_proof.search.loops import Intervals
 
         if self.bandwidth is None:
-            self.refuse(_INTERVALS, "is of actuators: give --bandwidth LOW:HIGH too, rad/s")
+            self.refuse(_INTERVALS, "belongs to actuators; add --bandwidth LOW:HIGH, rad/s")
             return None
         if self.rate:
             raise BadInputError("--rate does not go with --bandwidth; leave one out")

@@ -123,7 +123,7 @@ class CertificateFile:
         subjects = [_subject(content_of(claim)) for claim in (verified, statement)]
         if subjects[0] != subjects[1] or content["toolchain"] != VERSION:
             raise BadInputError(
-                f"{self.path} is of another statement or version; write to another file"
+                f"{self.path} belongs to another statement or version; write to another file"
             )
         witness: Content = content["witness"]
         return witness

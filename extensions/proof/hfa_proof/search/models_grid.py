@@ -126,7 +126,7 @@ class GridSearch:
         for part, cell in bisected([box], self._prove, _NARROWEST * self.family.step):
             if cell is None:
                 raise NoSolutionError(
-                    f"the models from {part.low:g} to {part.high:g} could not be enclosed"
+                    f"the models from {part.low:g} to {part.high:g} have no finite bounds"
                 )
             self.cells.append(cell)
 
