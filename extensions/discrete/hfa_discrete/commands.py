@@ -31,8 +31,10 @@ _CONTINUOUS = "belongs to continuous time; leave it out of a plant with time = d
 
 
 def question_of_time(game: Game) -> str:
-    """Ask whether a game without a solution in continuous time is meant in steps, or "" if it has
-    none in steps either."""
+    """Return a question whether a game without a solution is meant in discrete time, or "".
+
+    It is "" where no solution exists in discrete time either.
+    """
     from hfa_discrete.solution import solve_discrete
 
     with suppress(NoSolutionError):
@@ -42,7 +44,7 @@ def question_of_time(game: Game) -> str:
 
 
 def solve(request: GameRequest, named: NamedGame) -> int:
-    """`hfa solve`; the exit code."""
+    """Run `hfa solve` and return the exit code."""
     from hfa_discrete.report import analyse_discrete, discrete_report
 
     request.refuse(("draws",), _CONTINUOUS)
@@ -53,7 +55,7 @@ def solve(request: GameRequest, named: NamedGame) -> int:
 
 
 def learn(request: LearnRequest, named: NamedGame) -> int:
-    """`hfa learn`, by Q-learning; the exit code."""
+    """Run `hfa learn` by Q-learning and return the exit code."""
     from controller.critic.critic import from_parts
     from hfa.commands.game import show_learned
     from hfa_discrete.critic_check import check_discrete
@@ -68,7 +70,7 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
 
 
 def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
-    """`hfa verify` of one critic, whose file has W, P, K, L or H; the exit code."""
+    """Run `hfa verify` on one critic, whose file has W, P, K, L or H, and return the exit code."""
     from hfa.commands.verify import about
     from hfa_discrete.critic_check import check_discrete
     from hfa_discrete.critic_file import critic_of_steps

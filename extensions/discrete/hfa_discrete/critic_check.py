@@ -1,4 +1,4 @@
-"""A critic of a game in discrete time against its exact solution."""
+"""Comparison of a critic of a game in discrete time with the exact solution."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ def check_discounted(
     limit: float = LIMIT,
     scope: Scope | None = None,
 ) -> Verdict:
-    """`check_discrete` on a game in continuous time, sampled with u and w held over each step.
+    """Return `check_discrete` of a game in continuous time, sampled with u and w held over each
+    step.
 
     x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
     step already.
@@ -200,7 +201,8 @@ def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[C
 def _errors_of_parts(
     exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
 ) -> tuple[Check, ...]:
-    """The errors of L, relative to |L|, and of the entries of H, relative to √(H_ii H_jj)."""
+    """Return the checks of L, relative to |L|, and of the entries of H, relative to √(H_ii
+    H_jj)."""
     checks = []
     if "L" in parts:
         L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
@@ -223,8 +225,7 @@ def _errors_of_parts(
 
 
 def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
-    """Percent that u = -K x costs more than the optimum from the worst start, under the exact w = L
-    x.
+    """Return the cost of u = -K x above the optimum, percent, from the worst initial condition.
 
     Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*.
     """

@@ -1,4 +1,4 @@
-"""The zero-sum game in discrete time as a value: with cross weights and a discount."""
+"""Zero-sum game in discrete time, with cross weights and a discount."""
 
 from __future__ import annotations
 
@@ -54,11 +54,12 @@ class DiscreteGame(Reported):
             )
 
     def _weights(self) -> np.ndarray:
-        """[[Q, N], [N', R]], (n + m, n + m)."""
+        """Matrix [[Q, N], [N', R]], (n + m, n + m)."""
         return np.block([[self.step.Q, self.N], [self.N.T, self.step.R]])
 
     def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """K and L of u = -K x, w = L x, which the value x'P x of the next state implies.
+        """Return K and L of the policies u = -K x, w = L x implied by the value x'P x of the next
+        state.
 
         [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I). E is
         divided by δ, so that δ = inf is no exception."""
@@ -73,7 +74,7 @@ class DiscreteGame(Reported):
         return gains[:m], -gains[m:] / step.delta
 
     def q_function(self, P: np.ndarray) -> np.ndarray:
-        """H, (n + m + k, n + m + k), with Q(x, u, w) = [x; u; w]'H [x; u; w].
+        """Return H, (n + m + k, n + m + k), with Q(x, u, w) = [x; u; w]'H [x; u; w].
 
         H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]. With delta = inf the
         disturbance is left out."""
@@ -93,8 +94,7 @@ class DiscreteGame(Reported):
         return np.asarray(weights + self.discount * moved.T @ P @ moved)
 
     def of_q_function(self, H: np.ndarray) -> dict[str, np.ndarray]:
-        """P, K and, over (x, u, w), L that a Q-function [x; u; w]'H [x; u; w] implies: its extremum
-        over u and w.
+        """Return P, K and, for H over (x, u, w), L of the extremum of a Q-function over u and w.
 
         [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w).
 
@@ -127,7 +127,7 @@ class DiscreteGame(Reported):
         return parts
 
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
-        """The step in v = u + F x, in which no cross weight is left, and F = R⁻¹N', (m, n).
+        """Return the step in v = u + F x without cross weights, and F = R⁻¹N', (m, n).
 
         A - B F and Q - N R⁻¹ N', the latter as a sum of squares: the part of the rows of a root of
         [[Q, N], [N', R]] that no u can cancel."""

@@ -1,4 +1,5 @@
-"""A system without feedthrough that has a gain below δ exactly when one with it has."""
+"""Transformation of a system with feedthrough to one without, whose gain is below δ exactly when
+the original's is."""
 
 from __future__ import annotations
 

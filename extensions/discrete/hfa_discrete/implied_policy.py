@@ -1,5 +1,4 @@
-"""The policy that a value implies in discrete time: it is best for one step and the value behind
-it."""
+"""Policy implied by a value in discrete time, optimal for one step followed by that value."""
 
 from __future__ import annotations
 
@@ -49,8 +48,8 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
 def policy_of_next(
     problem: DiscreteGame, gradient: ca.Function, K: np.ndarray, L: np.ndarray
 ) -> ca.Function:
-    """x (n,) -> u (m,), the saddle of x'Qx + 2 x'Nu + u'Ru - δ² w'w + α V(A x + B u + E w) over u
-    and w, or nan where Newton's method does not settle.
+    """Return the function x (n,) -> u (m,) of the saddle over u and w of one step and the value
+    after it.
 
     With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The method
     begins at u = -K x, w = L x.

@@ -64,8 +64,10 @@ class Steps(Reported):
 
 
 def random_steps(problem: DiscreteGame, seed: int) -> Steps:
-    """Steps from random states, with random inputs and disturbances that move them as far and cost
-    no more."""
+    """Return steps from random states with random inputs and disturbances.
+
+    These move the states equally far and cost no more than the states.
+    """
     step = problem.step
     E = step.E if np.isfinite(step.delta) else step.E[:, :0]
     spread = natural_spread(step)
@@ -85,7 +87,7 @@ def random_steps(problem: DiscreteGame, seed: int) -> Steps:
 
 
 class Learned(NamedTuple):
-    """A training run, and H, (n + m + k, n + m + k), at its end."""
+    """Training run with its final H, (n + m + k, n + m + k)."""
 
     run: TrainingRun
     H: np.ndarray
@@ -181,17 +183,17 @@ class _QLearner:
 
     @cached_property
     def psi(self) -> Basis:
-        """Features of (x, u, w)."""
+        """Basis of (x, u, w)."""
         return basis("quadratic", len(self.cost))
 
     @cached_property
     def _of_costs(self) -> np.ndarray:
-        """The weights of the costs alone, (M,)."""
+        """Weights of the costs alone, (M,)."""
         return self.inverse @ self.costs
 
     @cached_property
     def _of_next_states(self) -> np.ndarray:
-        """Weights of x'P x -> weights of α x⁺'P x⁺, (M, n(n+1)/2)."""
+        """Matrix from weights of x'P x to weights of α x⁺'P x⁺, (M, n(n+1)/2)."""
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 
     def _H(self, weights: np.ndarray) -> np.ndarray:
@@ -199,7 +201,9 @@ class _QLearner:
         return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
 
     def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
-        """Return the weights after one more step of the horizon; None: the first step.
+        """Return the weights after one more step of the horizon.
+
+        H: the Q-function before, or None for the first step
 
         Raises NoSolutionError where w gains more than it pays for, and where the value grows
         without end.
@@ -221,8 +225,10 @@ class _QLearner:
         return H
 
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
-        """The Q-function of the policies of H: weights = inverse (costs + α next features ·
-        weights)."""
+        """Return the weights of the Q-function of the policies of H.
+
+        weights = inverse (costs + α next features · weights).
+        """
         parts = self.problem.of_q_function(H)
         policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
         after = self.steps.next_states
@@ -272,26 +278,29 @@ class _QLearner:
         return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
 
     def _fitted_steps(self) -> np.ndarray:
-        """[A B E] of the x⁺ = A x + B u + E w that is nearest to the steps, (n, n + m + k)."""
+        """Least-squares fit [A B E] of x⁺ = A x + B u + E w to the steps, (n, n + m + k)."""
         scaled = self.steps.together / self.scales
         fit = np.linalg.lstsq(scaled, self.steps.next_states, rcond=None)[0]
         return np.asarray(fit.T / self.scales)
 
 
 def _products(z: np.ndarray) -> np.ndarray:
-    """z_i z_j for i <= j, row by row, (N, s(s+1)/2)."""
+    """Return z_i z_j for i <= j, row by row, (N, s(s+1)/2)."""
     row, column = np.triu_indices(z.shape[1])
     return z[:, row] * z[:, column]
 
 
 def _weights(P: np.ndarray) -> np.ndarray:
-    """W with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    """Return W with x'P x = W'(x1², x1 x2, ..., xn²)."""
     row, column = np.triu_indices(len(P))
     return np.where(row == column, 1.0, 2.0) * P[row, column]
 
 
 def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: int) -> TrainingRun:
-    """rows: number of iterations, and H."""
+    """Return the training run of a learner.
+
+    rows: (number of iterations, H)
+    """
     residuals = [learner.residual(H) for _, H in rows]
     parts = [learner.problem.of_q_function(H) for _, H in rows]
     of_cost = np.array([residual.of_cost for residual in residuals])

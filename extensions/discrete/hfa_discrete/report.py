@@ -18,7 +18,7 @@ from hfa_support.reporting.text import matrix_table
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedDiscreteGame(Result, Reported):
-    """A certified solution in discrete time and the smallest delta that has one."""
+    """Certified solution in discrete time, with the smallest delta."""
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"

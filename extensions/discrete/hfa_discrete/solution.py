@@ -83,8 +83,9 @@ class DiscreteSolution(Reported):
 
 
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
-    """The game of which one step is dt seconds with u and w held; a step costs dt (x'Qx + u'Ru - δ²
-    w'w) at its start.
+    """Return the game with steps of dt seconds, in which u and w are held.
+
+    A step costs dt (x'Qx + u'Ru - δ² w'w) at its beginning.
 
     The first n rows of exp([[A, A, B, E], [0, 0, 0, 0]] dt) are [exp(A dt), exp(A dt) - I, B_s,
     E_s], B_s and E_s of the step. The second block has no cancellation, so A_s = I + exp(A dt) - I
@@ -105,8 +106,7 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
 
 @checks_arguments
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
-    """`solve_discrete` of one step of time, or with dt (s) of a game in continuous time, which is
-    `sampled`."""
+    """Return `solve_discrete` of a step, or with dt (s) of a game in continuous time, `sampled`."""
     return solve_discrete(
         DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)
     )
@@ -147,15 +147,17 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 
 
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
-    """The smallest δ of a game in discrete time, by bisection on the tests of P, independent of its
-    own δ."""
+    """Return the smallest δ of a game in discrete time, by bisection on the tests of P.
+
+    It does not depend on the game's own δ.
+    """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
     return _smallest_delta(form, progress)
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
-    """P and K, neither refined nor certified: for a search.
+    """Return P and K, neither refined nor certified, for a search.
 
     Raises NoSolutionError where none exists.
     """
@@ -186,8 +188,10 @@ class _Certified(NamedTuple):
 
 
 def _certified(form: StepForm) -> _Certified:
-    """X of the Schur form of the equivalent in continuous time, and its certificate: the tests of
-    X in discrete time, and that refined doublings give the same.
+    """Return the certified X of a step, from the Schur form of the equivalent in continuous time.
+
+    Its certificate contains the tests of X in discrete time, and the agreement with refined
+    doubling.
 
     Raises NoSolutionError when a test fails or a matrix that must be inverted is singular.
     """
@@ -338,5 +342,5 @@ def _obstacle(form: StepForm, failure: str) -> str:
 
 
 def _radius(matrix: np.ndarray) -> float:
-    """The largest |λ| of the eigenvalues."""
+    """Return the largest |λ| of the eigenvalues."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())

@@ -1,4 +1,4 @@
-"""The normal form of a step of discrete time, and the game in continuous time with the same X."""
+"""Normal form of a step in discrete time, and the game in continuous time with equal X."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SHOWN = 1e-6
 
 
 class NoValueError(NoSolutionError):
-    """A disturbance that gains more than δ is known: there is no value."""
+    """Error of a game without value, for which a disturbance with a gain above δ is known."""
 
 
 class Policies(NamedTuple):
@@ -41,9 +41,10 @@ class Policies(NamedTuple):
 
 
 class NewtonStep(NamedTuple):
-    """Newton step at X: `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count by
-    their
-    squares only, and the correction Z = F'Z F + residual."""
+    """Newton step at X: the residual, and the correction Z = F'Z F + residual.
+
+    `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count only by their squares.
+    """
 
     residual: np.ndarray
     correction: np.ndarray
@@ -61,7 +62,7 @@ class StepForm(NormalForm):
 
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
-        """Step form of a game of equal value, without discount and cross weights."""
+        """Return the step form of a game of equal value, without discount and cross weights."""
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -86,7 +87,7 @@ class StepForm(NormalForm):
         return in_first_units
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
-        """The game in D W'y; A keeps twice the digits."""
+        """Return the game in the coordinates D W'y, with twice the digits for A."""
         A, low = similar((self.A, self.low), W, D)
         return replace(super()._turned_by(W, D), A=A, low=low)
 
@@ -118,8 +119,9 @@ class StepForm(NormalForm):
         return _of_rates_near_one(min(games, key=_size))
 
     def _at_pole(self, sign: float) -> NormalForm:
-        """The equivalent by the map with its pole at z = -sign; np.linalg.LinAlgError where none
-        exists.
+        """Return the equivalent by the map with its pole at z = -sign.
+
+        Raises np.linalg.LinAlgError where none exists.
 
         With r = √2 ξ - E w of the new state ξ is (A + I) y + B u = r. Of all such [u; y] = Y r +
         Z v the least |u|² + |C y|², C'C = Q, is |M r|²; what v adds to it is the new input.
@@ -162,7 +164,7 @@ class StepForm(NormalForm):
         )
 
     def policies(self, X: np.ndarray) -> Policies:
-        """[K; -L] = (W + G'X G)⁻¹ G'X A."""
+        """Return [K; -L] = (W + G'X G)⁻¹ G'X A."""
         m = self.B.shape[1]
         G = np.hstack([self.B, self.E])
         gains = np.linalg.solve(np.diag(self._signs) + G.T @ X @ G, G.T @ X @ self.A)
@@ -170,7 +172,7 @@ class StepForm(NormalForm):
 
     @property
     def _signs(self) -> np.ndarray:
-        """The diagonal of W, (m + k,)."""
+        """Diagonal of W, (m + k,)."""
         return np.repeat([1.0, -1.0], [self.B.shape[1], self.E.shape[1]])
 
     def gain(self, X: np.ndarray) -> np.ndarray:
@@ -178,11 +180,11 @@ class StepForm(NormalForm):
         return np.linalg.solve(self.root.T, self.policies(X).K @ self.T)
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
-        """L of the worst w = L x in the user's coordinates, (k, n)."""
+        """Return L of the worst disturbance w = L x in the user's coordinates, (k, n)."""
         return self.policies(X).L @ self.T / self.delta
 
     def newton_step(self, X: np.ndarray) -> NewtonStep:
-        """The step at X; its residual is computed with twice the digits, as in continuous time."""
+        """Return the Newton step at X, with its residual computed with twice the digits."""
         from scipy.linalg import solve_discrete_lyapunov
 
         gains = self.policies(X)
@@ -198,7 +200,7 @@ class StepForm(NormalForm):
         return NewtonStep(residual, np.asarray(Z + Z.T) / 2.0)
 
     def refined(self, X: np.ndarray) -> np.ndarray:
-        """X after Newton steps, until they are rounding."""
+        """Return X after Newton steps, repeated until they are rounding."""
         for _ in range(REFINEMENTS):
             correction = self.newton_step(X).correction
             X = X + correction
@@ -208,12 +210,13 @@ class StepForm(NormalForm):
 
 
 def _size(form: NormalForm) -> float:
-    """Size of the Hamiltonian, rad/s, or 1 where it is 0."""
+    """Return the size of the Hamiltonian, rad/s, or 1 where it is 0."""
     return float(np.linalg.norm(form.hamiltonian)) or 1.0
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """The game in another unit of time, a power of four: of fast sampling rates are tiny."""
+    """Return the game in another unit of time, a power of four, because fast sampling makes rates
+    tiny."""
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(
         form,

@@ -1,4 +1,4 @@
-"""Aircraft of JSBSim as a `Model`: their XML files are read, JSBSim itself is not needed.
+"""Reader of JSBSim's XML files as a `Model`. JSBSim itself is not needed.
 
 The meaning of a file is that of JSBSim 1.3.3; comments name its source files, such as `FGTable`.
 `aircraft.py` combines the parts; `docs/jsbsim.md` lists the supported elements.

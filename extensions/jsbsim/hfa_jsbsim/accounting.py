@@ -1,8 +1,7 @@
-"""Accounting of the files of an aircraft. Every element was read by the reader, has no effect on
-the forces in flight, is not read by JSBSim either, or is refused.
+"""Accounting of the elements in the files of an aircraft.
 
-Every property that a file reads or writes is defined by the file, is a supported property of
-JSBSim, or is refused.
+Each element was read, has no effect on the forces in flight, is not read by JSBSim either, or is
+refused.
 """
 
 from __future__ import annotations
@@ -54,8 +53,10 @@ _NOT_READ = "JSBSim does not read them either"
 
 
 def account(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on the omitted elements of an aircraft; BadInputError, with file and line, for
-    elements that must not be omitted."""
+    """Return notes on the omitted elements of an aircraft.
+
+    Raises BadInputError, with file and line, for elements that must not be omitted.
+    """
     reached = equations.properties
     notes = _of_writers(equations)
     _refuse_readers(equations)
@@ -135,7 +136,7 @@ def _account_attributes(element: Element) -> None:
 
 
 def _listed(elements: Iterable[Element]) -> str:
-    """Elements by file, kind and lines."""
+    """Return the elements as text, by file, kind and lines."""
     texts = []
     for file, in_file in groupby(elements, key=lambda element: element.file):
         lines: dict[str, list[int]] = {}
@@ -147,7 +148,7 @@ def _listed(elements: Iterable[Element]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Line numbers as text, at most some of them."""
+    """Return line numbers as text, cut where there are many."""
     shown = " ".join(map(str, numbers[:_MOST]))
     return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
 
@@ -167,8 +168,11 @@ def _refuse_readers(equations: Equations) -> None:
 
 
 def _of_writers(equations: Equations) -> list[Note]:
-    """Notes on the pilot's commands that a component sets too. Raises BadInputError where a file
-    sets a property of JSBSim's own that the reader does not take from it."""
+    """Return notes on the pilot's commands that a component also sets.
+
+    Raises BadInputError where a file sets a property of JSBSim that the reader does not read from
+    it.
+    """
     properties = equations.properties
     notes = []
     for name, writers in properties.writers().items():
@@ -202,7 +206,7 @@ def _is_zero(writer: Writer) -> bool:
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """The reason of the prefix that a name has, or "" without one."""
+    """Return the reason for the prefix of a name, or "" without one."""
     return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
 
 

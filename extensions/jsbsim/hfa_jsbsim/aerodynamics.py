@@ -1,4 +1,4 @@
-"""Forces and moments of the air: <aerodynamics> (`FGAerodynamics`)."""
+"""Aerodynamic forces and moments from <aerodynamics> (`FGAerodynamics`)."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ _FRAMES = {"DRAG": "WIND", "LIFT": "WIND", "AXIAL": "AXIAL", "NORMAL": "AXIAL"}
 
 
 class Aerodynamics:
-    """Functions along the axes of force (DRAG, SIDE, LIFT; AXIAL, SIDE, NORMAL; X, Y, Z) and moment
-    (ROLL, PITCH, YAW), of the frame that the first of them chooses."""
+    """Functions along the axes of force and moment.
+
+    The axes of force are DRAG, SIDE, LIFT, or AXIAL, SIDE, NORMAL, or X, Y, Z; those of moment are
+    ROLL, PITCH, YAW. The first axis determines the frame.
+    """
 
     def __init__(
         self,
@@ -63,7 +66,7 @@ class Aerodynamics:
             properties.compute(name, Writer(compute, where))
 
     def _define_stall(self) -> None:
-        """Let the limits of alpha, the warning of a stall and the stall set their properties."""
+        """Define the properties of the limits of alpha, the stall warning and the stall."""
         ends = {"min": 0.0, "max": 0.0}
         limits = self._limits("alphalimits")
         if limits is not None:
@@ -91,7 +94,7 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """min and max of an element, rad, or None without it."""
+        """Return min and max of an element, rad, or None without it."""
         element = self.element.find(kind) if self.element else None
         if element is None:
             return None
@@ -100,8 +103,8 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """The sum of the functions of a component of force or moment: of those that act at the
-        center of gravity, or of the others."""
+        """Return the sum of the functions of a component that act at the center of gravity, or
+        elsewhere."""
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:
@@ -109,7 +112,7 @@ class Aerodynamics:
         return total
 
     def _to_body(self, frame: str) -> ca.SX:
-        """(3, 3): body axes from those of a frame."""
+        """Return the matrix (3, 3) from a frame to body axes."""
         if frame == "WIND":
             return self._motion.wind_to_body
         if frame == "STABILITY":
@@ -134,17 +137,17 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Lift, lb, or in frames of JSBSim that of the frame before."""
+        """Return the lift, lb; in frames of JSBSim that of the previous frame."""
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()
 
     def _lift_squared(self) -> Any:
-        """(lift / (q S))^2."""
+        """Return (lift / (q S))^2."""
         return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
-        """Force, lb, and moment about the center of gravity, ft lb, in body axes."""
+        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes."""
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
         moment = ca.mtimes(self._to_body(self._moment_frame), sums)
@@ -163,8 +166,10 @@ def _acts_at_center(function: Element) -> bool:
 
 
 def _frames(element: Element | None) -> tuple[str, str]:
-    """The frames of force (WIND, BODY, AXIAL, STABILITY) and moment (BODY, STABILITY, WIND): the
-    first axis that chooses one does. Raises BadInputError for a frame that does not exist."""
+    """Return the frames of force (WIND, BODY, AXIAL, STABILITY) and moment (BODY, STABILITY, WIND).
+
+    The first axis that names a frame determines it. Raises BadInputError for an unknown frame.
+    """
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
         if axis.name != "axis":
@@ -181,8 +186,10 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
-    """The functions of each component of force and moment; a second axis of one component replaces
-    the first. Raises BadInputError for an axis that does not exist."""
+    """Return the functions of each component of force and moment.
+
+    A second axis of a component replaces the first. Raises BadInputError for an unknown axis.
+    """
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions

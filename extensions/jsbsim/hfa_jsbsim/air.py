@@ -1,5 +1,5 @@
-"""The air, and quantities that follow from state and air: properties of atmosphere, aero,
-velocities, attitude (`FGStandardAtmosphere`, `FGAuxiliary`)."""
+"""Air data: properties of atmosphere, aero, velocities and attitude (`FGStandardAtmosphere`,
+`FGAuxiliary`)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _VISCOSITY = 2.269690e-08
 
 
 def pitot_pressure(mach: Any, pressure: Any) -> Any:
-    """Total pressure behind the shock of a pitot tube: isentropic below Mach 1, Rayleigh's formula
+    """Return the total pressure in a pitot tube: isentropic below Mach 1, Rayleigh's formula
     above."""
     coefficient = 1.2**3.5 * 6.0**2.5
     fast = ca.fmax(mach, 1.0)
@@ -28,7 +28,7 @@ def pitot_pressure(mach: Any, pressure: Any) -> Any:
 
 
 def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
-    """The Mach number at which a pitot tube shows this pressure above the static one."""
+    """Return the Mach number at a given pressure of a pitot tube above the static one."""
     ratio = impact_pressure / pressure + 1.0
     subsonic = _subsonic_mach(ratio)
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
@@ -39,7 +39,7 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
 
 
 def _subsonic_mach(ratio: Any) -> Any:
-    """The Mach number, at most 1, at a ratio of total to static pressure."""
+    """Return the Mach number, at most 1, at a ratio of total to static pressure."""
     return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
 
 
@@ -50,7 +50,7 @@ def calibrated_speed(mach: Any, pressure: Any) -> Any:
 
 
 def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """The Mach number at a calibrated airspeed, ft/s."""
+    """Return the Mach number at a calibrated airspeed, ft/s."""
     impact = pitot_pressure(speed / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE) - SEA_LEVEL_PRESSURE
     return mach_of_pitot(impact, pressure)
 
@@ -75,7 +75,7 @@ class Winds:
 
 @dataclass(frozen=True)
 class Motion:
-    """A state with the quantities that follow from it.
+    """State of motion with the quantities derived from it.
 
     speed, alpha, beta, air_velocity: through the air at the aircraft; with gusts not the states.
     velocity: the states' own, relative to the steady wind, body axes, ft/s.
@@ -146,7 +146,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
-    """Properties that a state sets, by name; height above a ground at sea level."""
+    """Return name -> value of the properties that a state sets; the ground is at sea level."""
     u, v, w = ca.vertsplit(motion.air_velocity)
     inertial = ca.vertsplit(motion.over_ground)
     north, east, down = ca.vertsplit(motion.ned)
@@ -238,12 +238,12 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
 
 
 def _full_turn(angle: Any) -> Any:
-    """An angle from 0 to 2 pi."""
+    """Return an angle reduced to the range from 0 to 2 pi."""
     return ca.if_else(angle < 0.0, angle + 2.0 * math.pi, angle)
 
 
 def _sizes(metrics: Metrics) -> dict[str, Any]:
-    """Properties of size."""
+    """Return the properties of size."""
     chord_area = metrics.chord * metrics.area
     span_area = metrics.span * metrics.area
     values = {
@@ -271,7 +271,7 @@ def _sizes(metrics: Metrics) -> dict[str, Any]:
 
 
 def mass_properties(mass: Mass) -> dict[str, Any]:
-    """Properties of mass."""
+    """Return the properties of mass."""
     values = {
         "inertia/mass-slugs": mass.slugs,
         "inertia/weight-lbs": mass.weight,

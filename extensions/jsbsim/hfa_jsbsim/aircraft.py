@@ -1,4 +1,4 @@
-"""The parts of an aircraft of JSBSim, and its equations of motion."""
+"""Equations of motion of a JSBSim aircraft, assembled from its parts."""
 
 from __future__ import annotations
 
@@ -80,7 +80,10 @@ class Equations:
     """
 
     def __init__(self, parts: Parts, gusty: bool = False) -> None:
-        """gusty: whether the air moves at the aircraft; else there are no gusts."""
+        """Build the equations.
+
+        gusty: whether there are gusts at the aircraft
+        """
         self.parts = parts
         self.notes: list[Note] = []
         self.properties = Properties(parts.choices.filters, parts.choices.step)
@@ -147,11 +150,11 @@ class Equations:
         self.notes += self.properties.notes
 
     def _planet_rates(self) -> Any:
-        """The rotation of the earth, rad/s, in body axes."""
+        """Return the rotation of the earth, rad/s, in body axes."""
         return 0.0
 
     def _throttles(self) -> list[str]:
-        """The names of the throttles: one, or one an engine."""
+        """Names of the throttles: one in all, or one for each engine."""
         if self.parts.choices.throttles and self.parts.engines:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
@@ -200,7 +203,7 @@ class Equations:
         return Winds(ca.vertcat(*(self.parameters[name] for name in WINDS)), gusts)
 
     def _define_winds(self) -> None:
-        """Let wind and gusts set their properties."""
+        """Define the properties of wind and gusts."""
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             self.properties.define(f"atmosphere/wind-{axis}-fps", self.parameters[name])
             self.properties.define(f"atmosphere/total-wind-{axis}-fps", self.parameters[name])
@@ -208,7 +211,7 @@ class Equations:
                 self.properties.define_initial(f"atmosphere/{kind}-{axis}-fps", 0.0)
 
     def _define_commands(self) -> None:
-        """Let the pilot's commands and levers set their properties."""
+        """Define the properties of the pilot's commands and levers."""
         properties = self.properties
         for name, full_name in _COMMANDS.items():
             properties.define(full_name, self.inputs[name].symbol)
@@ -240,7 +243,7 @@ class Equations:
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
     def _define_loads(self) -> None:
-        """Let tanks, point masses and quantities that follow from them set their properties."""
+        """Define the properties of tanks and point masses, and those derived from them."""
         for number, tank in enumerate(self.parts.tanks):
             prefix = f"propulsion/tank[{number}]"
             contents = self.parameters[f"tank{number}"]
@@ -275,7 +278,7 @@ class Equations:
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
-        """Let a property of the state be worked out when it is first read."""
+        """Define a property of the state that is computed when it is first read."""
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
@@ -285,7 +288,7 @@ class Equations:
         return height / self.parts.wings.span
 
     def _define_reactions(self, reactions: Reactions) -> None:
-        """Let forces from outside set their sums."""
+        """Define the sums of external forces."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
                 (0, f"forces/fb{along}-external-lbs"),
@@ -298,7 +301,7 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Make the position of a throttle the input if it does not follow its command."""
+        """Use the position of a throttle as the input if it does not follow its command."""
         for file in self.parts.engines:
             own_name = f"throttle{file.number}"
             name = own_name if own_name in self.inputs else "throttle"
@@ -309,7 +312,7 @@ class Equations:
                 self.cut_throttles.append(name)
 
     def _define_functions(self) -> None:
-        """Let <property value="..."> and functions with names set their properties."""
+        """Define the properties of <property value="..."> and of named functions."""
         loaded = sorted(self.parts.sections, key=lambda part: LOADED.index(part.name))
         sections: list[tuple[Element, int | None]] = [(part, None) for part in loaded]
         sections += [(file.engine, file.number) for file in self.parts.engines]
@@ -331,8 +334,10 @@ class Equations:
         return AFTER_ALL
 
     def _define_property(self, element: Element, overrides: bool) -> None:
-        """Give a property of a file its value, unless it has one and this does not override it;
-        JSBSim's own that can be set take it too."""
+        """Set a property of a file, unless it already has a value that must not be overridden.
+
+        Properties of JSBSim that can be set are set too.
+        """
         value = element.as_number(element.attributes.get("value", "0"))
         rights = access(plain(element.text))
         if rights == "R":
@@ -354,8 +359,10 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Let a function or a table set the property of its name. A property to which it copies its
-        value is replaced by that name for its readers."""
+        """Define the property named by a function or a table.
+
+        A property to which it copies its value is replaced by that name for all readers.
+        """
         name = "-".join(element.attributes["name"].split(" "))
         copy = element.attributes.get("copyto")
         if copy:
@@ -381,8 +388,8 @@ class Equations:
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
-        """Let an engine set its properties; the value of the returned writer is the effect of the
-        engine."""
+        """Define the properties of an engine, and return a writer whose value is the engine's
+        effect."""
         writer = jets.add_engine(file, around, computing(file, around))
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
@@ -391,7 +398,7 @@ class Equations:
         return writer
 
     def _define_sum(self, name: str, kind: str, axis: int) -> None:
-        """Let the sum of all engines set a property."""
+        """Define a property as the sum over all engines."""
 
         def compute() -> Any:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
@@ -407,7 +414,7 @@ class Equations:
         ]
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Rates of all states, and the outputs.
+        """Set the rates of all states, and the outputs.
 
         outside: force and moment of external reactions.
         """
@@ -446,7 +453,8 @@ class Equations:
                 self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:
-        """Rates of the states of the control system, also of those that these rates bring in."""
+        """Add the rates of the states of the control system, including those that these rates
+        require."""
         done = 0
         while done < len(self.properties.filters):
             state = self.properties.filters[done]
@@ -458,7 +466,8 @@ class Equations:
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Put alphadot and betadot, on which forces of the air depend, into all rates.
+        """Solve for alphadot and betadot, on which aerodynamic forces depend, and substitute
+        them.
 
         One Newton step solves the linear equations for them; two more those that are quadratic.
         """
@@ -480,7 +489,7 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Put a wind that the files set in the place of its parameter.
+        """Substitute a wind set by the files for its parameter.
 
         BadInputError where it depends on the flight: the states are relative to a steady wind.
         """
@@ -499,7 +508,7 @@ class Equations:
             self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
-        """Let the time be 0. Raises BadInputError where forces of steady flight depend on it."""
+        """Set the time to 0. Raises BadInputError where forces in steady flight depend on it."""
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):
             self._substitute(self._time, ca.SX(0.0))
@@ -515,7 +524,7 @@ class Equations:
         self._substitute(self._time, ca.SX(0.0))
 
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
-        """Put a value in the place of a symbol, in all rates and outputs."""
+        """Substitute a value for a symbol in all rates and outputs."""
         names = [*self.rates, *self.outputs]
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         changed = ca.vertsplit(ca.substitute(values, symbol, value))
@@ -525,7 +534,7 @@ class Equations:
 
 
 def _engine_states(parts: Parts) -> Iterator[str]:
-    """rpm of each propeller, blade angle of each governed one, and lags of engines."""
+    """Yield the engine states: rpm of propellers, blade angles of governed ones, and lags."""
     for file in parts.engines:
         if file.has_propeller:
             yield f"rpm{file.number}"

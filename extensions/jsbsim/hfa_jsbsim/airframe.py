@@ -58,8 +58,10 @@ def read_metrics(element: Element) -> Metrics:
 
 @dataclass(frozen=True)
 class Body:
-    """A part of the aircraft: weight in lb, place in inches, inertia about itself in slug ft^2, in
-    numbers or expressions."""
+    """Part of the aircraft: weight in lb, location in inches, own inertia in slug ft^2.
+
+    The values are numbers or expressions.
+    """
 
     weight: Any
     location: Any
@@ -68,7 +70,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Tank:
-    """A tank as its file describes it, lb, inches.
+    """Tank of a file, in lb and inches.
 
     kind: FUEL or OXIDIZER.
     unusable: the part of its contents that cannot be used.
@@ -94,7 +96,7 @@ class Tank:
         return self.contents > self.unusable
 
     def place(self, contents: Any) -> list[Any]:
-        """Location of its contents, inches."""
+        """Return the location of its contents, inches."""
         share = contents / self.capacity
         return [low + share * (high - low) for low, high in zip(self.drain, self.full, strict=True)]
 
@@ -120,8 +122,12 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Mass:
-    """weight: lb. center: (3,) of gravity, inches. inertia: (3, 3) in slug ft^2, in body axes. Each
-    of numbers or expressions."""
+    """Mass of the aircraft, in numbers or expressions.
+
+    weight: lb
+    center: (3,), center of gravity, inches
+    inertia: (3, 3), in body axes, slug ft^2
+    """
 
     weight: Any
     empty_weight: float
@@ -130,7 +136,7 @@ class Mass:
 
     @property
     def slugs(self) -> Any:
-        """The mass."""
+        """Mass, slug."""
         return self.weight / SLUG_TO_LB
 
     def arm(self, location: Any) -> Any:
@@ -140,7 +146,7 @@ class Mass:
 
 
 def structural_to_body(offset: Any) -> Any:
-    """Inches in the structural frame as ft in body axes."""
+    """Return a vector in inches in the structural frame as ft in body axes."""
     return ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
 
 
@@ -183,8 +189,7 @@ def _tank(element: Element) -> Tank:
 
 
 def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
-    """(contents) -> moments of inertia of a tank's contents about themselves
-    (`FGTank::CalculateInertias`)."""
+    """Return the function (contents) -> own moments of inertia (`FGTank::CalculateInertias`)."""
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
     grain = element.find("grain_config")
@@ -240,8 +245,7 @@ def read_empty(element: Element) -> Body:
 
 
 def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
-    """Weight, center of gravity and inertia about it of the empty aircraft with other bodies, as
-    expressions."""
+    """Return the mass of the empty aircraft with other bodies, as expressions."""
     bodies = [empty, *others]
     weight = sum((ca.SX(body.weight) for body in bodies), start=ca.SX(0.0))
     moment = sum((_column(body.location) * body.weight for body in bodies), start=ca.SX.zeros(3))
@@ -255,12 +259,12 @@ def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
 
 
 def _column(values: Any) -> ca.SX:
-    """Three numbers or expressions as a column."""
+    """Return three numbers or expressions as a column."""
     return ca.vertcat(*(ca.SX(value) for value in values))
 
 
 def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
-    """The mass with the contents of the tanks and the point masses of the file, in numbers.
+    """Return the mass with the tanks' contents and point masses of the file, in numbers.
 
     Raises BadInputError where it is not positive.
     """
@@ -284,8 +288,10 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 
 
 def _inertia(element: Element) -> np.ndarray:
-    """The matrix of ixx ... iyz; products change sign unless negated_crossproduct_inertia is
-    "false"."""
+    """Return the matrix of ixx ... iyz.
+
+    Products change sign unless negated_crossproduct_inertia is "false".
+    """
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
     sign = -1.0 if element.attributes.get("negated_crossproduct_inertia") != "false" else 1.0

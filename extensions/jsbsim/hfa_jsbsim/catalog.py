@@ -1,4 +1,4 @@
-"""The properties that JSBSim itself sets or lets be set, as `properties.json` lists them.
+"""Catalog of JSBSim's own properties, from `properties.json`.
 
 `python -m hfa_jsbsim.catalog` writes that file from the installed package jsbsim: the
 catalog of small aircraft with engines of all kinds, whose files name no property of their own.
@@ -90,7 +90,7 @@ _OF_COMPONENTS = (
 
 @lru_cache
 def _properties() -> dict[str, str]:
-    """Name -> R, RW or W."""
+    """Return name -> R, RW or W."""
     data: dict[str, Any] = json.loads(DATA.read_text())
     return data["properties"]
 
@@ -109,7 +109,7 @@ def of_component(name: str) -> bool:
 
 
 def without_numbers(name: str) -> str:
-    """The name of a property without the numbers of engines, tanks and wheels."""
+    """Return the name of a property without the numbers of engines, tanks and wheels."""
     return _NUMBER.sub("", name)
 
 

@@ -19,8 +19,10 @@ def parameter(element: Element, name: str, properties: Properties, default: floa
 
 
 def coefficients(component: Element, properties: Properties, count: int) -> list[Any]:
-    """The numbers or properties in <c1>, <c2>, ... of a filter. Raises BadInputError for a missing
-    one."""
+    """Return the numbers or properties in <c1>, <c2>, ... of a filter.
+
+    Raises BadInputError for a missing one.
+    """
     children = [component.need(f"c{number}") for number in range(1, count + 1)]
     return [properties.value(child.text, child) for child in children]
 
@@ -43,7 +45,7 @@ def _input(child: Element, properties: Properties) -> Any:
 
 
 def ends_of(element: Element) -> tuple[float, float]:
-    """min and max of an element."""
+    """Return min and max of an element."""
     return element.need("min").number(), element.need("max").number()
 
 
@@ -62,7 +64,7 @@ def beyond(value: Any, width: Any) -> Any:
 
 
 def settling(component: Element, properties: Properties) -> Any:
-    """<c1> of a filter, 1/s. Raises BadInputError where the filter never settles."""
+    """Return <c1> of a filter, 1/s. Raises BadInputError where the filter never settles."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")

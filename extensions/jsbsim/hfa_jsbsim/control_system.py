@@ -1,5 +1,7 @@
-"""The control system in its steady state: the outputs of each component of <system>,
-<autopilot> and <flight_control> gives for a steady input (`FGFCS` and its components)."""
+"""Control system in steady state: output of each component for a steady input (`FGFCS`).
+
+The components are those of <system>, <autopilot> and <flight_control>.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "spee
 def add_control_systems(
     sections: Iterable[Element], properties: Properties, commands: ca.SX
 ) -> None:
-    """Let all components of these sections set their properties.
+    """Define the properties of all components of these sections.
 
     commands: the pilot's, as symbols: an integrator that they reach has no steady value.
     """
@@ -63,8 +65,8 @@ def add_control_systems(
 def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
 ) -> Writer:
-    """Let a component set the properties that its name, its <output> and the cases of a distributor
-    name."""
+    """Define the properties named by a component, by its <output> and by the cases of a
+    distributor."""
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -92,7 +94,7 @@ def _add_component(
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """A channel whose property `execute` is 0 never runs: its properties stay as they begin.
+    """Disable a channel whose property `execute` is 0: its properties keep their initial values.
 
     BadInputError, when one of them is read, where it depends on the flight whether it runs.
     """
@@ -117,7 +119,7 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
 
 
 def _join_units(properties: Properties) -> None:
-    """A surface that is set in degrees is set in radians too, and in magnitude."""
+    """Define the radians and the magnitude of surfaces set in degrees."""
     for surface in SURFACES:
         in_rad = f"fcs/{surface}-pos-rad"
         in_deg = f"fcs/{surface}-pos-deg"
@@ -132,7 +134,7 @@ def _join_units(properties: Properties) -> None:
 def join_surface(
     properties: Properties, surface: str, source: str, target: str, order: int
 ) -> None:
-    """Let a surface in one unit follow from the other, and its magnitude from it in radians."""
+    """Define a surface in one unit from the other, and its magnitude from radians."""
     factor = math.pi / 180.0 if source.endswith("deg") else 180.0 / math.pi
     in_rad = source if source.endswith("rad") else target
 
@@ -147,7 +149,7 @@ def join_surface(
 
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """The steady output of a component, within its limits."""
+    """Return the steady output of a component, within its limits."""
     if properties.step and component.name in WITH_MEMORY:
         value = WITH_MEMORY[component.name](component, properties)
     elif component.name in ("pid", "integrator"):
@@ -163,7 +165,7 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
 
 
 def _clipped(component: Element, properties: Properties, value: Any) -> Any:
-    """The value between the limits of <clipto>; JSBSim ignores half a <clipto>."""
+    """Return the value within the limits of <clipto>; JSBSim ignores an incomplete <clipto>."""
     limits = component.find("clipto")
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
@@ -207,7 +209,7 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """The input, scaled by the last detent, between the first and the last."""
+    """Return the input divided by the last detent, within the first and the last."""
     lowest, highest = detents(component)
     value = input_of(component, properties)
     if component.find("noscale") is None:
@@ -221,7 +223,7 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """The input behind its lag; limits of rate end when it is steady."""
+    """Return the input after its lag; rate limits have no effect in steady state."""
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its limit of rate", is_never=True)
@@ -237,7 +239,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
-    """A value behind a lag of the component's own rate, 1/s."""
+    """Return a value after a lag with the component's own rate, 1/s."""
     child = component.find(name)
     if child is None:
         return value
@@ -251,7 +253,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """The input behind its lag, with gain and bias."""
+    """Return the input after its lag, with gain and bias."""
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
@@ -269,7 +271,7 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """c1 / (s + c1)."""
+    """Return the output of c1 / (s + c1)."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is left out")
@@ -280,7 +282,7 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """s / (s + c1): 0 when the input is steady."""
+    """Return the output of s / (s + c1), which is 0 for a steady input."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "it is 0, as for a steady input")
@@ -293,7 +295,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """(c1 s + c2) / (c3 s + c4)."""
+    """Return the output of (c1 s + c2) / (c3 s + c4)."""
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
@@ -309,7 +311,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    """Return the output of (c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
@@ -328,7 +330,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _switch(component: Element, properties: Properties) -> Any:
-    """The value of the first test that holds, else the default."""
+    """Return the value of the first test that holds, else the default."""
     default = component.find("default")
     value: Any = 0.0
     if default is not None:
@@ -389,7 +391,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 
 
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
+    """Return kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
 
     The integral is 0 unless filters are states. Raises LoopError where the pilot reaches it. A
     derivative of the input is 0, as for a steady one.
@@ -415,7 +417,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
 def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
-    """The integral of gain times value, held where <trigger> is not 0."""
+    """Return the integral of gain times value, held where <trigger> is not 0."""
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
     except LoopError:  # it holds the integral where the output is at a limit

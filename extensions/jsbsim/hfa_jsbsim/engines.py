@@ -1,4 +1,4 @@
-"""Engines: their common parts, turbines and rockets (`FGEngine`, `FGThruster`, `FGTurbine`,
+"""Engines: common parts, turbines, rockets and others (`FGEngine`, `FGThruster`, `FGTurbine`,
 `FGRocket`)."""
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine",
 
 @dataclass(frozen=True)
 class EngineFile:
-    """An engine with its thruster, as the files describe them.
+    """Engine with its thruster, as described in the files.
 
     number: of the engine, from 0.
     mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
@@ -62,7 +62,7 @@ class EngineFile:
 
     @property
     def kind(self) -> str:
-        """turbine_engine, rocket_engine, ..."""
+        """Kind of the engine: turbine_engine, rocket_engine, ..."""
         return self.engine.name
 
     @property
@@ -82,7 +82,7 @@ class EngineFile:
 
     @property
     def gear_ratio(self) -> float:
-        """Turns of the engine for one of the propeller."""
+        """Turns of the engine for one turn of the propeller."""
         ratio = self.thruster.value_of("gearratio", 1.0)
         if ratio < _SLOWEST_GEAR:
             fault = f"<gearratio> is {ratio:g}; give at least {_SLOWEST_GEAR}"
@@ -91,8 +91,7 @@ class EngineFile:
 
     @property
     def lag(self) -> str:
-        """The name of the state of its lag, or "" for an engine that follows its throttle at
-        once."""
+        """Name of the state of its lag, or "" for an engine without lag."""
         delay = 1.0
         if self.kind == "piston_engine":
             delay = self.engine.value_of("man-press-lag", 1.0)
@@ -103,7 +102,7 @@ class EngineFile:
         return f"{_LAGS[self.kind]}{self.number}"
 
     def shaft(self, name: str) -> tuple[float, float]:
-        """Lowest and highest speed of one of its shafts, "n1" or "n2", %."""
+        """Return the lowest and highest speed of a shaft, "n1" or "n2", %."""
         idle = 30.0 if name == "n1" else 60.0
         return self.engine.value_of(f"idle{name}", idle), self.engine.value_of(f"max{name}", 100.0)
 
@@ -122,7 +121,7 @@ class EngineFile:
 
 @dataclass
 class Effect:
-    """The effect of an engine at a state.
+    """Effect of an engine at a state.
 
     force: lb, in body axes. moment: about the center of gravity, ft lb. thrust: lb along its axis.
     power: hp at the propeller, or None for a jet. rates: of its states, by name.
@@ -140,7 +139,7 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """The engine of an <engine>, or the element that cannot be read (a rotor, ...).
+    """Return the engine of an <engine>, or the element where it is not supported (a rotor, ...).
 
     opened: gives the root of the file that an element names.
     """
@@ -175,9 +174,10 @@ def read_engine(
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The data of an engine: properties, the motion, the body with `mass`, states by name, tanks,
-    the symbols of parameters by name, JSBSim's step, s, and the rotation of the earth, rad/s, in
-    body axes."""
+    """Data for an engine: properties, motion, mass, states, tanks and parameters of the aircraft.
+
+    JSBSim's step is in s, the rotation of the earth in rad/s, in body axes.
+    """
 
     properties: Properties
     motion: Motion
@@ -195,8 +195,10 @@ class Surroundings:
 
 
 def running(file: EngineFile, around: Surroundings) -> ca.SX:
-    """1 where the engine runs, else 0: its parameter is not 0 and tanks feed it
-    (`FGPropulsion::ConsumeFuel`)."""
+    """Return 1 where the engine runs, else 0.
+
+    It runs where its parameter is not 0 and tanks feed it (`FGPropulsion::ConsumeFuel`).
+    """
     on = around.parameters[f"engine{file.number}"] > 0.0
     if file.kind == "electric_engine":
         return on
@@ -225,7 +227,7 @@ def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
 
 
 def orientation(file: EngineFile, properties: Properties) -> ca.SX:
-    """(3, 3): body axes from those of the thruster."""
+    """Return the matrix (3, 3) from the thruster's axes to body axes."""
     pointing = file.thruster_mount.find("pointing")
     if pointing is not None:
         matrix = np.zeros((3, 3))
@@ -240,7 +242,7 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
 
 
 def placed(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Location of the thruster, inches."""
+    """Return the location of the thruster, inches."""
     names = [file.full_name(f"{axis}-position") for axis in "xyz"]
     return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
 
@@ -260,7 +262,7 @@ def pushed(
 
 
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
-    """The effect of an engine without propeller: direct, or with a nozzle."""
+    """Return the effect of an engine without propeller, direct or with a nozzle."""
     properties = around.properties
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
@@ -279,7 +281,7 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
 
 
 def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
-    """The state of the engine's lag, or None where lags are no states."""
+    """Return the state of the engine's lag, or None where lags are no states."""
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
@@ -300,7 +302,7 @@ def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
 
 
 def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
-    """The rate of the lag of a turbine or a turboprop, if it is a state."""
+    """Return the rate of the lag of a turbine or a turboprop, where the lag is a state."""
     state = lag_state(file, around)
     rates = {}
     if file.kind == "turbine_engine":
@@ -324,8 +326,10 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
 
 
 def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
-    """The throttle of a turboprop behind its limiter of torque, which moves once a frame
-    (`FGTurboProp::Calculate`)."""
+    """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`).
+
+    The limiter moves once a frame.
+    """
     given = throttle_of(file, around)
     properties = around.properties
     most = file.engine.value_of("ielumaxtorque", 0.0, "FT*LB")
@@ -344,15 +348,18 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Omit the functions of a turbine's spools with these first words: no force depends on them."""
+    """Omit the functions of a turbine's spools with these first words, because no force depends on
+    them."""
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False
 
 
 def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
-    """Rate of the speed of a turbine's shaft, %/s (`FGTurbine::Seek`): at its limit, until the
-    target is within one step of JSBSim."""
+    """Return the rate of a turbine's shaft speed, %/s (`FGTurbine::Seek`).
+
+    It is at its limit until the target is within one step of JSBSim.
+    """
     low, high = file.shaft("n2")
     is_on = running(file, around)
     share = ca.fmin((speed - low) / (high - low) + 0.1, 1.0)
@@ -390,7 +397,7 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
 def _augmented(
     file: EngineFile, around: Surroundings, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
 ) -> Any:
-    """Thrust of a turbine with its afterburner, lb."""
+    """Return the thrust of a turbine with its afterburner, lb."""
     engine = file.engine
     dry, bled = dry_and_bled
     position = throttle_of(file, around)
@@ -420,7 +427,7 @@ def _augmented(
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
-    """The value of one of the engine's functions, or the default without it."""
+    """Return the value of one of the engine's functions, or the default without it."""
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
@@ -431,7 +438,8 @@ def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0
 
 
 def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Thrust of a rocket in vacuum, lb: Isp times the flow. A solid one is not lit."""
+    """Return the thrust of a rocket in vacuum, lb: Isp times the flow. Solid rockets are not
+    lit."""
     engine = file.engine
     if engine.find("thrust_table") is not None:
         return ca.SX(0.0)
@@ -488,8 +496,11 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
-    """A table that the engine itself gives the arguments. A table of lower dimension takes the
-    first ones. Raises BadInputError where it is of more."""
+    """Return the value of a table whose arguments the engine supplies.
+
+    A table of lower dimension uses the first arguments. Raises BadInputError for a higher
+    dimension.
+    """
     read = read_table(table)
     if read.dimensions > len(arguments):
         fault = f"the table has {read.dimensions} axes, the engine gives it {len(arguments)}"
@@ -498,12 +509,12 @@ def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -
 
 
 def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
-    """Speed of the engine's shaft: of the propeller times the gear."""
+    """Return the speed of the engine's shaft: that of the propeller times the gear ratio."""
     return getattr(around.states, f"rpm{file.number}") * file.gear_ratio
 
 
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
-    """Let an engine set its properties when one of them is read.
+    """Define the properties of an engine, computed when one of them is read.
 
     compute: gives its `Effect`. Returned: the writer whose value the effect is.
     """

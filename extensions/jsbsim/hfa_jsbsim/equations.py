@@ -12,7 +12,7 @@ from hfa_jsbsim.properties import is_constant
 
 
 class EquationsOfMotion:
-    """(x, u, p, w) -> rates by state, outputs by name, of numbers or expressions.
+    """Equations (x, u, p, w) -> (rates by state, outputs by name), for numbers or expressions.
 
     still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
     are first needed in moving air.

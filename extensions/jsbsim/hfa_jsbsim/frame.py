@@ -41,7 +41,13 @@ _SETTLED = 1e-9
 
 @dataclass(frozen=True)
 class Planet:
-    """semimajor, semiminor: axes, ft. turning: rad/s. pull: G M, ft^3/s^2. flattening: J2."""
+    """Constants of the earth.
+
+    semimajor, semiminor: axes, ft
+    turning: rotation, rad/s
+    pull: G M, ft^3/s^2
+    flattening: J2
+    """
 
     semimajor: float = 20925646.32546
     semiminor: float = 20855486.5951
@@ -61,7 +67,7 @@ class _FrameEquations(Equations):
         return self.planet_rates
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Force, moment, mass and inertia, and the rates of the engines."""
+        """Set force, moment, mass and inertia, and the rates of the engines."""
         force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
         moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
         inertia = ca.reshape(self.mass.inertia, 9, 1)
@@ -83,7 +89,7 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Do nothing: the rates of the angles are those of the frame before."""
+        """Do nothing, because the rates of the angles are those of the previous frame."""
 
     def _stop_clock(self) -> None:
         """Set the time to 0, as in the model."""
@@ -99,7 +105,10 @@ class Frames:
         step: float,
         names: tuple[list[str], list[str], list[str]],
     ) -> None:
-        """step: of a frame, s. names: states, inputs and parameters of the model.
+        """Build the functions of a frame.
+
+        step: length of a frame, s
+        names: states, inputs and parameters of the model
 
         Raises BadInputError where the model's inputs are not JSBSim's own, or filters are its
         states.
@@ -165,7 +174,7 @@ class Frames:
         self._x = np.array(x, dtype=float)
 
     def advance(self, u: Any) -> np.ndarray:
-        """The state of the model, (n,), after a frame with these inputs, (m,)."""
+        """Return the state of the model, (n,), after a frame with the inputs u, (m,)."""
         z, shown = self._frame(self._z, u, self._p)
         self._z = np.array(z).ravel()
         x = np.array(shown).ravel()
@@ -175,7 +184,7 @@ class Frames:
         return x.copy()
 
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
-        """The motion at a state, (_SIZE,), over the equator; accelerations are 0.
+        """Return the motion at a state, (_SIZE,), over the equator, with accelerations of 0.
 
         values: of the states, by name. wind: north, east and down, ft/s
         """
@@ -200,7 +209,10 @@ class Frames:
         return motion
 
     def _compiled(self, moving: bool) -> ca.Function:
-        """(z, u, p) -> z and x after a frame; not moving: z alone, with the aircraft in place."""
+        """Return the Function (z, u, p) -> z and x after a frame.
+
+        moving: whether the aircraft moves; otherwise only z is returned
+        """
         z = ca.SX.sym("z", _SIZE + len(self._engines) + len(self._memories))
         u = ca.SX.sym("u", len(self._inputs))
         p = ca.SX.sym("p", len(self._parameters))
@@ -297,7 +309,7 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
 
 
 class _View(NamedTuple):
-    """A motion as the rest of the frame reads it.
+    """Motion in the form in which the rest of the frame reads it.
 
     to_earth: (3, 3), axes of the earth from inertial ones. to_body: (3, 3), body axes from these.
     place: position in axes of the earth, ft. drift: velocity of the earth there, inertial, ft/s.
@@ -318,7 +330,10 @@ class _View(NamedTuple):
 
 
 def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
-    """The view of a motion. wind: (3,) north, east and down, ft/s."""
+    """Return the view of a motion.
+
+    wind: (3,), north, east and down, ft/s
+    """
     turning = ca.vertcat(0.0, 0.0, planet.turning)
     to_earth = _turned(parts["earth"])
     to_body = _matrix(parts["attitude"])
@@ -382,12 +397,12 @@ def _accelerated(
 
 
 def _column(values: Iterable[Any]) -> ca.SX:
-    """Expressions in one column, (0, 1) without any."""
+    """Return expressions in one column, (0, 1) without any."""
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
 def _split(motion: Any) -> dict[str, Any]:
-    """The parts of a motion, by name."""
+    """Return the parts of a motion by name."""
     parts = {}
     begin = 0
     for name, size in _MOTION.items():
@@ -425,7 +440,7 @@ def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str,
 
 
 def _turned(angle: Any) -> Any:
-    """(3, 3): axes of the earth from inertial ones."""
+    """Return the matrix (3, 3) from inertial axes to axes of the earth."""
     cos = ca.cos(angle)
     sin = ca.sin(angle)
     return ca.vertcat(
@@ -434,7 +449,7 @@ def _turned(angle: Any) -> Any:
 
 
 def _matrix(attitude: Any) -> Any:
-    """(3, 3): body axes from inertial ones, of a quaternion."""
+    """Return the matrix (3, 3) of a quaternion, from inertial axes to body axes."""
     q0, q1, q2, q3 = ca.vertsplit(attitude)
     return ca.vertcat(
         ca.horzcat(
@@ -456,8 +471,11 @@ def _matrix(attitude: Any) -> Any:
 
 
 def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
-    """Altitude above the ellipsoid at sea level, ft, and (3, 3): axes north, east and down from
-    those of the earth, at a place in these (Fukushima, Journal of Geodesy 79, 2006)."""
+    """Return the altitude above the ellipsoid, ft, and the matrix (3, 3) to axes north, east and
+    down.
+
+    Source: Fukushima, Journal of Geodesy 79, 2006.
+    """
     x, y, z = ca.vertsplit(place)
     a = planet.semimajor
     ec = planet.semiminor / a
@@ -489,7 +507,8 @@ def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
 
 
 def _gravity(place: Any, planet: Planet) -> Any:
-    """(3,) acceleration of gravity in axes of the earth (`FGInertial::GetGravityJ2`)."""
+    """Return the acceleration of gravity, (3,), in axes of the earth
+    (`FGInertial::GetGravityJ2`)."""
     radius = ca.norm_2(place)
     sine = place[2] / radius
     share = 1.5 * planet.flattening * (planet.semimajor / radius) ** 2
@@ -500,7 +519,7 @@ def _gravity(place: Any, planet: Planet) -> Any:
 
 
 def _flow(air: Any) -> tuple[Any, Any, Any]:
-    """Speed, alpha and beta of a velocity through the air in body axes."""
+    """Return speed, alpha and beta of an airspeed in body axes."""
     u, v, w = ca.vertsplit(air)
     in_plane = u * u + w * w
     return ca.sqrt(in_plane + v * v), ca.atan2(w, u), ca.atan2(v, ca.sqrt(in_plane))

@@ -1,5 +1,7 @@
-"""Components of the control system with a memory, as JSBSim works them out once a frame
-(`FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat`, `FGPID`)."""
+"""Components of the control system with a memory, computed once a frame as in JSBSim.
+
+The classes of JSBSim are `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +16,24 @@ from hfa_jsbsim.xml_file import Element
 
 
 class _Past:
-    """The values that a component keeps from the previous frame."""
+    """Values that a component keeps from the previous frame."""
 
     def __init__(self, component: Element, properties: Properties) -> None:
         self._key = f"{component.where} {component.attributes.get('name', '')}"
         self._properties = properties
 
     def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """The value that `compute` gave a frame before."""
+        """Return the value that `compute` gave in the previous frame."""
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:
-        """A value; in the first frame that at the begin."""
+        """Return the value, or in the first frame the initial one."""
         has_begun = self.of("begun", lambda: ca.SX(1.0))
         return ca.if_else(has_begun > 0.0, value, begin)
 
     def input_of_filter(self, component: Element) -> ca.SX:
-        """The input of a filter, which JSBSim reads from its second frame on; before, 0."""
+        """Return the input of a filter, or 0 before its second frame, when JSBSim first reads
+        it."""
         return self.unless_first(input_of(component, self._properties), 0.0)
 
 
@@ -40,7 +43,7 @@ def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
 
 
 def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -> Any:
-    """A value behind a lag, 1/s, that begins with an input and an output."""
+    """Return a value after a lag, 1/s, from an initial input and output."""
     of_inputs, of_output = _tustin(rate, step)
     last_input = past.unless_first(past.of("lag input", lambda: value), begin)
     last_output = past.unless_first(past.of("lag output", lambda: output), begin)
@@ -49,14 +52,14 @@ def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """c1 / (s + c1)."""
+    """Return the output of c1 / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
     past = _Past(component, properties)
     return _lagged(past.input_of_filter(component), rate, past, properties.step)
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """s / (s + c1)."""
+    """Return the output of s / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
     past = _Past(component, properties)
     value = past.input_of_filter(component)
@@ -69,7 +72,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """(c1 s + c2) / (c3 s + c4)."""
+    """Return the output of (c1 s + c2) / (c3 s + c4)."""
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     step = properties.step
     below = 2.0 * c3 + step * c4
@@ -86,7 +89,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """(c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    """Return the output of (c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     step = properties.step
     below = 4.0 * c4 + 2.0 * c5 * step + c6 * step**2
@@ -107,7 +110,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Lag, limits of rate, deadband, hysteresis and bias, in this order."""
+    """Return the output of lag, rate limits, deadband, hysteresis and bias, in this order."""
     _refuse_delay(component)
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
@@ -131,7 +134,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _slowed(component: Element, value: ca.SX, past: _Past, properties: Properties) -> ca.SX:
-    """A value within the limits of rate, up and down."""
+    """Return a value within the rate limits, up and down."""
     limits: dict[str, Any] = {}
     for child in component.all("rate_limit"):
         limit = properties.value(child.text, child)
@@ -152,7 +155,7 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """The input behind its lag, with gain and bias."""
+    """Return the input after its lag, with gain and bias."""
     _refuse_delay(component)
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
@@ -200,7 +203,10 @@ def _moved(
     step: float,
     sign: float,
 ) -> ca.SX:
-    """The position after a step in one direction; intervals: low, high, time, in its order."""
+    """Return the position after a step in one direction.
+
+    intervals: (low, high, time), in order
+    """
     position = last
     left = ca.SX(step)
     for low, high, time in intervals:
@@ -229,7 +235,7 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """kp u + ki times the integral of u + kd u'; standard: kp times the sum."""
+    """Return kp u + ki times the integral of u + kd u'; of a standard one kp times the sum."""
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
     trigger = ca.SX(parameter(component, "trigger", properties, 0.0))

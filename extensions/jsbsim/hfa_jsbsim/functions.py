@@ -45,8 +45,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """The value whose number is the index, rounded; no number below 0 and beyond the end, where
-    JSBSim ends."""
+    """Return the value at the rounded index; beyond the ends, where JSBSim stops, nan."""
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
         chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
@@ -54,7 +53,8 @@ def _switch(index: Any, *values: Any) -> Any:
 
 
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
-    """Linear between points (x1, y1, x2, y2, ...); constant beyond the first and the last.
+    """Return the linear interpolation between points (x1, y1, x2, y2, ...), constant beyond the
+    ends.
 
     The interval is found by bisection, as JSBSim does, also where the x do not increase.
     """
@@ -76,7 +76,8 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A logarithm, or minus infinity where its argument is not positive, as in JSBSim."""
+    """Return a logarithm that is minus infinity where its argument is not positive, as in
+    JSBSim."""
 
     def value(argument: Any) -> Any:
         positive = argument > 0.0
@@ -86,12 +87,12 @@ def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _sqrt(argument: Any) -> Any:
-    """The square root, or minus infinity for a negative number, as in JSBSim."""
+    """Return the square root, or minus infinity for a negative number, as in JSBSim."""
     return ca.if_else(argument >= 0.0, ca.sqrt(ca.fabs(argument)), -math.inf)
 
 
 def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """A function of two, or infinity where the second argument is 0, as in JSBSim."""
+    """Return a function of two arguments that is infinite where the second is 0, as in JSBSim."""
 
     def value(one: Any, other: Any) -> Any:
         is_zero = other == 0.0
@@ -106,7 +107,7 @@ def _is_true(value: Any) -> Any:
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """A comparison as 1 or 0."""
+    """Return a comparison as 1 or 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
@@ -170,7 +171,10 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
 
 
 def function_value(element: Element, properties: Properties, number: int | None = None) -> Any:
-    """The value of a <function>; `number` takes the place of # in names of properties."""
+    """Return the value of a <function>.
+
+    number: number that replaces # in names of properties
+    """
     arguments = [child.take() for child in element.children if child.name != "description"]
     if len(arguments) != 1:
         raise element.error(f"<{element.name}> has {len(arguments)} values; give one")
@@ -244,7 +248,7 @@ class Table:
         return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
 
     def at(self, properties: Properties, arguments: list[Any]) -> Any:
-        """The value at the arguments: row, column, table."""
+        """Return the value at the arguments: row, column, table."""
         interpolate = properties.interpolate
         if not self.parts:
             return interpolate(self.values, self.breakpoints, arguments)
@@ -256,7 +260,7 @@ class Table:
 
 
 def read_table(element: Element) -> Table:
-    """The numbers of a <table>, or of a <tableData> in another."""
+    """Return the numbers of a <table>, or of a <tableData> in another."""
     nested = list(element.all("tableData"))
     if not nested and element.name != "tableData":
         raise element.error("the table has no <tableData>; add it")
@@ -273,7 +277,7 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Tables over a further axis, whose breakpoints they name."""
+    """Return tables stacked over a further axis, whose breakpoints they name."""
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
@@ -293,7 +297,8 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Rows of numbers: pairs, or a row of columns' breakpoints before rows with one number more."""
+    """Return rows of numbers: pairs, or breakpoints of the columns before rows with one number
+    more."""
     rows = []
     for line, text in data.lines:
         if "_" in text:
@@ -343,7 +348,7 @@ def table_value(element: Element, properties: Properties, number: int | None = N
 
 
 def named(section: Element) -> Iterator[Element]:
-    """All functions and tables of a section that have a name, those in others too."""
+    """Yield all functions and tables of a section that have a name, including nested ones."""
     pending = [section]
     while pending:
         part = pending.pop()

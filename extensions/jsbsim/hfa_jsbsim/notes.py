@@ -15,7 +15,7 @@ _MOST = 12
 
 
 class Note(NamedTuple):
-    """A statement on a file.
+    """Statement on an element of a file.
 
     statement: the statement. subject: the part of the file that it concerns, "" for the whole file.
     where: file and line. rank: FORCE, MOTION or IDLE.
@@ -28,8 +28,8 @@ class Note(NamedTuple):
 
 
 def grouped(notes: Iterable[Note]) -> list[str]:
-    """Return a line for each statement, with its subjects by file and line; statements on forces
-    come first."""
+    """Return a line for each statement, with its subjects by file and line, those on forces
+    first."""
     by_statement: dict[tuple[int, str], list[Note]] = {}
     for note in notes:
         by_statement.setdefault((note.rank, note.statement), []).append(note)
@@ -38,7 +38,7 @@ def grouped(notes: Iterable[Note]) -> list[str]:
 
 
 def _line(statement: str, notes: list[Note]) -> str:
-    """A statement with its subjects."""
+    """Return a statement with its subjects."""
     by_file: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
         file, _, line = note.where.rpartition(":")

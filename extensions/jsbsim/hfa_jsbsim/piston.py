@@ -1,4 +1,4 @@
-"""Piston engines, with and without superchargers (`FGPiston`); its constants as it writes them."""
+"""Piston engines with and without superchargers (`FGPiston`), with its constants."""
 
 from __future__ import annotations
 
@@ -45,8 +45,10 @@ _MIXTURE = (
 def piston_power(
     file: EngineFile, around: Surroundings
 ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
-    """Power, hp, the properties that the engine sets, and the rate of its manifold pressure where
-    that is a state."""
+    """Return the power, hp, the properties of the engine, and the rate of its manifold pressure.
+
+    The rate exists where the manifold pressure is a state.
+    """
     engine = file.engine
     air = around.motion.air
     ambient = air.pressure * _PSF_TO_PA
@@ -117,15 +119,17 @@ class _Breathing:
         self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
-        """Pressure behind the throttle, relative to that of the ram air; it rises further beyond
-        full throttle, so that a search for more finds a direction."""
+        """Return the pressure behind the throttle relative to the ram air.
+
+        It rises further beyond full throttle, so that the search for a trim finds a direction.
+        """
         impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
         return impedance / (impedance + self.air_box + closed * self.throttle)
 
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
-    """Fuel a horsepower and hour, lb: of the file, or such that the engine has its power."""
+    """Return the fuel in lb per horsepower and hour, from the file or consistent with the power."""
     name = file.full_name("bsfc-lbs_hphr")
     own_value = _own_consumption(file.engine, breathing)
     return around.properties.read_or(name, own_value, file.mount.where)
@@ -149,7 +153,7 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
 
 
 def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) -> Any:
-    """Share of the power that is left at a ratio of fuel to air."""
+    """Return the fraction of the power at a ratio of fuel to air."""
     for table in engine.all("table"):
         if table.attributes.get("name") == "MIXTURE":
             return internal_table(table, around, [fuel_share])
@@ -160,7 +164,8 @@ def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) 
 def _boosted(
     file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
-    """Manifold pressure behind the supercharger, Pa, at the speed that the air pressure selects."""
+    """Return the manifold pressure behind the supercharger, Pa, at the speed for the air
+    pressure."""
     gears = _gears(file.engine)
     if not gears:
         return throttled
@@ -220,13 +225,13 @@ def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
 
 
 def _standard_pressure(altitude: float) -> float:
-    """psf (`FGPiston::GetStdPressure100K`)."""
+    """Return the standard pressure, psf (`FGPiston::GetStdPressure100K`)."""
     factors = (2116.217, -7.648932746e-2, 1.0925498604e-6, -7.1135726027e-12, 1.7470331356e-17)
     return sum(factor * altitude**power for power, factor in enumerate(factors))
 
 
 def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any) -> Any:
-    """Power that the supercharger takes, hp."""
+    """Return the power consumed by the supercharger, hp."""
     factor = engine.value_of("boost-loss-factor", 0.0)
     if factor <= 0.0:
         return 0.0

@@ -24,7 +24,7 @@ _FEATHERING = 1.0 / 300.0
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
-    """Thrust, torque and moments of a propeller that an engine drives with a power, ft lb/s.
+    """Return thrust, torque and moments of a propeller driven with a given power, ft lb/s.
 
     A stopped propeller takes no power (`FGPiston::Calculate`). C_T and C_P are tables over J = V /
     (n D) and the blade angle; thrust C_T rho n^2 D^4, power needed C_P rho n^3 D^5.
@@ -112,7 +112,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
 def _coefficient(
     file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
-    """C_T or C_P with its factor and its table over the tip's Mach number."""
+    """Return C_T or C_P with its factor, and its table over the Mach number of the tip."""
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:

@@ -1,5 +1,4 @@
-"""Values of JSBSim's properties by name, as expressions: each is worked out when it is first
-read."""
+"""JSBSim's properties by name, as expressions computed when they are first read."""
 
 from __future__ import annotations
 
@@ -48,7 +47,8 @@ _ON_GROUND = re.compile(
 
 
 class LoopError(BadInputError):
-    """A value of the control system that depends on its own past: it has no static value.
+    """Error of a value of the control system that depends on its own past and has no static
+    value.
 
     cause: the chain of dependence. where: file and line.
     """
@@ -61,7 +61,7 @@ class LoopError(BadInputError):
 
 @dataclass(eq=False)
 class Writer:
-    """One of the components that set a property.
+    """Component that sets a property.
 
     compute: gives the value.
     where: file and line.
@@ -79,7 +79,7 @@ class Writer:
 
 @dataclass(eq=False)
 class FilterState:
-    """A state of the control system, with its rate when all of it is known.
+    """State of the control system, with its rate once that is known.
 
     component: whose memory it is. writer: works out its rate in the component's place.
     """
@@ -91,8 +91,8 @@ class FilterState:
 
 @dataclass(eq=False)
 class Memory:
-    """The value of a component that JSBSim keeps from one frame to the next: its symbol, and the
-    function that computes the next one."""
+    """Value that a component keeps from one frame to the next: its symbol, and the function of the
+    next one."""
 
     symbol: ca.SX
     writer: Writer
@@ -139,11 +139,11 @@ class Properties:
         self._initial[plain(name)] = value
 
     def compute(self, name: str, writer: Writer) -> None:
-        """Let a property be worked out when it is read."""
+        """Define a property by a writer, evaluated when it is read."""
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Remove a writer: properties that it alone sets stay 0."""
+        """Remove a writer; properties that it alone sets stay 0."""
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)
@@ -171,14 +171,17 @@ class Properties:
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
     def remember(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """The symbol of a value at the end of the frame before; compute: gives it in this one."""
+        """Return the symbol of a value at the end of the previous frame.
+
+        compute: function that returns the value in this frame
+        """
         if name not in self.memories:
             writer = Writer(compute, "", self._order)
             self.memories[name] = Memory(ca.SX.sym("memory"), writer)
         return self.memories[name].symbol
 
     def before(self, name: str) -> Any:
-        """A property at the end of the frame before, or its present value where there are no
+        """Return a property at the end of the previous frame, or its present value without
         frames."""
         key = plain(name)
         if not self.step:
@@ -189,21 +192,25 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """A command when JSBSim copies it to its position, before the control system runs: a value
-        set by a component is then of the frame before."""
+        """Return a command when JSBSim copies it to its position, before the control system runs.
+
+        A value set by a component is then that of the previous frame.
+        """
         writer = self.writer(name)
         if self.step and writer is not None and writer.component is not None:
             return self.before(name)
         return self.read(name, "")
 
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
-        """Note that the memory of a component is omitted; is_never: also where it could be a
-        state."""
+        """Note that the memory of a component is omitted.
+
+        is_never: whether it is omitted also where it could be a state
+        """
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
         self.left_out.setdefault(key, (component, what, is_never))
 
     def replace(self, name: str, value: Any) -> None:
-        """Set a property, whatever else sets it."""
+        """Set a property, overriding all other writers."""
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
@@ -329,7 +336,7 @@ def plain(name: str) -> str:
 
 
 def _identifier(component: Element, taken: list[ca.SX]) -> str:
-    """The name of a state, from that of its component: "fcs/yaw damper" is yaw_damper."""
+    """Return the name of a state from that of its component: yaw_damper for "fcs/yaw damper"."""
     last = component.attributes.get("name", "").rsplit("/", 1)[-1]
     words = re.findall("[a-z0-9]+", last.lower())
     name = "_".join(words) or component.name

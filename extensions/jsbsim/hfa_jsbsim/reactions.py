@@ -1,4 +1,4 @@
-"""Forces and moments from outside: <external_reactions> (`FGExternalForce`)."""
+"""External forces and moments from <external_reactions> (`FGExternalForce`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hfa_support.errors import shortened
 
 
 class Reactions:
-    """The forces and moments of a section; their magnitudes are functions or properties."""
+    """External forces and moments of a section, whose magnitudes are functions or properties."""
 
     def __init__(self, section: Element | None, properties: Properties) -> None:
         self._properties = properties
@@ -33,8 +33,10 @@ class Reactions:
             self._define(moment, "lmn")
 
     def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
-        """Let the properties of a vector begin with its values; without a vector they keep those
-        that the file sets, else are 0."""
+        """Set the initial values of the properties of a vector.
+
+        Without a vector they have the values set by the file, or 0.
+        """
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
             self._own[name] = value
@@ -50,7 +52,7 @@ class Reactions:
         self._begin([f"{_base(element)}/{axis}" for axis in axes], _direction(element))
 
     def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
-        """Force, lb, and moment about the center of gravity, ft lb, in body axes.
+        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes.
 
         arm: a place in inches -> ft from the center of gravity, in body axes.
         """
@@ -66,7 +68,7 @@ class Reactions:
         return total, moment
 
     def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
-        """A force or a moment in body axes."""
+        """Return a force or a moment in body axes."""
         names = [f"{_base(element)}/{axis}" for axis in axes]
         self._properties.asked.update(names)
         magnitude = self._size(element)

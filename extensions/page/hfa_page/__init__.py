@@ -1,2 +1,1 @@
-"""The main job on one page that an engineer files: trims, models, games and claims, one HTML
-file."""
+"""The main job on one HTML page: trims, models, games and claims."""

@@ -26,8 +26,11 @@ _SAME = 1e-9
 
 
 class Claims(NamedTuple):
-    """The content of claims.json: the number of claims with each verdict, its provenance, a row for
-    each claim, and dihedral (deg), A and B of each linear model in the flights."""
+    """Content of claims.json.
+
+    It has the number of claims with each verdict, the provenance, a row for each claim, and the
+    dihedral angle (deg), A and B of each linear model in the flights.
+    """
 
     data: dict[str, Any]
     verdicts: str
@@ -43,7 +46,7 @@ class Claims(NamedTuple):
 
     @property
     def others(self) -> str:
-        """Numbers of claims with each of the other verdicts, in words."""
+        """Numbers of claims with each other verdict, in words."""
         counts = self.data["verdicts"].items()
         words = [f"{count} {verdict}" for verdict, count in counts if verdict != "not confirmed"]
         return ", ".join(words)
@@ -60,7 +63,10 @@ class Claims(NamedTuple):
 
 
 def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
-    """The claims, and whether this aircraft was flown; without claims, how to get them."""
+    """Return the section on the claims, and whether they are for this aircraft.
+
+    Without claims it states how to compute them.
+    """
     if claims is None:
         how = (
             "Not on this page. `python -m studies.section5 -o out` computes it, "
@@ -74,8 +80,10 @@ def claims_section(claims: Claims | None, regeneration: Regeneration) -> Report:
 
 
 def load_claims(path: Path) -> Claims:
-    """claims.json, or the folder that holds it. Raises BadInputError where its layout is not the
-    study's."""
+    """Return the content of claims.json, given its path or folder.
+
+    Raises BadInputError where its layout is not the study's.
+    """
     file = path / "claims.json" if path.is_dir() else path
     study = "`python -m studies.section5`"
     try:

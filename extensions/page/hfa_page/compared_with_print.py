@@ -1,4 +1,4 @@
-"""A and B of the main job's page with the printed entries below the computed ones."""
+"""Tables of A and B with printed entries below the computed ones."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ _MOST_HALF_UNITS = (1.0, 2.0, 3.0)
 def matrices_compared_with_print(
     model: LinearModel, published: PublishedModel
 ) -> tuple[Table, ...]:
-    """A and B, the printed row below each computed one; an entry's tone is its deviation in half
-    units."""
+    """Return A and B with a printed row below each computed one.
+
+    The tone of an entry is its deviation in half units.
+    """
     entries = iter(compare(model, published))
     tables = []
     for name, columns in (("A", LINEAR_STATES), ("B", INPUTS)):
@@ -33,7 +35,7 @@ def matrices_compared_with_print(
 
 
 def _toned(entry: EntryRow) -> str:
-    """The computed entry; an entry that is 0 and printed 0 has no tone."""
+    """Return the cell of a computed entry; an entry that is 0 and printed 0 has no tone."""
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown

@@ -29,8 +29,10 @@ _SAME = 1e-9
 
 
 class StoredFlights(NamedTuple):
-    """best_flights.json: all of it, its table, its limits in words, and dihedral (rad), A and B at
-    each trim."""
+    """Content of best_flights.json: its table, its limits, and the linear model of each trim.
+
+    The dihedral angles are in rad.
+    """
 
     data: dict[str, Any]
     table: Table
@@ -38,8 +40,10 @@ class StoredFlights(NamedTuple):
     models: list[tuple[float, np.ndarray, np.ndarray]]
 
     def flew(self, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]) -> bool:
-        """Return whether the linear models of the page, by their dihedral angle in deg, are those
-        of the aircraft that flew; at least one angle is compared."""
+        """Return whether the linear models of the page are those of the stored flights.
+
+        A_and_B: dihedral angle, deg -> (A, B); at least one angle must be stored
+        """
         shared = [model for model in self.models if model[0] in A_and_B]
         return bool(shared) and all(
             np.allclose(mine, theirs, rtol=_SAME, atol=_SAME)
@@ -51,7 +55,7 @@ class StoredFlights(NamedTuple):
 def flights_section(
     flights: StoredFlights, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> Report:
-    """The costs of the flights, the limits, and whether this aircraft flew."""
+    """Return the section on the costs of the flights, their limits and their aircraft."""
     same = "this page's aircraft" if flights.flew(A_and_B) else "ANOTHER aircraft than this page's"
     about = (
         "The cost of x'Qx + u'Ru, the paper's Q and R. The policies are exact for the linear game; "
@@ -62,8 +66,10 @@ def flights_section(
 
 
 def load_flights(path: Path) -> StoredFlights:
-    """best_flights.json, or the folder that holds it. Raises BadInputError where its layout is not
-    the study's."""
+    """Return the content of best_flights.json, given its path or folder.
+
+    Raises BadInputError where its layout is not the study's.
+    """
     file = path / "best_flights.json" if path.is_dir() else path
     try:
         data = read_json(file)
@@ -85,7 +91,8 @@ def load_flights(path: Path) -> StoredFlights:
 
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
-    """A row for each angle and set of limits: the cost of each flight, and over the best found."""
+    """Return a row for each angle and set of limits: the cost of each flight, also above the
+    best."""
     header = ("dihedral, assumed limits", *_POLICIES, "best flight found")
     rows = [
         (
@@ -99,7 +106,7 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _policy(flight: Mapping[str, Any]) -> Cell:
-    """The cost of a policy's flight, and whether it leaves the limits."""
+    """Return the cost of a policy's flight, and whether it leaves the limits."""
     if flight["cost"] is None:
         return Cell("does not converge", "bad")
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.1f}x)"
@@ -109,7 +116,7 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Each set of limits. All but the first list only their differences from it."""
+    """Return each set of limits in words, all but the first by their differences from it."""
     sentences = []
     first: Mapping[str, Sequence[float]] = {}
     for name, pairs in limits.items():

@@ -1,5 +1,7 @@
-"""The page of the main job: its sections and every number of it, and the HTML file with style, data
-and Plotly's script in it, which loads nothing from elsewhere."""
+"""Sections and numbers of the page of the main job, and its HTML file.
+
+The file contains style, data and Plotly's script, and loads nothing from elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Report shown on the page below its slider; data: every number."""
+    """Return the report below the page's slider; its data contain every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -91,12 +93,12 @@ def main_report(job: MainJob) -> Report:
 
 
 def glosses() -> Table:
-    """Explanation of each check of the page."""
+    """Return the explanation of each check of the page."""
     return Table(("check", "what it says"), tuple(tomllib.loads(_file("glosses.toml")).items()))
 
 
 def verdicts(job: MainJob) -> Table:
-    """Rows of the table of checks: subject and result."""
+    """Return the table of checks: subject and result."""
     rows: list[tuple[Any, ...]] = [
         (f"printed pair at {pair.published.dihedral_deg:g} deg regenerated", verdict_text(pair.ok))
         for pair in sorted(job.regeneration.pairs, key=lambda pair: pair.published.dihedral_deg)
@@ -119,7 +121,7 @@ def verdicts(job: MainJob) -> Table:
 
 
 def flown_angles(job: MainJob) -> Report | None:
-    """The stored flights from the paper's x(0), or None where none were given."""
+    """Return the report of the stored flights from the paper's x(0), or None without them."""
     if job.flights is None:
         return None
     linear = {
@@ -131,8 +133,10 @@ def flown_angles(job: MainJob) -> Report | None:
 
 
 def angle_report(job: MainJob, angle: Angle) -> Report:
-    """One requested angle: linear model with the print, game solution, learned critic; the slider
-    shows its trim."""
+    """Return the report of a requested angle: linear model, game solution and learned critic.
+
+    The slider shows its trim.
+    """
     model = angle.model
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg, "reason": angle.reason}
     title = f"Dihedral {angle.dihedral_deg:.6g} deg: model, game, critic"
@@ -172,8 +176,8 @@ def point_report(job: MainJob, angle: Angle) -> Report:
 
 
 def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
-    """The linear model; where the paper prints one, with the printed entries below the computed
-    ones."""
+    """Return the report of the linear model, with printed entries below the computed ones if
+    any."""
     bands = (
         entry_bands(job.parameters, angle.condition, model) if bands_known(job.parameters) else None
     )
@@ -241,8 +245,7 @@ def _link(section: str, title: str) -> str:
 
 
 def _folded(section: str, part: Report) -> str:
-    """A section that a click unfolds; it is unfolded where it is printed, or where a link leads to
-    it."""
+    """Return a section that unfolds on a click, in print, and where a link leads to it."""
     return (
         f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
         f"<section>{replace(part, title='').html(2)}</section></details>"
@@ -282,8 +285,7 @@ def _file(name: str) -> str:
 
 @cache
 def plotly_script() -> str:
-    """Plotly's own script, whole, packed to less than half its size, its license in plain text
-    before it.
+    """Return Plotly's script, compressed, with its license in plain text before it.
 
     Raises BadInputError when Plotly is not installed.
     """

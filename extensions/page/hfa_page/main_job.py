@@ -1,5 +1,5 @@
-"""The main job: both printed pairs regenerated, the sweep, and every requested angle with its game
-and its critic."""
+"""The main job: regeneration of both printed pairs, a sweep, and games and critics at requested
+angles."""
 
 from __future__ import annotations
 
@@ -45,8 +45,10 @@ MOST_ASKED = 20
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The trim and the linear model at a dihedral angle (rad). A requested angle also has the exact
-    solution of the paper's game, and a critic learned with the default law and compared with it.
+    """Trim and linear model at a dihedral angle, rad.
+
+    A requested angle also has the exact solution of the paper's game, and a critic learned with the
+    default law and compared with it.
 
     model, solution, check: None if not computed; `reason` says why.
     """
@@ -76,8 +78,7 @@ def trimmed_angle(
     flight: TrimCondition,
     start: OperatingPoint | None,
 ) -> Angle:
-    """Trim and linearize a flight at a dihedral angle, rad; an angle without a trim keeps the
-    reason."""
+    """Trim and linearize at a dihedral angle, rad; without a trim the reason is kept."""
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
         point = find_operating_point(aircraft, condition, start)
@@ -87,7 +88,7 @@ def trimmed_angle(
 
 
 def with_game(angle: Angle) -> Angle:
-    """The angle with its game solved, and a critic learned and compared with the solution."""
+    """Return the angle with its game solved, and a learned critic compared with the solution."""
     model = angle.model
     if model is None:
         return angle
@@ -104,8 +105,8 @@ def with_game(angle: Angle) -> Angle:
 
 @dataclass(frozen=True, eq=False)
 class MainJob:
-    """One aircraft: both pairs regenerated, trims and models over the dihedral angle, requested
-    angles in full.
+    """Results for one aircraft: both printed pairs, a sweep of the dihedral angle, requested
+    angles.
 
     points: one for each angle of the sweep. claims, flights: None where none were given.
     """
@@ -126,8 +127,7 @@ class MainJob:
 
     @property
     def ok(self) -> bool:
-        """True if everything holds; the verdicts on the paper's claims are findings and not
-        counted."""
+        """True if every check holds; verdicts on the paper's claims do not count."""
         return self.regeneration.ok and self.learned
 
 

@@ -70,13 +70,12 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """A picture that is one or more Plotly figures on a page of HTML; elsewhere Matplotlib draws
-    it."""
+    """Picture of one or more Plotly figures on an HTML page; elsewhere Matplotlib draws it."""
 
     figures: tuple[PlotlyFigure, ...]
 
     def html(self) -> str:
-        """Boxes, figures and one caption; the page that holds them brings Plotly's script."""
+        """Return boxes, figures and one caption; the page itself contains Plotly's script."""
         key = self.name.removesuffix(".png")
         text = html.escape(self.text)
         boxes = "".join(
@@ -89,7 +88,7 @@ class InteractivePlot(Picture):
 
 
 def in_script(value: Any) -> str:
-    """The value as JSON of which no word can end the script element that holds it."""
+    """Return the value as JSON that cannot end its script element."""
     return json.dumps(jsonable(value), allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
@@ -107,8 +106,11 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """A frame for each position of the slider, named by it: the changes of the last traces.
-    Background and size are the page's, which moves to a frame at once; the legend is above."""
+    """Return a figure with a frame for each position of the slider.
+
+    A frame contains the changes of the last traces. Background and size are those of the page; the
+    legend is above.
+    """
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -168,8 +170,10 @@ def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | 
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """The moving parts: the ends of the panels, lift, weight, hinges, and their sizes, or nothing
-    without a trim."""
+    """Return the moving parts, or nothing without a trim.
+
+    They are the ends of the panels, lift, weight and hinges, with their sizes.
+    """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels = panels_from_the_front(aircraft, point)
@@ -201,13 +205,13 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
 
 
 def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Start and end of each force, (2, 2)."""
+    """Return start and end of each force, (2, 2)."""
     pairs = zip(starts, forces, strict=True)
     return [np.array([start, start + scale * force]) for start, force in pairs]
 
 
 def _pieces(pieces: list[np.ndarray]) -> dict[str, Any]:
-    """A trace of separate lines, each (2, 2): NaN after each is a gap."""
+    """Return a trace of separate lines, each (2, 2), with nan as a gap."""
     gap = np.full((1, 2), np.nan)
     return _line(np.concatenate([part for piece in pieces for part in (piece, gap)]))
 
@@ -218,8 +222,10 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def locus_plot(swept: Sweep) -> InteractivePlot | None:
-    """All modes, and the slow ones alone where there are slow and fast ones, or None where nothing
-    is trimmed."""
+    """Return the root locus of all modes, and of slow ones alone where speeds differ.
+
+    The result is None without trims.
+    """
     if not swept.mode_names:
         return None
     slow = swept.slow
@@ -232,7 +238,10 @@ def locus_plot(swept: Sweep) -> InteractivePlot | None:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Draw one line for each mode, and the point of the slider; shown: (n,) which columns."""
+    """Return the figure with one line for each mode, and the point of the slider.
+
+    shown: (n,), mask of the columns
+    """
     angles = np.degrees(swept.values[:, -1])
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
@@ -265,7 +274,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
 
 
 def _roots(angles: Any, roots: np.ndarray) -> dict[str, Any]:
-    """Eigenvalues with angle, frequency and damping."""
+    """Return eigenvalues with angle, frequency and damping."""
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         hover = np.broadcast_arrays(angles, size, np.where(size > 0, -roots.real / size, 0.0))

@@ -1,1 +1,2 @@
-"""Printed answers: numbers of a paper or a manual, compared with the exact answer of its plant."""
+"""Printed answers: numbers in a paper or a manual compared with the exact solution of their
+plant."""

@@ -1,4 +1,4 @@
-"""The search for one entry of the plant with which the printed answer is right.
+"""Search for one entry of the plant whose change makes the printed answer right.
 
 Every text that one slip of the pen makes of an entry is tried, entry after entry: the plants with
 its values are solved together, roughly, and those whose digits are right again, with a certificate.
@@ -31,7 +31,7 @@ _MOST = 1e10
 
 @dataclass(frozen=True, eq=False)
 class ChangedEntry(Result):
-    """An entry of the plant, with another value of which every printed digit is right.
+    """Entry of the plant and another value of it, with which every printed digit is right.
 
     position: of the entry
     typed: its text in the file
@@ -60,7 +60,7 @@ class ChangedEntry(Result):
 
 
 class _Edit(NamedTuple):
-    """A text with which the rough answer has every printed digit.
+    """Text of an entry with which the rough answer has every printed digit.
 
     slip: the slip that makes the typed text of it
     value: of the text
@@ -76,9 +76,11 @@ class _Edit(NamedTuple):
 
 
 def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
-    """Every interval of one entry of A, B, E, N, Q, R or gamma that makes all digits right and
-    holds an edit of the typed text. More than one: the answer does not decide between them. None
-    where the search would take too long (`not_searched`).
+    """Return every interval of one entry that makes all digits right and contains an edit of the
+    text.
+
+    The entry is one of A, B, E, N, Q, R or gamma. With several intervals the answer does not decide
+    between them. The result is None where the search would take too long (`not_searched`).
 
     progress: called with the entries that were searched and their number."""
     if not_searched(file):
@@ -112,7 +114,7 @@ def edits_tried(file: PrintedFile) -> int:
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
-    """Entries of the plant and their texts, of Q and R in the upper triangle."""
+    """Yield the entries of the plant with their texts, for Q and R the upper triangle."""
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
             for column, text in enumerate(texts):
@@ -148,7 +150,7 @@ def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
 
 
 def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tuple[float, float]:
-    """The least and the largest x with |misfits - slopes x| <= allowed."""
+    """Return the least and the largest x with |misfits - slopes x| <= allowed."""
     depends = slopes != 0.0
     centers = misfits[depends] / slopes[depends]
     widths = allowed[depends] / np.abs(slopes[depends])
@@ -156,7 +158,7 @@ def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tupl
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
-    """The edits, grouped by overlapping intervals."""
+    """Return the edits grouped by overlapping intervals."""
     groups: list[list[_Edit]] = []
     for edit in sorted(edits, key=lambda edit: edit.lowest):
         if groups and edit.lowest <= max(before.highest for before in groups[-1]):
@@ -169,8 +171,10 @@ def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
 def _likeliest(
     file: PrintedFile, position: Position, text: str, edits: list[_Edit]
 ) -> ChangedEntry | None:
-    """The likeliest edit of an interval that a certified answer confirms, the one nearest to the
-    middle among equals, or None if there is no such edit."""
+    """Return the likeliest edit of an interval that a certified answer confirms, or None.
+
+    Among equals it is the one nearest to the middle.
+    """
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
     middle = (lowest + highest) / 2.0

@@ -1,4 +1,4 @@
-"""The class of a printed answer: consequences of its digits for the printed plant."""
+"""Classification of printed answers by their digits."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _EVIDENCE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Classified:
-    """A class and why.
+    """Class of a printed answer, with the reason.
 
     name: of the class
     reason: one line
@@ -64,7 +64,7 @@ class Classified:
 
 
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
-    """The class of a printed answer: the first that its digits allow.
+    """Return the class of a printed answer, the first that its digits allow.
 
     progress: of `changed_entries`.
 
@@ -118,7 +118,7 @@ def fitting_time(file: PrintedFile) -> str:
 def _by_digits(
     file: PrintedFile, P: np.ndarray, comparison: Comparison
 ) -> tuple[Class, str] | None:
-    """The class that needs no search, or None where the digits alone do not decide."""
+    """Return the class that follows from the digits alone, or None where a search is needed."""
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):
@@ -163,8 +163,7 @@ def _sizes(comparison: Comparison) -> np.ndarray:
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """The class where a changed entry of the plant or a known mistake explains the answer, or None
-    where nothing does."""
+    """Return the class where a changed entry or a known mistake explains the answer, else None."""
     is_evident = _is_evident(file, comparison)
     is_inexact = file.learned or file.plant_rounded
     explanations = [mistake] if mistake else []
@@ -212,7 +211,10 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
 
 
 def _by_rounding(used: float) -> tuple[Class, str]:
-    """used: as of `rounding_used`."""
+    """Return the class of an answer that is right but for rounding.
+
+    used: result of `rounding_used`
+    """
     if used <= 1.0:
         return "not decided", f"{used:.2g} of the rounding of the plant explains it"
     return "cannot tell", f"{used:.3g} times the rounding of the plant would explain it"
@@ -263,7 +265,7 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """The first of P and H whose mirrored entries differ beyond their digits; or "".
+    """Return the first of P and H whose mirrored entries differ beyond their digits, or "".
 
     One wrong entry is no asymmetry: two positions must differ. A learned P may be a little so."""
     names = ("H",) if file.learned else ("P", "H")
@@ -278,7 +280,7 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """The entry and its value, to two digits finer than its tolerance."""
+    """Return the entry and its value, to two digits finer than its tolerance."""
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)
@@ -290,7 +292,10 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 
 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
-    """The known mistake that explains the print, of a learned one most of its error; or ""."""
+    """Return the known mistake that explains the printed answer, or "".
+
+    For a learned answer it has to explain most of its error.
+    """
     question = fitting_time(file)
     if question:
         return question
@@ -312,7 +317,7 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
 def _mistaken_answers(
     file: PrintedFile, P: np.ndarray
 ) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Mistakes and the answers that they make of the right one."""
+    """Yield mistakes, with the answers that result from them."""
     exact = answer_of(file.plant, P)
     for name in ("K", "L"):
         if name in file.answer:
@@ -345,7 +350,7 @@ def _mistaken_answers(
 
 
 def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
-    """Close, cannot tell or wrong, by the relative error."""
+    """Return close, cannot tell or wrong, by the relative error."""
     error = comparison.relative_error
     size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
     if error > _FAR:

@@ -1,4 +1,4 @@
-"""Printed numbers compared with exact ones, entry by entry in half units of their last digit."""
+"""Comparison of printed with exact numbers, in half units of the last printed digit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SYMMETRIC = ("P", "H")
 
 
 class Position(NamedTuple):
-    """Position of an entry; row and column from 0. Mirrored entries have one position."""
+    """Position of an entry, counted from 0. Mirrored entries have one position."""
 
     block: str
     row: int
@@ -92,7 +92,7 @@ def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
 
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
-    """The printed answer compared with another one."""
+    """Return the comparison of the printed answer with another one."""
     positions = []
     allowed = []
     for name, block in file.answer.items():
@@ -111,13 +111,16 @@ def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Compa
 
 
 def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -> np.ndarray:
-    """The derivative of `Comparison.exact` with an entry of the plant, (N,)."""
+    """Return the derivative of `Comparison.exact` by an entry of the plant, (N,)."""
     return in_signs(file, answer_change(plant, P, *position))
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The entries of the printed blocks in one row, in the signs of the print, (N,), one row for
-    each answer of a stack."""
+    """Return the entries of the printed blocks in one row, (N,), with the signs of the printed
+    answer.
+
+    A stack of answers gives one row each.
+    """
     rows = []
     for name in file.answer:
         matrix = answer[name]

@@ -1,4 +1,4 @@
-"""The exact answer of a plant as typed, and how it changes with an entry of the plant."""
+"""Exact answer of a plant as typed, and its derivatives by the entries of the plant."""
 
 from __future__ import annotations
 
@@ -50,17 +50,17 @@ class Plant:
 
     @cached_property
     def G(self) -> np.ndarray:
-        """[B E], (n, m + k)."""
+        """Matrix [B E], (n, m + k)."""
         return np.concatenate([self.B, self.E], axis=-1)
 
     @cached_property
     def S(self) -> np.ndarray:
-        """[N 0], (n, m + k)."""
+        """Matrix [N 0], (n, m + k)."""
         return np.concatenate([self.N, np.zeros_like(self.E)], axis=-1)
 
     @cached_property
     def W(self) -> np.ndarray:
-        """blkdiag(R, -γ² I), (m + k, m + k)."""
+        """Matrix blkdiag(R, -γ² I), (m + k, m + k)."""
         m = self.R.shape[-1]
         k = self.E.shape[-1]
         weights = np.zeros((*self.R.shape[:-2], m + k, m + k))
@@ -81,7 +81,7 @@ class Plant:
         return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
-        """The plant with another entry, for Q and R with its mirror."""
+        """Return the plant with another value of an entry, and of its mirror in Q and R."""
         if name == "gamma":
             return replace(self, gamma=value)
         matrix = getattr(self, name).copy()
@@ -92,7 +92,7 @@ class Plant:
         return replace(self, **changes)
 
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
-        """Plants with these values, (N,), in place of an entry: every matrix is (N, ...)."""
+        """Return plants with these values (N,) of an entry; every matrix is (N, ...)."""
         fields: dict[str, Any] = {}
         for key in "ABENQR":
             matrix = getattr(self, key)
@@ -115,7 +115,8 @@ def certified_value(plant: Plant) -> np.ndarray:
 
 
 def rough_values(plants: Plant) -> np.ndarray:
-    """P of a stack of plants, (N, n, n), untested: an arbitrary number or nan if none exists.
+    """Return P of a stack of plants, (N, n, n), untested; without a solution it is arbitrary or
+    nan.
 
     M = (I + S P)⁻¹:  A <- A M A,  S <- S + A M S A',  P <- P + A'P M A: each pass doubles the
     horizon. A plant in continuous time is one in discrete time by Cayley's transformation.
@@ -150,7 +151,7 @@ def rough_values(plants: Plant) -> np.ndarray:
 
 
 def _inverses(matrices: np.ndarray) -> np.ndarray:
-    """The inverse of each, nan where it is singular: that must not stop the others."""
+    """Return the inverse of each matrix, nan where it is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
@@ -159,7 +160,7 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
 
 
 def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
-    """[K; -L], (m + k, n), of u = -K x and w = L x."""
+    """Return [K; -L], (m + k, n), of u = -K x and w = L x."""
     G = plant.G
     if plant.is_discrete:
         weights = plant.W + plant.discount * G.mT @ P @ G
@@ -168,7 +169,7 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
-    """P, K, L, W and, in discrete time, H of the value x'P x, each a stack for a stack of
+    """Return P, K, L, W and, in discrete time, H of the value x'P x, stacked for a stack of
     plants."""
     gains = policies(plant, P)
     m = plant.R.shape[-1]
@@ -183,7 +184,7 @@ def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def weights_of(P: np.ndarray) -> np.ndarray:
-    """W, (1, n(n+1)/2), with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    """Return W, (1, n(n+1)/2), with x'P x = W'(x1², x1 x2, ..., xn²)."""
     row, column = np.triu_indices(P.shape[-1])
     factors = np.where(row == column, 1.0, 2.0)
     return (factors * P[..., row, column])[..., None, :]
@@ -192,7 +193,8 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 def answer_change(
     plant: Plant, P: np.ndarray, name: str, row: int, column: int
 ) -> Mapping[str, np.ndarray]:
-    """The derivatives of `answer_of` with an entry of the plant, for Q and R with its mirror.
+    """Return the derivatives of `answer_of` by an entry of the plant, and by its mirror in Q and
+    R.
 
     The policies are stationary, so that dP solves Lyapunov's equation of the closed loop."""
     zero = replace(
@@ -229,7 +231,7 @@ def answer_change(
 
 
 def _lyapunov(plant: Plant, F: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Z with F'Z + Z F + right = 0, in discrete time Z = α F'Z F + right."""
+    """Return Z with F'Z + Z F + right = 0, or in discrete time Z = α F'Z F + right."""
     from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
     symmetric = (right + right.T) / 2.0

@@ -1,4 +1,4 @@
-"""The file of a printed answer: plant and answer pasted as text, read with their half units."""
+"""File of a printed answer: plant and answer as text, read with their half units."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A matrix as it is printed.
+    """Printed matrix.
 
     texts: rows of numbers as typed; a common factor is the exponent of each
     values: (rows, columns)
@@ -59,7 +59,7 @@ class Block:
 
     @property
     def roundings(self) -> np.ndarray:
-        """Half units of entries of a plant, (rows, columns): an integer is exact."""
+        """Half units of the entries of a plant, (rows, columns), 0 for integers."""
         with_decimals = np.array([["." in text for text in row] for row in self.texts])
         return np.where(with_decimals, self.half_units, 0.0)
 
@@ -111,7 +111,8 @@ def load_printed(path: Path) -> PrintedFile:
 def read_block(
     name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
 ) -> Block:
-    """The numbers of a text: spaces, commas and & separate; lines, ; and \\\\ end rows.
+    """Return the numbers in a text; spaces, commas and & separate, and lines, ; and \\\\ end
+    rows.
 
     parameters: names in formulas such as m*g/l
     exponent: of the power of ten that multiplies all numbers, also where the first line reads
@@ -157,7 +158,8 @@ def read_block(
 
 
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
-    """The texts times a power of ten; a 0 without decimals is exact to those of the others."""
+    """Return the texts times a power of ten; a 0 without decimals has the precision of the
+    others."""
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
     for row in rows:
@@ -171,7 +173,7 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 
 
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
-    """The value of a formula such as "m*g/l" of named numbers, with the functions of `features_of`.
+    """Return the value of a formula of named numbers, such as "m*g/l".
 
     BadInputError, one line, for anything else, and for a value that is not finite.
     """
@@ -189,7 +191,7 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
 
 
 def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Value and half unit of a typed number, or of a formula, which is exact."""
+    """Return value and half unit of a typed number, or of a formula, which is exact."""
     match = _DECIMAL.fullmatch(word)
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
@@ -263,7 +265,8 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """The values of the table [parameters], each a number or a formula of those before it."""
+    """Return the values of the table [parameters], each a number or a formula of those before
+    it."""
     if "parameters" not in content:
         return {}
     parameters: dict[str, float] = {}
@@ -298,7 +301,7 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
-    """Complete one number for Q or R of several rows to a diagonal of it; how, in words."""
+    """Complete a single number for Q or R to a diagonal, and return a note on it."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
@@ -341,7 +344,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
 
 
 def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
-    """BadInputError names the first row of a wrong length."""
+    """Raise BadInputError that names the first row of a wrong length."""
     actual_rows, actual_columns = block.values.shape
     if (actual_rows, actual_columns) == (rows, columns):
         return

@@ -1,4 +1,4 @@
-"""The verdict on a printed answer, and how it reads."""
+"""Verdict on a printed answer, and its report."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class PrintedVerdict(Result, Reported):
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
     def report(self) -> Report:
-        """The class in the first line, then the entries that are farthest off."""
+        """Return the report: the class, then the entries with the largest errors."""
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
         if not math.isnan(self.cost_lost):
@@ -155,7 +155,7 @@ def _printed_gain(file: PrintedFile) -> np.ndarray:
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
-    """Block, row and column from 1, printed, exact, half unit, half units off."""
+    """Return block, row and column from 1, printed, exact, half unit, and error in half units."""
     rows = []
     for index, position in enumerate(comparison.positions):
         rows.append(

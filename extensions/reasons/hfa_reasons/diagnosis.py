@@ -1,4 +1,4 @@
-"""The mistake in a wrong critic, where its numbers identify one.
+"""Identification of the mistake in a wrong critic, where its numbers reveal one.
 
 A mistake is named only when the critic without it, or the answer of the other game, is the exact
 one but for a small part of the error (`_EXACT`). Where none is, a usual mistake may leave a larger
@@ -112,7 +112,7 @@ _NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
 def error_of(view: View, matrix: np.ndarray) -> float:
-    """|matrix - exact| / |exact|, weighted, Frobenius norms."""
+    """Return |matrix - exact| / |exact|, weighted, in Frobenius norms."""
     return relative_error(matrix * view.weights, view.exact * view.weights)
 
 
@@ -147,7 +147,7 @@ def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
 
 
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
-    """The hypothesis that explains most of the error, and the error that it leaves; or "".
+    """Return the hypothesis that explains most of the error, with the remaining error, or "".
 
     Noise may be of every entry's own size, or of the size of all."""
     for weighted in (view.relative(), view):
@@ -165,15 +165,14 @@ def diagnose(
     nearby: Nearby | None = None,
     box: np.ndarray | None = None,
 ) -> str:
-    """Return one sentence that names the mistake which this critic makes, or "" when none is
-    recognized.
+    """Return one sentence that names the mistake in a critic, or "" when none is recognized.
 
-    game: whose solution the critic should be.
-    exact: that solution.
-    critic: P and K, K alone, or a network.
-    limit: of the errors.
-    nearby: other games to which the critic may belong.
-    box: (n,), half widths of the box of states, of a network.
+    game: the game to be solved
+    exact: its exact solution
+    critic: P and K, K alone, or a network
+    limit: limit of the errors
+    nearby: other games to which the critic may belong
+    box: (n,), half widths of the box of states, for a network
     """
     others = _Others(game, nearby or Nearby())
     if critic.network and box is not None:
@@ -205,8 +204,8 @@ def diagnose_discrete(
     others: Mapping[str, DiscreteGame],
     box: np.ndarray,
 ) -> str:
-    """The mistake of a critic of a problem in discrete time: that of its value, else of its gain,
-    else another problem whose answer it is; or "".
+    """Return the mistake in a critic in discrete time, or the other problem that it solves, or
+    "".
 
     game: in continuous time; of a plant that is declared discrete its matrices taken for that
     exact: of the problem in discrete time
@@ -232,7 +231,7 @@ def diagnose_discrete(
 
 
 class _Others:
-    """The other games, made once where they are needed."""
+    """Other games, constructed once where they are needed."""
 
     def __init__(self, game: Game, nearby: Nearby) -> None:
         self.game = game
@@ -261,15 +260,18 @@ class _Others:
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Answers of other games."""
+        """Yield the solutions of other games."""
         yield from answers(view, self._families(), _OF_NETWORKS.left[""])
 
 
 def _of_view(
     view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
 ) -> str:
-    """The best of the usual mistakes, else of other games, which take longer, else of the usual
-    mistakes with noise on top; or ""."""
+    """Return the best explanation: usual mistakes, then other games, then mistakes with noise, or
+    "".
+
+    Other games take longer.
+    """
     cause = named(view, usual, _EXACT)
     if not cause.says:
         cause = named(view, other_games, _EXACT)
@@ -277,7 +279,7 @@ def _of_view(
 
 
 def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
-    """Mistakes that a matrix shows, and of P the weights that it comes from."""
+    """Return mistakes visible in a matrix, and for P those of its weights."""
     hypotheses = list(of_matrix(game, view))
     if view.kind == "P" and critic.weights is not None and critic.basis is not None:
         hypotheses += of_weights(critic.weights, view.exact, critic.basis)
@@ -285,7 +287,7 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """P, if given, and K of a critic in balanced units, with the exact ones."""
+    """Return P, if given, and K of a critic in balanced units, with the exact ones."""
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
@@ -295,7 +297,7 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
 
 
 def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """1 / √P_ii of the exact P, (n,), or the unit of a state that costs nothing."""
+    """Return 1 / √P_ii of the exact P, (n,), or the unit of a state without cost."""
     diagonal = np.diag(P)
     costs = diagonal * units**2
     known = costs > SMALL * costs.max()
@@ -303,7 +305,7 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """The reason if P is right and the K that follows from it is not."""
+    """Return the reason if P is right but the K that follows from it is not, else ""."""
     return (
         f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -311,7 +313,7 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """The reason if the quadratic weights are right and further weights are not."""
+    """Return the reason if the quadratic weights are right but further weights are not, else ""."""
     if critic.weights is None or critic.basis is None:
         return ""
     beyond = critic.basis.quadratic_size
@@ -325,7 +327,7 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """The reason if P solves the Riccati equation and does not stabilize; or ""."""
+    """Return the reason if P solves the Riccati equation but does not stabilize, else ""."""
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
     residual = float(form.relative_residual(form.of_value(P)))
@@ -404,8 +406,7 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """P, if given, and K with the exact ones; V, slopes and inputs count by their size in
-    the box."""
+    """Return P, if given, and K of a network with the exact ones, weighted by sizes in the box."""
 
     def by_row(matrix: np.ndarray) -> np.ndarray:
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Mistakes that people make with critics: each in words, with the critic as it would be without it.
+"""Common mistakes in critics, each in words and with the critic that would result without it.
 
 Each is a guess from the critic's own numbers; only the comparison with the exact answer makes it a
 cause (`diagnosis`).
@@ -75,8 +75,8 @@ class View(NamedTuple):
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """(entries,), distance of each entry from its value under the hypothesis, in comparable
-        units: of P relative to √(P_ii P_jj), of K to the norm of its row in units of the states.
+        """Return the distance of each entry from its value under a hypothesis, in comparable units,
+        (entries,).
 
         The critic without the mistake is compared with the exact one, and a critic that is taken
         for the answer of another game with that answer, in the sizes of that answer. Entries that
@@ -113,8 +113,11 @@ class View(NamedTuple):
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
-    """Products z_i z_j in another order, without their factor 2, of half the cost, or two in each
-    other's place; weights: (M,), exact: P (n, n)."""
+    """Yield mistakes of weights: order, missing factor 2, half the cost, or two exchanged.
+
+    weights: (M,)
+    exact: P, (n, n)
+    """
     row, column = np.triu_indices(psi.states)
     quadratic = weights[: psi.quadratic_size]
     orders = {
@@ -149,8 +152,11 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 
 
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
-    """Sign and factor, order, signs and units of states and inputs, a wrong entry; of P one
-    triangle and the factor 2 off the diagonal, of K a missing R⁻¹ and the order of its entries."""
+    """Yield mistakes of a matrix: sign, factor, order, units of states and inputs, a wrong entry.
+
+    For P also one triangle, and the factor 2 off the diagonal; for K a missing R⁻¹, and the order
+    of its entries.
+    """
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
         for half in (np.triu(view.judged), np.tril(view.judged)):
@@ -225,7 +231,7 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
 
 
 def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Order, signs, degrees and scales of the rows of a matrix, which are inputs, slopes or states.
+    """Yield mistakes of rows (inputs, slopes or states): order, signs, degrees and scales.
 
     degree: factor of a row whose quantity is in degrees.
     """
@@ -242,14 +248,16 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Hypotheses about the columns of a matrix."""
+    """Yield mistakes of the columns of a matrix."""
     for mistake in of_rows(view.transposed(), noun, degree):
         yield mistake._replace(undo=mistake.undo.T)
 
 
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
-    """Order, signs, degrees and scales of the states, of which a symmetric matrix has rows and
-    columns."""
+    """Yield mistakes of the states in rows and columns of a symmetric matrix.
+
+    They are order, signs, degrees and scales.
+    """
     size = len(view.judged)
     with np.errstate(all="ignore"):
         rows = np.sort(view.judged)[:, None]
@@ -264,8 +272,10 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
-    """t (n,) with given_ij about t_i t_j exact_ij: from the diagonal, then each by least squares
-    with the others as they are."""
+    """Return t, (n,), with given_ij ≈ t_i t_j exact_ij.
+
+    It begins with the diagonal; then each t_i is fitted by least squares with the others fixed.
+    """
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
     factors = np.sqrt(np.abs(np.diag(view.judged) / np.diag(P)))
@@ -311,7 +321,7 @@ def _order_says(noun: str, order: Sequence[int] | np.ndarray) -> str:
 
 
 def _best_order(away: np.ndarray) -> np.ndarray:
-    """order (n,) for which the sum of away[i, order[i]] is least."""
+    """Return the order (n,) with the least sum of away[i, order[i]]."""
     from scipy.optimize import linear_sum_assignment
 
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])

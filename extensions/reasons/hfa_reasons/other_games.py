@@ -1,5 +1,5 @@
-"""Find the other game whose answer a critic is: with another delta, Q, R, discount, time step or
-scheduling value.
+"""Search for another game that a critic solves: other delta, Q, R, discount, step or scheduling
+value.
 
 Along one parameter the game whose answer is nearest is found by a search; diagonal Q and R follow
 from P, because the Riccati equation is linear in them. The game is then solved, and only its answer
@@ -48,7 +48,7 @@ _SAME_WEIGHT = 1e-3
 
 
 class Answer(NamedTuple):
-    """P (n, n), None where only a gain is known, and K (m, n)."""
+    """Solution P (n, n), None where only a gain is known, and K (m, n)."""
 
     P: np.ndarray | None
     K: np.ndarray
@@ -80,8 +80,11 @@ class Family(NamedTuple):
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
-    """The LQR, named games, games with another delta, scheduling value, Q, R, discount, and in
-    discrete time: A and B taken for those of a step, or sampled."""
+    """Return the families of other games: LQR, named games, and games along one parameter.
+
+    The parameters are delta, scheduling value, Q, R and discount. In discrete time A and B are
+    taken as those of a step, or sampled.
+    """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
     size = game.delta if is_game else minimum_delta(game).value
@@ -135,7 +138,10 @@ def _another(
     game_at: Callable[[float], Game],
     starts: tuple[float, ...] = (),
 ) -> Family:
-    """Another game in continuous time; says: what differs at x."""
+    """Return a family of games in continuous time.
+
+    says: text of the difference at x
+    """
     return Family(
         lambda noun, x: f"this is the {noun} of another game, {says(x)}",
         lambda x: solved(game_at(x)),
@@ -149,7 +155,8 @@ def _named(description: str, game: Game) -> Family:
 
 
 def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
-    """Games along a positive parameter exp(x), which is shown between `what` and `unit`."""
+    """Return the family of games along a positive parameter exp(x), shown between `what` and
+    `unit`."""
     return _another(
         lambda x: f"{what} {math.exp(x):.4g} {unit}",
         lambda x: game_at(math.exp(x)),
@@ -158,8 +165,10 @@ def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family
 
 
 def fastest_rate(game: Game) -> float:
-    """The largest |eigenvalue| of A and of A - B K, rad/s: faster modes of the plant justify no
-    discount or step of time."""
+    """Return the largest |eigenvalue| of A and of A - B K, rad/s.
+
+    Faster modes justify no discount or time step.
+    """
     loops = [game.A]
     with contextlib.suppress(NoSolutionError):
         loops.append(game.A - game.B @ solved(game).K)
@@ -167,7 +176,7 @@ def fastest_rate(game: Game) -> float:
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
-    """A game in discrete time, by its step exp(x) s: held, with its whole cost, or by Euler's
+    """Yield games in discrete time along the step exp(x) s: held inputs, whole cost, or Euler's
     rule."""
     starts = tuple(math.log(time) for time in _TIMES)
     plausible = (math.log(_SHORTEST_STEP / rate), math.log(_LONGEST_STEP / rate))
@@ -189,14 +198,17 @@ def _stepped(whose: str, how: str, answer: Callable[[float], Answer]) -> Family:
 
 
 def solved(game: Game) -> Answer:
-    """The answer of a game, neither refined nor certified."""
+    """Return the solution of a game, neither refined nor certified."""
     form = NormalForm.of(game)
     P = form.value(unrefined(form))
     return Answer(P, game.gain(P))
 
 
 def discounted(game: Game, rate: float) -> Game:
-    """The game whose P is that of ∫ e^(-rate t) (z'Qz + u'Ru - δ² d'd) dt; rate: 1/s."""
+    """Return the game whose P is that of ∫ e^(-rate t) (z'Qz + u'Ru - δ² d'd) dt.
+
+    rate: 1/s
+    """
     return replace(game, A=game.A - 0.5 * rate * np.eye(len(game.A)))
 
 
@@ -206,13 +218,13 @@ def held(game: Game, step: float) -> Answer:
 
 
 def of_whole_cost(answer: Answer, step: float) -> Answer:
-    """Answer of the same game where the cost is not multiplied by the length of the step."""
+    """Return the solution of a game whose cost is not multiplied by the length of the step."""
     assert answer.P is not None
     return Answer(answer.P / step, answer.K)
 
 
 def euler(game: Game, step: float) -> Answer:
-    """The answer of x⁺ = x + (A x + B u + E d) step, with the cost times the step, s."""
+    """Return the solution for x⁺ = x + (A x + B u + E d) step, with the cost times the step, s."""
     A = np.eye(len(game.A)) + step * game.A
     of_step = Game(
         A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
@@ -221,8 +233,7 @@ def euler(game: Game, step: float) -> Answer:
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
-    """The critic taken for the answer to another question: the error is its difference from
-    that."""
+    """Return the hypothesis that the critic solves another problem."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
     return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
@@ -244,7 +255,7 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 
 
 def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
-    """(name, answer) for games with another diagonal Q or R whose value may be P.
+    """Yield (name, solution) for games with another diagonal Q or R whose value may be P.
 
     game: whose diagonal weights are varied; a Q or R that is not diagonal is not
     P: (n, n)
@@ -276,8 +287,7 @@ def _is_diagonal(matrix: np.ndarray) -> bool:
 
 
 def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
-    """x of the least squares Σ x_i terms_i + constant = 0, or None where too few equations would
-    test them."""
+    """Return the least-squares x of Σ x_i terms_i + constant = 0, or None for too few equations."""
     upper = np.triu_indices(len(constant))
     matrix = np.array([term[upper] for term in terms]).T
     if len(matrix) < matrix.shape[1] + REDUNDANT:
@@ -302,7 +312,7 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """The parameter at which the answer differs least, by least squares.
+    """Return the parameter at which the solution differs least, by least squares.
 
     It lies between the starts or as far beyond them. None when the difference does not fall to
     `_REACHED` of the best start's.

@@ -42,7 +42,12 @@ class Motion:
     """
 
     def __init__(self, x: Any, gravity: Any, system: str) -> None:
-        """x: numbers or expressions. gravity: acceleration. system: english or si."""
+        """Compute the motion at a state.
+
+        x: numbers or expressions
+        gravity: acceleration
+        system: english or si
+        """
         self.air = air_at(x.altitude, system)
         self.pressure = 0.5 * self.air.density * x.speed**2
         self.mach = x.speed / self.air.sound
@@ -53,14 +58,17 @@ class Motion:
         self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
 
     def acceleration(self, specific_force: Any) -> Any:
-        """(3,) rate of the velocity. specific_force: (3,) force without weight over mass."""
+        """Return the rate of the velocity, (3,).
+
+        specific_force: (3,), force without weight, divided by mass
+        """
         weight = self._gravity * self._down
         return acceleration(self.velocity, self.rates, specific_force, weight)
 
     def rates_and_outputs(
         self, specific_force: Any, moment: Any, inertia: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates of `STATES` and the outputs of every rigid aircraft, by name.
+        """Return the rates of `STATES` and the common outputs of rigid aircraft, by name.
 
         specific_force: (3,) force without weight over mass. moment: (3,) about the center of
         gravity. inertia: (3, 3)."""
@@ -91,7 +99,7 @@ def rigid_aircraft(
     holds_beta: bool,
     extras: Extras,
 ) -> Model:
-    """The declaration of a rigid aircraft, whose usual trim is straight and level.
+    """Return the `Model` of a rigid aircraft, whose default trim is straight and level.
 
     system: of units, english or si. speed, altitude: of the usual trim.
     alpha: lowest, initial and highest angle of attack. beta: lowest and highest sideslip, rad.

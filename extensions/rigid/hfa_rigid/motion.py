@@ -24,8 +24,8 @@ STATES = (
 
 
 def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
-    """The (3, 3) matrix that turns a vector's components in the turned axes into those in the
-    reference axes, for turns by yaw, pitch and roll in this order, rad.
+    """Return the matrix (3, 3) from turned axes to reference axes, for yaw, pitch and roll in this
+    order, rad.
 
     With the Euler angles of an aircraft: components along north, east and down from those in body
     axes."""
@@ -50,7 +50,7 @@ def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
 
 
 def wind_axes(alpha: Any, beta: Any) -> Any:
-    """The (3, 3) matrix that turns components in wind axes into those in body axes.
+    """Return the matrix (3, 3) from wind axes to body axes.
 
     Its first column is the direction of flight."""
     cos_alpha = ca.cos(alpha)
@@ -65,7 +65,7 @@ def wind_axes(alpha: Any, beta: Any) -> Any:
 
 
 def angular_velocity(x: Any) -> Any:
-    """(3,) rates of rotation about the body axes, rad/s."""
+    """Return the rates of rotation about the body axes, (3,), rad/s."""
     return ca.vertcat(x.roll_rate, x.pitch_rate, x.yaw_rate)
 
 
@@ -88,16 +88,21 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
 
 
 def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
-    """(3, 3) matrix of inertia of the moments xx, yy, zz and the products xy, zx, yz, which are
-    ∫ x y dm and so on."""
+    """Return the matrix of inertia (3, 3) from moments xx, yy, zz and products xy, zx, yz.
+
+    A product is ∫ x y dm, and so on.
+    """
     xx, yy, zz = moments
     xy, zx, yz = products
     return ca.vertcat(ca.horzcat(xx, -xy, -zx), ca.horzcat(-xy, yy, -yz), ca.horzcat(-zx, -yz, zz))
 
 
 def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
-    """Rates of speed, alpha and beta of a velocity (3,) that changes by an acceleration (3,), both
-    in body axes."""
+    """Return the rates of speed, alpha and beta.
+
+    velocity: (3,), in body axes
+    acceleration: (3,), in body axes
+    """
     u, v, w = ca.vertsplit(velocity)
     in_plane = u**2 + w**2
     speed = ca.sqrt(in_plane + v**2)

@@ -44,8 +44,11 @@ class Interpolator:
         return _between(ca.SX(ca.DM(lines.ravel())), cells)
 
     def cell(self, argument: ca.SX, points: np.ndarray) -> tuple[ca.SX, ca.SX]:
-        """1 at the cell (n - 1,) that holds the argument, and the argument, kept within the
-        breakpoints, from the middle one on."""
+        """Return the indicator (n - 1,) of the argument's cell, and the argument relative to the
+        middle.
+
+        The argument is kept within the breakpoints.
+        """
         key = (argument.element_hash(), points.tobytes())
         if key not in self._axes:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
