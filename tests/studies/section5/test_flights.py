@@ -239,7 +239,7 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     [
         ("{} without the disturbance", {"disturbance": STILL}),
         (
-            "{} with its sign changed",
+            "{} with the opposite disturbance",
             {
                 "disturbance": Waveform(
                     STILL.constant,
@@ -248,8 +248,8 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
                 )
             },
         ),
-        ("{} with that of the angle's command changed", (7.0, -0.1, 0.0, 0.0, 0.5, 0.0)),
-        ("{} with that of the dihedral's", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
+        ("{} with the opposite command of the angle", (7.0, -0.1, 0.0, 0.0, 0.5, 0.0)),
+        ("{} with the opposite command of the dihedral", (7.0, 0.1, 0.0, 0.0, -0.5, 0.0)),
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
