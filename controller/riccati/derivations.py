@@ -12,8 +12,8 @@ import numpy as np
 from controller.riccati.balancing import hamiltonian, largest
 from controller.riccati.normal_form import NormalForm
 
-#: Newton steps after the eigenvectors: one in double precision, the others with twice the digits.
-STEPS = 4
+#: Newton steps after the eigenvectors, with twice the digits.
+STEPS = 3
 #: The last of Newton's corrections that eigenvectors must reach, relative; above it the Schur form
 #: has more digits.
 SETTLED = 1e-12
@@ -72,15 +72,12 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     correction = np.empty(len(X))
     rough: slice | np.ndarray = slice(None)
     part = form
-    for step in range(STEPS):
-        residual_of = part.residual if step else part.rough_residual
+    for _ in range(STEPS):
         left = V1[rough]
         right = inverse[rough]
-        Z = (left.mT @ residual_of(X[rough]) @ left) / -sums[rough]
+        Z = (left.mT @ part.residual(X[rough]) @ left) / -sums[rough]
         Z = (right.mT @ Z @ right).real
         X[rough] += (Z + Z.mT) / 2.0
-        if not step:
-            continue
         size = largest(X)
         correction[rough] = largest(Z) / size[rough]
         least = np.diagonal(X, axis1=1, axis2=2).min(axis=1) / size

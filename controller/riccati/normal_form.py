@@ -229,11 +229,6 @@ class NormalForm:
         mixed = signed @ low[..., n:].mT
         return np.asarray(total[0] + (mixed + mixed.mT + X @ self.rounded @ X))
 
-    def rough_residual(self, X: np.ndarray) -> np.ndarray:
-        """`residual` in double precision."""
-        linear = X @ self.A
-        return linear + linear.mT + self.Q - X @ self.S @ X
-
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """Return the largest residual of each game relative to its terms, (...).
 
@@ -245,9 +240,11 @@ class NormalForm:
         """
         S_size = np.abs(self.B @ self.B.mT) + np.abs(self.E @ self.E.mT)
         size = np.abs(X)
+        linear = X @ self.A
+        residual = linear + linear.mT + self.Q - X @ self.S @ X
         linear = size @ np.abs(self.A)
         terms = linear + linear.mT + np.abs(self.Q) + size @ S_size @ size
-        return largest(self.rough_residual(X)) / largest_or_1(terms)
+        return largest(residual) / largest_or_1(terms)
 
     def value(self, X: np.ndarray) -> np.ndarray:
         """Return P in the user's coordinates, (..., n, n), symmetric."""
