@@ -96,12 +96,12 @@ class ActuatorBank:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names."""
+        """Names of the inputs."""
         return tuple(self.lag._fields)
 
     def refuse_step(self, step: float) -> None:
-        """BadInputError, naming the actuator, when a lag is too short for the step of the
-        integration, s."""
+        """Raise BadInputError when the lag of an actuator is too short for the integration step,
+        s."""
         for name, lag in zip(self.inputs, self.lag, strict=True):
             if step > LONGEST_STEP * lag * (1 + 1e-9):
                 raise BadInputError(
@@ -110,7 +110,7 @@ class ActuatorBank:
                 )
 
     def refuse_trim(self, trim: np.ndarray) -> None:
-        """BadInputError, naming the actuator, when U0 (m,) is no position that it can hold."""
+        """Raise BadInputError when an actuator cannot hold its position in U0, (m,)."""
         rows = zip(self.inputs, trim, self.lowest, self.highest, strict=True)
         for name, value, lowest, highest in rows:
             if not lowest <= value <= highest:
@@ -130,7 +130,7 @@ class ActuatorBank:
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
-        """[ω; ζ; λ] at a time, s, (3 m,)."""
+        """Return [ω; ζ; λ] at a time, s, (3 m,)."""
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])
         for fault in self.faults:
@@ -144,7 +144,7 @@ class ActuatorBank:
         return values
 
     def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
-        """c, (m,)."""
+        """Return the command within the limits of position, c, (m,)."""
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
@@ -152,12 +152,15 @@ class ActuatorBank:
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
     def rates(self, states: ca.SX) -> ca.SX:
-        """v, (m,), of order 2; (0,) of order 1."""
+        """Return the rates v, (m,) for order 2 and (0,) for order 1."""
         return states[len(self.lag) :]
 
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
-        """Time derivative of the states. reachable: c, (m,). held: `held_inputs`, () of no
-        fault."""
+        """Return the time derivative of the states.
+
+        reachable: c, (m,)
+        held: `held_inputs`, or () without faults
+        """
         numbers = held if self.faults else ca.SX(ca.DM(self.held_inputs(0.0)))
         bandwidth, damping, effectiveness = ca.vertsplit(numbers, len(self.lag))
         fastest = np.array(self.rate, dtype=float)

@@ -1,5 +1,4 @@
-"""The air of a flight: the names by which models declare it, and the speed at which gusts are
-met."""
+"""Moving air in a flight: names of its components in models, and the speed relevant for gusts."""
 
 from __future__ import annotations
 
@@ -25,8 +24,10 @@ def flown_through_air(model: Model) -> bool:
 
 
 def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
-    """(n,) names on which the limits of the states count: alpha is replaced by `ANGLE_OF_ATTACK`
-    where the air moves."""
+    """Return the names of the limited states, (n,).
+
+    In moving air alpha is replaced by `ANGLE_OF_ATTACK`.
+    """
     if not (moving_air and flown_through_air(model)):
         return tuple(model.states)
     return tuple(ANGLE_OF_ATTACK if name == ALPHA else name for name in model.states)

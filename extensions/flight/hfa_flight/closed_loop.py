@@ -47,7 +47,7 @@ class Plant:
         return np.array(self.point.inputs)
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """x', (n,).
+        """Return x', (n,).
 
         u: (m,), deviation of the inputs
         d: (k,), adds to the rates of the states of the linear model
@@ -57,7 +57,8 @@ class Plant:
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """The deviation of alpha through the air where it is not alpha, (1,); else (0,)."""
+        """Return the deviation of alpha relative to the air where it differs from alpha, (1,), else
+        (0,)."""
         return ca.SX(0, 1)
 
 
@@ -93,7 +94,7 @@ class LinearPlant(Plant):
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """A x + B u + d + E w."""
+        """Return A x + B u + d + E w."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
         rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
         for name, w in winds.items():
@@ -125,7 +126,7 @@ class NonlinearPlant(Plant):
         return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """f(X0 + x, U0 + u, p, w) + d."""
+        """Return f(X0 + x, U0 + u, p, w) + d."""
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
         model = self._in(winds)
@@ -163,7 +164,7 @@ def _values(winds: Winds, model: Model) -> list[Any]:
 
 
 class Expressions(NamedTuple):
-    """A loop written out at (t, y, held).
+    """Expressions of a loop at (t, y, held).
 
     rate: y'
     error: (k,), x - x_d
@@ -184,7 +185,7 @@ class Expressions(NamedTuple):
 
 
 class StateParts(NamedTuple):
-    """The parts of y, in their order: values, or sizes."""
+    """Parts of y in order: values or sizes."""
 
     plant: Any
     actuators: Any
@@ -267,7 +268,7 @@ class ClosedLoop:
         return ca.SX.sym("t"), y, held
 
     def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
-        """The loop written out at CasADi expressions."""
+        """Return the expressions of the loop at t, y and held inputs."""
         scenario = self.scenario
         plant = self.plant
         state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
@@ -304,11 +305,11 @@ class ClosedLoop:
         )
 
     def _reference(self, t: ca.SX) -> Any:
-        """x_d(t), (k,)."""
+        """Return x_d(t), (k,)."""
         return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
-        """Disturbance of the model -> its value, where it is not 0."""
+        """Return disturbance -> value, for those that are not 0."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
             winds = self.scenario.gust.winds(t, inputs.gust)
@@ -347,7 +348,7 @@ class ClosedLoop:
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """y(0): the start of the scenario, actuators at trim, the memory of the policy.
+        """Initial y: the start of the scenario, actuators at trim, the memory of the policy.
 
         Raises BadInputError when the start of the scenario has another size than the plant.
         """

@@ -42,7 +42,7 @@ class Departure(NamedTuple):
 
 
 class ControlExcess(NamedTuple):
-    """An input that went beyond one of its control limits: its farthest value and that limit."""
+    """Input beyond one of its control limits: its farthest value and that limit."""
 
     input: str
     value: float
@@ -119,8 +119,7 @@ def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
 def departure(
     envelope: Limits, times: np.ndarray, limited: np.ndarray, moving_air: bool
 ) -> Departure | None:
-    """The first row outside, and its state with the largest excess in half-widths, or None without
-    one.
+    """Return the first departure: its time, and the state with the largest excess, or None.
 
     limited: (N, n), absolute states, alpha through the air
     """
@@ -155,8 +154,10 @@ def control_limits(model: Model) -> Limits:
 
 
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Inputs (N, m), absolute, that went beyond their limits, the farthest first as a part of the
-    range between both."""
+    """Return the inputs beyond their limits, the largest excess relative to the range first.
+
+    inputs: (N, m), absolute
+    """
     limits = control_limits(model)
     under = limits.lowest - inputs.min(axis=0)
     over = inputs.max(axis=0) - limits.highest

@@ -1,4 +1,4 @@
-"""The cost of a flight: the one function by which flights are priced."""
+"""Cost of a flight. No other module computes it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def cost_of_flight(
     R: np.ndarray,
     is_held: bool = False,
 ) -> float:
-    """∫ z'Qz + v'Rv dt of the rows of a flight, by the trapezoidal rule, exact for held inputs.
+    """Return ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule, exact for held inputs.
 
     times: (N,), s
     z: (N, k), deviations of the states from the requested trim

@@ -1,4 +1,4 @@
-"""An oscillation that is left at the end of a flight although nothing drives it any more."""
+"""Detection of an oscillation that persists at the end of a flight without excitation."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class LimitCycle(NamedTuple):
         return f"{self.name} ±{size} at {self.frequency:.3g} rad/s"
 
     def text(self) -> str:
-        """A sentence."""
+        """Return the oscillation in a sentence."""
         return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
@@ -66,7 +66,7 @@ class Decay(NamedTuple):
     frequency: float
 
     def text(self) -> str:
-        """A sentence."""
+        """Return the decay in a sentence."""
         return (
             f"{self.name} oscillates at {self.frequency:.3g} rad/s and decays: half in "
             f"{self.time_to_half:.3g} s"
@@ -74,15 +74,16 @@ class Decay(NamedTuple):
 
 
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
-    """The largest oscillation in the second half of a flight that does not decay, None without
-    one."""
+    """Return the largest oscillation in the second half of a flight that does not decay, or
+    None."""
     found = oscillation(model, flight, driven_until)
     return found if isinstance(found, LimitCycle) else None
 
 
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
-    """The largest oscillation in the second half of a flight, a limit cycle before a decay, or None
-    without one.
+    """Return the largest oscillation in the second half of a flight, or None.
+
+    A limit cycle precedes a decay.
 
     driven_until: s, when the last signal that drives the flight comes to rest. None also where that
     is in the second half, or the flight has too few steps.
@@ -127,8 +128,8 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """The oscillation about its line of least squares, or None where it crosses that line fewer
-    than `CROSSINGS` times."""
+    """Return the oscillation about its least-squares line, or None for fewer than `CROSSINGS`
+    crossings."""
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
     for _ in range(_ROUNDS):
@@ -150,7 +151,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _peak(values: np.ndarray) -> float:
-    """The highest of the values of a half-period, by the parabola through it and its neighbours."""
+    """Return the highest value of a half-period, by a parabola through it and its neighbours."""
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])

@@ -60,7 +60,7 @@ class Policy(Reported):
     fastest: float = field(default=0.0, kw_only=True)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The commanded inputs, deviations from trim, (m,)."""
+        """Return the commanded inputs as deviations from trim, (m,)."""
         raise NotImplementedError
 
     def memory_rate(
@@ -71,7 +71,7 @@ class Policy(Reported):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Time derivative of the memory, (l,), or an empty column for a policy without memory.
+        """Return the time derivative of the memory, (l,), or an empty column without memory.
 
         t: s
         measurements: at t
@@ -82,13 +82,13 @@ class Policy(Reported):
         return ca.SX(0, 1)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """The held inputs in a tick, (h,)."""
+        """Return the held inputs in a tick, (h,)."""
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
-        """Return, for a policy that samples, (tick, measured) -> its held inputs (h,) in that tick,
-        with a memory of one flight; else None.
+        """Return the function (tick, measured) -> held inputs (h,) of a policy that samples, else
+        None.
 
         measured: (n,), deviations of the states from the trim, with noise."""
         return None
@@ -98,8 +98,10 @@ class Policy(Reported):
         return {"law": self.name}
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Commanded output -> its `rms_error`, `largest_error` and `unit` over a flight, or none
-        unless the policy regulates outputs."""
+        """Return commanded output -> `rms_error`, `largest_error` and `unit` over a flight.
+
+        The result is empty unless the policy regulates outputs.
+        """
         return {}
 
 
@@ -127,7 +129,7 @@ class GainPolicy(Policy):
         object.__setattr__(self, "identity", {"K": gains})
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """-K z."""
+        """Return -K z."""
         return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
 
     def data(self, model: Model) -> dict[str, Any]:
@@ -149,17 +151,17 @@ class FunctionPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """π(z), within the limits."""
+        """Return π(z), within the limits."""
         return self.limited(measurements.error)
 
     @cached_property
     def limited(self) -> ca.Function:
-        """z -> u, which is called and not written out: a network is long."""
+        """Function z -> u, called and not expanded because a network is large."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
     def expression(self, z: ca.SX) -> ca.SX:
-        """u at z, written out."""
+        """Return the expression of u at z."""
         u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
         return ca.densify(u)
 
@@ -185,12 +187,13 @@ class OpenLoop(Policy):
     is_held = True
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The held inputs."""
+        """Return the held inputs."""
         return held
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
-    """Steps of inputs off trim, unfiltered, each from the first tick at or after its time.
+    """Return steps of inputs relative to trim, unfiltered, each from the first tick at or after its
+    time.
 
     Raises BadInputError for a name that is no input.
     """

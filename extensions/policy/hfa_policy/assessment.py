@@ -1,5 +1,7 @@
-"""A policy assessed as it is deployed: at each trim its equilibrium, the stability of the sampled
-loop, delays, margins, cost, and the outcomes of flights."""
+"""Assessment of a deployed policy at each trim.
+
+It covers the equilibrium, the stability of the sampled loop, delays, margins, cost, and flights.
+"""
 
 from __future__ import annotations
 
@@ -92,8 +94,12 @@ class AssessedPoint(Result):
 
     @property
     def own_mode(self) -> OwnMode | None:
-        """The mode of the aircraft out of reach that grows most, else the slowest of the loop where
-        the policy leaves it as it is and flights do not converge, or None where neither is."""
+        """Mode of the aircraft beyond the reach of the policy that grows fastest, or decays
+        slowest.
+
+        A decaying one counts only where the policy does not affect it and flights do not converge.
+        The result is None without such a mode.
+        """
         reach = self.place.reach
         if reach is None:
             return None
@@ -176,7 +182,7 @@ class AssessedPoint(Result):
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:
-    """The value of the scheduling variable by its key, or nothing where the model has none."""
+    """Return the scheduling variable by its key, or nothing where the model has none."""
     model = point.model
     if not model.schedule:
         return {}
@@ -188,7 +194,7 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
 
 
 class SampledLoop(NamedTuple):
-    """The loop about one equilibrium.
+    """Sampled loop about one equilibrium.
 
     radius: its spectral radius, or nan without an equilibrium.
     cost: above the optimum, or None without weights or an optimum.
@@ -200,7 +206,7 @@ class SampledLoop(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Assessor:
-    """Assesses a deployment at several trims of one aircraft.
+    """Assessment of a deployment at several trims of one aircraft.
 
     deployed: the policy on the aircraft.
     points: its trims.
@@ -245,7 +251,7 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """The trim with its equilibrium and the modes within reach."""
+        """Return the trim with its equilibrium and the modes within reach."""
         point = search.point
         if equilibrium is None:
             return Place(point, widths, None, False, steady=self.steady)
@@ -278,7 +284,7 @@ class Assessor:
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
-        """The assessment at each trim."""
+        """Return the assessment at each trim."""
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
@@ -293,7 +299,7 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """The loop at each trim, without flights, margins and longer delays."""
+        """Return the loop at each trim, without flights, margins and longer delays."""
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         return [self._sampled_loop(place) for place in self.places(self.flight())]
@@ -369,8 +375,7 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """The equilibrium at which the flight from the trim ends, where it ends at one; else that of
-    Newton's method from the trim."""
+    """Return the equilibrium at which the flight from the trim ends, or that of Newton's method."""
     if elsewhere is None:
         return equilibrium
     if equilibrium is None:
@@ -384,7 +389,7 @@ def _nearer(
 
 
 def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
-    """Saturation, modes that no action moves, and kinks at the equilibrium."""
+    """Return the findings at an equilibrium: saturation, modes beyond any action, and kinks."""
     findings = []
     if equilibrium.clips:
         what = " and ".join(equilibrium.clips)
@@ -435,7 +440,7 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
 
 
 def cycle_text(cycle: LimitCycle) -> str:
-    """Signal, amplitude and frequency of a limit cycle, in degrees for angles."""
+    """Return signal, amplitude and frequency of a limit cycle, in degrees for angles."""
     unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
     size = short_number(cycle.amplitude, cycle.unit)
     return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"

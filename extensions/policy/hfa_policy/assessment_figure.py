@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
-    """Draw the spectral radius over the delay, one line for each trim, and the outcomes of the
-    flights, one bar for each trim; where all flights end alike, the disk margins in their place."""
+    """Draw the spectral radius over the delay and the outcomes of the flights, for each trim.
+
+    Where all flights end alike, disk margins replace the outcomes.
+    """
     from matplotlib import colormaps
 
     left, right = figure.subplots(1, 2)

@@ -257,7 +257,7 @@ class Assessment(Result, Reported):
         return f"chatters near its equilibrium {self._where(chattering)}, where every flight stays"
 
     def _cycling(self) -> str:
-        """The largest oscillation, in nominal sizes, and where."""
+        """Return the largest oscillation, in nominal sizes, with its trim."""
         largest = None
         for point in self.points:
             cycle = None if point.flights is None else point.flights.cycle
@@ -290,7 +290,7 @@ class Assessment(Result, Reported):
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
-        """The shortest delay with which the loop is unstable, and where."""
+        """Return the shortest delay with which the loop is unstable, with its trim."""
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
         unstable = [limit for limit in limits if limit is not None]
@@ -367,7 +367,7 @@ class Assessment(Result, Reported):
         return f"{worst.sentence()}; off the trim {rate:.2g} a second"
 
     def _bounded_costs(self) -> str:
-        """Return the distance of the flights from the least possible cost; a bound is of one
+        """Return the cost of the flights above the proved least cost; a bound belongs to one
         trim."""
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
@@ -395,7 +395,7 @@ class Assessment(Result, Reported):
         return f"linear cost up to {short_number(times, '')}x the optimum"
 
     def report(self) -> Report:
-        """The first line, the trims, the findings."""
+        """Return the report: first line, trims, findings."""
         model = self.deployed.model
         deployment = self.deployed.deployment
         lines = [self.first_line, *self.further, ""]
@@ -427,7 +427,7 @@ class Assessment(Result, Reported):
         ]
 
     def _off_slope(self) -> list[str]:
-        """The largest nonlinearity, and where."""
+        """Return the largest nonlinearity, with its trim."""
         points = [point for point in self.points if point.nonlinearity is not None]
         parts = [point.nonlinearity.part for point in points if point.nonlinearity is not None]
         if max(parts, default=0.0) < _LINEAR:

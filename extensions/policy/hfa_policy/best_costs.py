@@ -13,7 +13,7 @@ from hfa_support.reporting.text import Table
 
 
 class Ratios(NamedTuple):
-    """Costs over those of the best flights found."""
+    """Costs divided by those of the best flights found."""
 
     least: float
     median: float
@@ -127,7 +127,10 @@ def _number(value: float | None) -> str:
 
 
 def deviations_in_words(model: Model, start: Mapping[str, float]) -> str:
-    """State -> deviation from the trim, as reports print it."""
+    """Return the deviations from the trim as printed in reports.
+
+    start: state -> deviation
+    """
     return ", ".join(_off(model, name, value) for name, value in start.items()) or "the trim"
 
 
@@ -137,7 +140,7 @@ def _off(model: Model, name: str, value: float) -> str:
 
 
 def ratios(values: Sequence[float]) -> Ratios | None:
-    """The least, the median and the largest, or None without values."""
+    """Return the least, the median and the largest value, or None without values."""
     if not values:
         return None
     return Ratios(min(values), statistics.median(values), max(values))

@@ -1,4 +1,4 @@
-"""Flights of changed deployment files side by side: their costs, and which converge."""
+"""Comparison of flights with changed deployment files: their costs, and whether they converge."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """The flights of all changes: P, c, gain and S are numbers of a row."""
+        """Return the flights of all changes; P, c, gain and S are numbers in a row."""
         whole = self.assessor.flight()
         sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
         extra = sizes[-1]
@@ -100,8 +100,8 @@ class ChangeFlights:
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
     def flown_by_optimum(self, sample: Sample) -> Flown | None:
-        """The flights of the sampled optimum of the cost about the first trim, without delay, or
-        None where it has none."""
+        """Return the flights of the sampled optimum about the first trim, without delay, or
+        None."""
         gain = self._optimum()
         if gain is None:
             return None
@@ -215,11 +215,13 @@ class ChangeFlights:
     def _costs_and_kept(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Flies the rows, which are then those at the end. Of each flight Σ x'Qx + u'Ru over its
-        windows, with the largest deviations from trim in a window, and whether it stays within the
-        limits, (N,) each; who leaves them pays that window for all that are left.
+        """Fly the rows in place, and return the cost of each flight and whether it stays within the
+        limits.
 
-        owners: (N,), the number of the trim of each flight."""
+        Both are (N,). The cost is Σ x'Qx + u'Ru over the windows, with the largest deviations from
+        trim in each. A flight that leaves the limits is charged that window's cost for all
+        remaining ones.
+        """
         model = self.deployed.model
         _, _, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
         n, m = len(model.states), len(model.inputs)
@@ -255,7 +257,7 @@ class ChangeFlights:
         return np.clip(costs, _LEAST, _MOST), kept
 
     def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
-        """P, c, gain and S of a change at a trim, in the order of a row."""
+        """Return P, c, gain and S of a change at a trim, in the order of a row."""
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         at_trim = (trim[:n], trim[n : n + m], trim)
         before = np.array(self.deployed.observe(*at_trim)).ravel()

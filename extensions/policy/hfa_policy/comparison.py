@@ -1,4 +1,4 @@
-"""Several deployments of one aircraft at the same trims, from the same initial conditions."""
+"""Comparison of several deployments of one aircraft at equal trims and initial conditions."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
 
 
 def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
-    """The worst of some numbers; "-" without one."""
+    """Return the worst of some numbers as text, or "-" without one."""
     finite = [value for value in values if math.isfinite(value)]
     if not finite or len(finite) < len(values):
         return "-"
@@ -83,7 +83,8 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Flights that converge, leave the envelope, and converge after a disturbance pulse."""
+    """Return the flights that converge, leave the envelope, and converge after a disturbance
+    pulse."""
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]
     if not plain:

@@ -79,8 +79,10 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
 def weights_at(
     deployed: Deployed, place: Equilibrium | OperatingPoint
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Q of the linear states, its outputs as they are to first order there, and R of the commanded
-    inputs, of the deployment file."""
+    """Return Q of the linear states and R of the commanded inputs from the deployment file.
+
+    Outputs in Q are linearized at the point.
+    """
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
     linear = deployed.model.linear
@@ -100,8 +102,11 @@ def weights_at(
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Worst and mean, percent; at the start the memory of the delay has the trim's values, and the
-    earlier observations equal the first."""
+    """Return the worst and the mean loss, percent.
+
+    At the start the memory of the delay has the trim's values, and earlier observations equal the
+    first.
+    """
     from scipy.linalg import solve_discrete_lyapunov
 
     if chain.radius >= 1.0:

@@ -17,7 +17,7 @@ from trim.point.operating_point import OperatingPoint
 
 
 def departure_text(left: Departure) -> str:
-    """State, side, limit and time: "altitude below 0 ft at 0.02 s"."""
+    """Return state, side, limit and time: "altitude below 0 ft at 0.02 s"."""
     when = f"at {left.time:.4g} s"
     if not math.isfinite(left.value):
         return f"{left.state} is no number {when}"
@@ -36,8 +36,7 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def first_departure(
     flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> tuple[int, Departure | None]:
-    """Return the number of the flight that first leaves the envelope, among those of rows (N, ...)
-    that begin there, and how; (0, None) where none does within so many seconds.
+    """Return the number of the flight that leaves the envelope first, and how, or (0, None).
 
     pushed: end of the disturbance pulse, s
     """
@@ -57,8 +56,10 @@ def first_departure(
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
-    """Raise BadInputError for a trim that lies at the limit of a state that other states move:
-    small flights about it leave the envelope at once."""
+    """Raise BadInputError for a trim at the limit of a state that other states move.
+
+    Small flights about it would leave the envelope at once.
+    """
     for point in points:
         model = point.model
         envelope = flight_envelope(model, point)

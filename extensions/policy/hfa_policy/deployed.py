@@ -1,4 +1,4 @@
-"""A deployment on an aircraft, as CasADi functions of its state and input.
+"""Deployments on an aircraft, as CasADi functions of its state and input.
 
 All are functions of `trim` too, (X0; U0; p): one compiled function serves every trim.
 
@@ -38,7 +38,7 @@ TRIM = "trim"
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class Deployed:
-    """A deployment whose names are those of a model.
+    """Deployment with the names of a model.
 
     BadInputError names the entry of the deployment file, and the names to choose from.
     """
@@ -47,7 +47,7 @@ class Deployed:
     model: Model
 
     def __post_init__(self) -> None:
-        """Look up every name."""
+        """Resolve every name."""
         with said_of(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:
@@ -103,13 +103,13 @@ class Deployed:
     # Symbols.
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """X, U and trim."""
+        """Symbols of X, U and trim."""
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
 
     def trim_vector(self, point: OperatingPoint) -> np.ndarray:
-        """(X0; U0; p) of a trim."""
+        """Return (X0; U0; p) of a trim."""
         return np.concatenate([point.states, point.inputs, point.model.p])
 
     def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
@@ -149,7 +149,8 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """The action of an observation, (m,). Raises BadInputError where it is no finite number."""
+        """Return the action for an observation, (m,). Raises BadInputError where it is not
+        finite."""
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError("policy.file returns no finite number at the trim; train it again")
@@ -159,7 +160,7 @@ class Deployed:
 
     @cached_property
     def observe(self) -> ca.Function:
-        """(X, U, trim) -> o, (k,)."""
+        """Function (X, U, trim) -> o, (k,)."""
         X, U, trim = self._symbols()
         values = self.values(X, U, trim)
         at_trim = self._at_trim(trim)
@@ -198,7 +199,7 @@ class Deployed:
 
     @cached_property
     def stages(self) -> ca.Function:
-        """o -> (o normalized before its clip, a before its clip or squash, a)."""
+        """Function o -> (o normalized before its clip, a before its clip or squash, a)."""
         network = self.deployment.actor.function
         o = symbols_for([network], self.deployment.width)
         normal, seen = self.normalized(o)
@@ -207,14 +208,14 @@ class Deployed:
 
     @cached_property
     def act(self) -> ca.Function:
-        """o -> a, (m,), in the units of the box."""
+        """Function o -> a, (m,), in the units of the box."""
         o = symbols_for([self.stages], self.deployment.width)
         a = _unless_nan(ca.sum1(o), self.stages(o)[2])
         return ca.Function("act", [o], [ca.densify(a)])
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
-        """(a, X, U, trim) -> U, all inputs, before the limits of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs U, before the limits of the aircraft."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         values = self.values(X, U, trim)
@@ -229,7 +230,7 @@ class Deployed:
 
     @cached_property
     def inputs(self) -> ca.Function:
-        """(a, X, U, trim) -> U, all inputs, within the limits of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs U, within the limits of the aircraft."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         limits = Limits.of(self.model, tuple(self.model.inputs))
@@ -243,12 +244,12 @@ class Deployed:
 
     @property
     def past(self) -> int:
-        """Numbers of the observations of earlier samples that the policy takes."""
+        """Number of entries in the earlier observations that the policy uses."""
         return self.deployment.width - len(self.deployment.observation)
 
     @cached_property
     def sampled(self) -> ca.Function:
-        """(X, U, trim, past) -> (U that the policy commands, past of the next sample).
+        """Function (X, U, trim, past) -> (commanded U, past of the next sample).
 
         past: observations of the earlier samples of the history, the oldest first.
         """
@@ -267,8 +268,7 @@ class Deployed:
 
     @cached_property
     def command(self) -> ca.Function:
-        """(X, U, trim) -> U that the policy commands where all samples of its history were the
-        same."""
+        """Function (X, U, trim) -> commanded U where all samples of the history are equal."""
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
@@ -280,7 +280,7 @@ class Deployed:
 
     @cached_property
     def command_slopes(self) -> ca.Function:
-        """(X, U, trim) -> (U, dU/dX (m, n), dU/dU before (m, m))."""
+        """Function (X, U, trim) -> (U, dU/dX (m, n), dU/dU before (m, m))."""
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.command], 1))
@@ -307,8 +307,11 @@ def _refuse_undefined(
     arguments: tuple[Any, ...],
     varied: tuple[int, ...],
 ) -> np.ndarray:
-    """The values of the entries of a table of the deployment file, (k,). Raises BadInputError where
-    one is no number, or its slope by one of the arguments that are varied."""
+    """Return the values of the entries of a table of the deployment file, (k,).
+
+    Raises BadInputError where a value, or its derivative by one of the varied arguments, is not a
+    number.
+    """
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])

@@ -122,8 +122,10 @@ class Deployment(Reported):
     @staticmethod
     @checks_arguments
     def load(path: str | Path) -> Deployment:
-        """The deployment of a TOML file; BadInputError names the file, the entry and the change to
-        make."""
+        """Return the deployment in a TOML file.
+
+        Raises BadInputError that names the file, the entry and the change to make.
+        """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
                 f"{path} is not a deployment file (.toml); name a policy by policy.file in one"
@@ -213,27 +215,27 @@ class Deployment(Reported):
 
     @property
     def dt(self) -> float:
-        """Seconds between two samples."""
+        """Sample time, s."""
         return float(self.timing["dt"])
 
     @property
     def delay(self) -> float:
-        """Seconds from a sample to the moment when its action moves the input."""
+        """Delay from a sample to its action on the input, s."""
         return float(self.timing.get("delay", 0.0))
 
     @property
     def history(self) -> int:
-        """Samples whose observations the policy takes together, the oldest first."""
+        """Number of samples whose observations the policy uses together, the oldest first."""
         return int(self.timing.get("history", 1))
 
     @property
     def width(self) -> int:
-        """Numbers that the policy takes: the observations of all samples of its history."""
+        """Number of inputs of the policy, the observations of all samples of its history."""
         return self.history * len(self.observation)
 
     @cached_property
     def actor(self) -> Actor:
-        """The network, read; Raises BadInputError like `read_actor`."""
+        """Network of the policy. Raises BadInputError as `read_actor`."""
         sizes = (len(self.observation), self.history, len(self.action))
         try:
             return read_actor(self.policy, self.folder, *sizes)
@@ -242,8 +244,10 @@ class Deployment(Reported):
 
     @cached_property
     def normalizer(self) -> Normalizer | None:
-        """The normalizer before the network, or None for none. One of a single sample is applied to
-        each sample of the history."""
+        """Normalizer before the network, or None.
+
+        A normalizer of a single sample is applied to each sample of the history.
+        """
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
             return None
@@ -263,8 +267,10 @@ class Deployment(Reported):
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest action, (m,) each: those of the policy's file, else of the deployment
-        file, or infinite without either.
+        """Lowest and highest action, (m,) each.
+
+        They are those of the policy's file, else of the deployment file, or infinite without
+        either.
 
         Raises BadInputError where both say one and differ, and where a squashed action has none.
         """
@@ -291,7 +297,7 @@ class Deployment(Reported):
         return low, high
 
     def on(self, model: Model) -> Deployed:
-        """The deployment on an aircraft: its names looked up, its formulas compiled."""
+        """Return the deployment on an aircraft, with names resolved and formulas compiled."""
         from hfa_policy.deployed import Deployed
 
         return Deployed(self, model)

@@ -99,8 +99,10 @@ def vector_environment(
 def _deployment(
     model: Model, given: Deployment | str | Path | None, dt: float | None
 ) -> Deployment:
-    """The given deployment, or the usual one of a model with samples dt apart, s. Raises
-    BadInputError where both are given."""
+    """Return the given deployment, or the default one of a model with a sample time dt, s.
+
+    Raises BadInputError where both are given.
+    """
     if given is None:
         return Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
     if dt is not None:
@@ -127,7 +129,7 @@ def _episodes(
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
-    """A class that needs a library; BadInputError with the line that installs it."""
+    """Return a class of a library. Raises BadInputError with the command that installs it."""
     try:
         import_module(library)
     except ImportError:

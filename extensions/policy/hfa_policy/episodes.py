@@ -1,5 +1,8 @@
-"""Many episodes of an aircraft at once, observed, moved, sampled and held as a deployment file
-describes, with its cost as the reward."""
+"""Simulation of many episodes of an aircraft at once.
+
+Observations, actions, timing and hold are those of a deployment file; the reward is its negative
+cost.
+"""
 
 from __future__ import annotations
 
@@ -132,12 +135,12 @@ class Episodes:
 
     @property
     def done(self) -> np.ndarray:
-        """Samples of each episode so far, (N,)."""
+        """Number of samples of each episode so far, (N,)."""
         return self.samples - self._ends[:, -1].astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Begin these episodes anew, at a random trim and from a random start in the box about it;
-        their observations."""
+        """Restart these episodes from random initial conditions about random trims; return the
+        observations."""
         owners = random.integers(len(self.points), size=len(numbers))
         share = random.uniform(-1.0, 1.0, (len(numbers), len(self._linear)))
         trims = self._trims[owners]
@@ -148,8 +151,10 @@ class Episodes:
         return self.begin_at(numbers, owners, starts)
 
     def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """Begin these episodes about the trims with these numbers, from states (N, n); the earlier
-        observations are the first."""
+        """Restart these episodes from given states (N, n) about given trims.
+
+        The earlier observations equal the first.
+        """
         count = len(numbers)
         pushes = np.zeros((count, len(self._linear) + len(self._flight.winds)))
         if self._air is not None:
@@ -166,15 +171,14 @@ class Episodes:
         return self.frames[numbers]
 
     def step(self, actions: np.ndarray) -> Stepped:
-        """Advance all episodes by one sample, as `advance`."""
+        """Advance all episodes by one sample, and return the results."""
         self.advance(actions)
         rewards, lost, over = self.outcomes.T.copy()
         left = {each: self.left(each) for each in np.flatnonzero(lost).tolist()}
         return Stepped(self.frames.copy(), rewards, lost > 0.0, over > 0.0, left)
 
     def advance(self, actions: np.ndarray) -> None:
-        """Advance all episodes by one sample with these actions, (N, m), beyond the box as at its
-        end.
+        """Advance all episodes by one sample with these actions, (N, m), clipped to the box.
 
         Raises BadInputError where they are of another shape, or one of them is not a number.
         """
@@ -207,7 +211,8 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Advance all rows by one sample, in as many threads as processors where that is faster."""
+        """Return the function that advances all rows by one sample, in threads where that is
+        faster."""
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
         tables = (self._rows, self.outcomes, self._observed)
@@ -220,7 +225,7 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """row -> (row a sample later, outcome, o a sample later)."""
+        """Function row -> (row a sample later, outcome, o a sample later)."""
         flight = self._flight
         flown = sum(flight.sizes)
         n = len(flight.deployed.model.states)
@@ -236,7 +241,7 @@ class Episodes:
         return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """row of the flight -> o."""
+        """Function row of the flight -> o."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
@@ -251,7 +256,10 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Numbers of a row that determine the end of its episode: lowest X, highest X, samples left."""
+    """Return the length of the entries of a row that determine the end of its episode.
+
+    They are the lowest X, the highest X and the remaining samples.
+    """
     return 2 * len(flight.deployed.model.states) + 1
 
 
@@ -294,13 +302,15 @@ def _all(conditions: Iterable[ca.SX]) -> ca.SX:
 
 
 class EpisodeAir:
-    """The turbulence of N episodes, each about one of several trims: exact at the samples, its mean
-    of both ends held during each."""
+    """Turbulence of N episodes, each about one of several trims.
+
+    It is exact at the samples. During a sample the mean of both ends is held.
+    """
 
     def __init__(
         self, turbulence: Turbulence, points: Sequence[OperatingPoint], count: int, dt: float
     ) -> None:
-        """Raises BadInputError like `Turbulence.air`."""
+        """Prepare the turbulence. Raises BadInputError as `Turbulence.air`."""
         airs = [turbulence.air(point, dt, 1, 0) for point in points]
         filters = [AirFilter.of(air) for air in airs]
         self.names = airs[0].names
@@ -325,7 +335,7 @@ class EpisodeAir:
         self._states[numbers] = _rowwise(self._stationary[owners], draw)
 
     def step(self) -> np.ndarray:
-        """The disturbances of the next sample, (N, k)."""
+        """Return the disturbances of the next sample, (N, k)."""
         owners = self._owners
         draw = self._random.standard_normal(self._states.shape)
         before = self._states
@@ -340,7 +350,7 @@ def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest action. Raises BadInputError where one has no box."""
+    """Return the lowest and highest action. Raises BadInputError for an action without limits."""
     low, high = deployed.deployment.box
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):
@@ -366,8 +376,11 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Q of states and outputs, R of inputs: those of the deployment file, else 1/nominal² of the
-    linear states and the moved inputs."""
+    """Return Q of states and outputs, and R of inputs.
+
+    They are those of the deployment file, else 1/nominal² of the linear states and the moved
+    inputs.
+    """
     model = deployed.model
     cost = deployed.deployment.cost
     if cost is not None:
@@ -379,7 +392,7 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
 
 
 def cost_rate(deployed: Deployed) -> ca.Function:
-    """(X, U, trim) -> x'Q x + u'R u, of deviations from the trim."""
+    """Return the function (X, U, trim) -> x'Q x + u'R u of deviations from the trim."""
     model = deployed.model
     Q, R = cost_weights(deployed)
     X, U, trim = (ca.SX.sym(name, size) for name, size in _sizes(deployed))

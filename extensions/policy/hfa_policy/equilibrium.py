@@ -29,7 +29,7 @@ _AT_CLIP = 1e-9
 
 
 class Frames(NamedTuple):
-    """Slopes of a policy by the observations of several samples.
+    """Derivatives of a policy by the observations of several samples.
 
     K: (m', k), -∂u/∂x by the linear states of the last sample alone.
     K_inputs: (m', m'), ∂u/∂u by the inputs before that sample.
@@ -46,7 +46,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """An equilibrium of the sampled loop, at a kink with the means of the slopes to both sides.
+    """Equilibrium of the sampled loop, at a kink with the means of the slopes on both sides.
 
     states: X, (n,); states outside the linear model are those of the trim.
     inputs: U, (m,).
@@ -92,7 +92,7 @@ class Equilibrium:
 
 
 class EquilibriumSearch:
-    """Newton's method on the linear states and the commanded inputs at one trim.
+    """Newton's method for the linear states and the commanded inputs at one trim.
 
     steady: the trim of whose rates the equilibrium has; the point itself unless given.
     """
@@ -118,8 +118,10 @@ class EquilibriumSearch:
         self.steady = at.model.at(at.states, at.inputs).f[self.rows]
 
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
-        """The equilibrium that is found from X (n,) and U (m,), or None where none is: Newton's
-        method, where it gets stuck after least squares."""
+        """Return the equilibrium found from X (n,) and U (m,), or None.
+
+        Newton's method is used, and where it fails least squares first.
+        """
         start = np.concatenate([states, inputs])
         z = self.base.copy()
         z[self.moving] = start[self.moving]
@@ -179,7 +181,7 @@ class EquilibriumSearch:
         return nearest
 
     def _by_newton(self, z: np.ndarray) -> Equilibrium | None:
-        """The equilibrium of Newton's method with step halving, or None where it finds none."""
+        """Return the equilibrium found by Newton's method with step halving, or None."""
         residual, jacobian = self._system(z)
         size = self._size(residual)
         for _ in range(_MOST_STEPS):
@@ -211,7 +213,8 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Commanded inputs, their slopes by the linear states and by the inputs before."""
+        """Return the commanded inputs, and their derivatives by the linear states and the previous
+        inputs."""
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
@@ -219,8 +222,7 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual and Jacobian by the linear states and the commanded inputs, or nan where the
-        equations are no numbers."""
+        """Return the residual and its Jacobian by linear states and commanded inputs, or nan."""
         X, U = self._parts(z)
         count = len(self.moving)
         try:
@@ -284,8 +286,12 @@ class EquilibriumSearch:
     def _mean_slopes(
         self, z: np.ndarray, derivative: np.ndarray
     ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """The slopes (m', k + m') of the commanded inputs by the linear states and the inputs
-        before, at a kink the means of the slopes to both sides, and a note on each such entry."""
+        """Return the derivatives (m', k + m') of the commanded inputs, averaged at kinks, with
+        notes.
+
+        The derivatives are by the linear states and the previous inputs. Each entry at a kink has a
+        note.
+        """
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded
         slopes = derivative.copy()

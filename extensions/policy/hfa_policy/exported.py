@@ -27,8 +27,8 @@ POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
 
 def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """File -> its text: C of the command at a sample, observations, normalizer, clip and map
-    inside.
+    """Return file name -> text: C of the command at a sample, with observations, normalizer, clip
+    and map.
 
     origin: where it comes from, lines of text
     """
@@ -57,9 +57,11 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return the command u = g(v), v = [X; U before; past], as a loop for `write_fmu`. Its one
-    state is a clock, s, because model exchange needs a state. With a past, the observations at this
-    sample are outputs too."""
+    """Return the command u = g(v), v = [X; U before; past], as a loop for `write_fmu`.
+
+    Its one state is a clock, s, because model exchange requires a state. With a past, the
+    observations at this sample are outputs too.
+    """
     model = policy.deployed.model
     y = ca.SX.sym("y", 1)
     n, m = len(model.states), len(model.inputs)
@@ -88,7 +90,8 @@ def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
-    """(X, U before) -> U at its trim, all scalars, or with a past (X, U before, past) -> (U, o)."""
+    """Return the function (X, U before) -> U at its trim, or with a past (X, U before, past) -> (U,
+    o)."""
     model = policy.deployed.model
     sampled = policy.deployed.sampled
     if not sampled.is_a("SXFunction"):

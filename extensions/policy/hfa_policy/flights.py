@@ -76,7 +76,7 @@ def steered_by(deployed: Deployed) -> Steered:
 
 
 def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
-    """X, U before, trim and further numbers."""
+    """Return symbols of X, U before, trim and further numbers."""
     n, m = len(deployed.model.states), len(deployed.model.inputs)
     sizes = (n, m, n + m + len(deployed.model.parameters), extra)
     return [ca.SX.sym("x", size) for size in sizes]
@@ -84,7 +84,7 @@ def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
-    """The common data of all flights of a deployment.
+    """Data shared by all flights of a deployment.
 
     deployed: the policy on its aircraft.
     dt, delay: s.
@@ -109,14 +109,14 @@ class SampledFlight:
 
     @property
     def whole(self) -> int:
-        """Whole samples of the delay."""
+        """Number of whole samples in the delay."""
         samples = self.delay / self.dt
         nearest = round(samples)
         return nearest if abs(samples - nearest) <= _WHOLE else math.floor(samples)
 
     @property
     def early(self) -> float:
-        """Seconds of a sample during which the older command still acts."""
+        """Part of a sample, s, during which the previous command still acts."""
         rest = self.delay - self.whole * self.dt
         return rest if rest > _WHOLE * self.dt else 0.0
 
@@ -138,7 +138,7 @@ class SampledFlight:
 
     @property
     def samples_in_window(self) -> int:
-        """Samples of a window, at least one."""
+        """Number of samples in a window, at least one."""
         return max(1, round(WINDOW / self.dt))
 
     @property
@@ -192,7 +192,7 @@ class SampledFlight:
         return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges, *past)])
 
     def sample(self) -> ca.Function:
-        """row -> row a sample later."""
+        """Function row -> row a sample later."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.vec(self.steered.network(self.entering()(row)))
         later = ca.vertcat(self.later()(row, raw), row[self.changing :])
@@ -203,7 +203,7 @@ class SampledFlight:
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """(X, U before, trim, extra) of a row."""
+        """Return (X, U before, trim, extra) of a row."""
         X, memory, _, _, _, _, _, trim, _, extra = self._parts(row)
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
 
@@ -222,7 +222,7 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Reset the extremes before a window: those of X are X, those of U none."""
+        """Reset the extremes before a window: those of X to X, those of U to none."""
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]
         rows[:, high_X] = rows[:, X]
@@ -230,7 +230,7 @@ class SampledFlight:
         rows[:, high_U] = -np.inf
 
     def are_inside(self, rows: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """(N,), whether X is finite and its extremes are within limits, (N, n) each."""
+        """Return whether X is finite and its extremes are within limits (N, n), (N,)."""
         X, _, low_X, high_X, *_ = self.slices
         inside = (rows[:, low_X] >= least) & (rows[:, high_X] <= most)
         return np.asarray(inside.all(axis=1) & np.isfinite(rows[:, X]).all(axis=1))
@@ -242,8 +242,10 @@ class SampledFlight:
         pushes: np.ndarray,
         extra: np.ndarray | None = None,
     ) -> np.ndarray:
-        """The rows of flights that begin at states (N, n), about trims (N, ...), with the inputs of
-        the trim acting and the earlier observations those of the first sample."""
+        """Return the rows of flights that begin at states (N, n) about trims (N, ...).
+
+        The inputs of the trim act, and the earlier observations equal the first.
+        """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         inputs = trims[:, n : n + m]
@@ -263,7 +265,7 @@ def _first_result(function: Rows) -> RowNetwork:
 
 
 class Window:
-    """Advances rows by a number of samples."""
+    """Function that advances rows by a number of samples."""
 
     def __init__(
         self,
@@ -278,7 +280,7 @@ class Window:
         self._later = later
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """The rows a window later."""
+        """Return the rows a window later."""
         rows = rows.copy()
         with np.errstate(all="ignore"):
             for _ in range(self._samples):
@@ -289,8 +291,10 @@ class Window:
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
-    """Calls `work` with numbers of rows, in as many threads as there are processors; the rows are
-    distributed in turn."""
+    """Call `work` with numbers of rows, in as many threads as processors.
+
+    The rows are distributed in turn.
+    """
     threads = max(1, min(os.cpu_count() or 1, count // 100))
     dealt = [np.arange(first, count, threads) for first in range(threads)]
     with ThreadPoolExecutor(threads) as pool:

@@ -48,7 +48,7 @@ class DeployedPolicy(Policy):
 
     @property
     def tick(self) -> float:
-        """s: the longest time of which the sample time and the delay are whole numbers."""
+        """Longest time, s, of which the sample time and the delay are multiples."""
         deployment = self.deployed.deployment
         dt = round(deployment.dt / _CLOCK)
         delay = round(deployment.delay / _CLOCK)
@@ -61,11 +61,11 @@ class DeployedPolicy(Policy):
         return math.gcd(dt, delay) * _CLOCK
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The held input."""
+        """Return the held input."""
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Samples every dt; each command acts from the delay after its sample on."""
+        """Return the sampler, which samples every dt; a command acts after the delay."""
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
         states = np.array(self.point.states)
@@ -115,8 +115,10 @@ def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolic
 def flown_deployment(
     deployment: Deployment, point: OperatingPoint, name: str = "deployment"
 ) -> DeployedPolicy:
-    """The policy of a deployment about a trim; warns of mistakes that its files show. Raises
-    BadInputError like `refuse_undefined_at`."""
+    """Return the policy of a deployment about a trim, and warn of mistakes in its files.
+
+    Raises BadInputError as `refuse_undefined_at`.
+    """
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
     for note in notes_on_card(deployed, [point]):
@@ -133,7 +135,7 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 
 
 def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """The policy as C, file -> text."""
+    """Return file name -> text of the policy in C."""
     from hfa_policy.exported import c_policy_texts
 
     return c_policy_texts(policy, origin)
@@ -147,8 +149,10 @@ def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
-    """The scenario with the ticks of a policy; its steps are those of `hfa assess` where nothing
-    else moves."""
+    """Return the scenario with the ticks of a policy.
+
+    Its steps are those of `hfa assess` where nothing else moves.
+    """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)
     steps = max(1, math.ceil(parts * policy.tick / dt - 1e-9))

@@ -41,7 +41,7 @@ _RULE = "a formula has numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
 
 
 class Formula(NamedTuple):
-    """A parsed formula. No code in it is run.
+    """Parsed formula. No code in it is run.
 
     text: as it was typed.
     tree: its syntax tree, with supported nodes only.
@@ -53,7 +53,7 @@ class Formula(NamedTuple):
     names: tuple[str, ...]
 
     def value(self, values: Mapping[str, Any]) -> ca.SX:
-        """The expression at values by name."""
+        """Return the expression at values by name."""
         return ca.SX(_value(self.tree, values))
 
 
@@ -75,7 +75,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Raise BadInputError for the first node that a formula may not have; collects its names."""
+    """Raise BadInputError for the first node that is not allowed, and collect the names."""
     if isinstance(node, ast.Name):
         refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)

@@ -33,9 +33,11 @@ def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
 def step_of_integration(
     layout: Layout, linear: tuple[str, ...], winds: tuple[str, ...] = ()
 ) -> ca.Function:
-    """[X; U; push; p; h] -> X after h seconds, by a step of the classical Runge-Kutta method of
-    order 4 (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2) for
-    X' = f(X, U, p, w) + d, (d, w) = push: on the states `linear`, and the disturbances `winds`."""
+    """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
+
+    X' = f(X, U, p, w) + d, (d, w) = push, with d on the states `linear` and w the disturbances
+    `winds` (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2).
+    """
     states = layout.names[0]
     inputs = layout.names[1]
     parameters = layout.names[2]

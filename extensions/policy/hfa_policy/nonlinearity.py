@@ -30,7 +30,7 @@ class Nonlinearity(NamedTuple):
 
 
 class _Slope(NamedTuple):
-    """The linear policy that a policy is compared with, as a search takes it: it has no value."""
+    """Linear policy to which a policy is compared, in the form that a search requires."""
 
     K: np.ndarray
     P: np.ndarray

@@ -21,7 +21,7 @@ CLIP = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Normalizer:
-    """o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
+    """Normalizer o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
 
     mean: (k,).
     variance: (k,), none below 0.
@@ -71,7 +71,7 @@ class Normalizer:
         return np.asarray(np.sqrt(self.variance + self.epsilon))
 
     def before_clip(self, observation: Any) -> Any:
-        """(o - mean) / deviation of an expression."""
+        """Return (o - mean) / deviation of an expression."""
         return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
 
     def normalized(self, observation: np.ndarray) -> np.ndarray:
@@ -140,7 +140,7 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Observations as (E, k) doubles, or None where they are something else."""
+    """Return observations as (E, k) doubles, or None for anything else."""
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
     return np.array(values, dtype=float)

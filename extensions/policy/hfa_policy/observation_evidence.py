@@ -122,8 +122,11 @@ def mistakes_of_observations(
     normalizer: Normalizer | None,
     points: Sequence[OperatingPoint],
 ) -> Iterator[Mistake]:
-    """Yield absolute values for deviations or the reverse, and wrong scales, as far as the record
-    of the training shows them; else that observations differ for one of several reasons."""
+    """Yield mistakes of observations that the record of the training shows.
+
+    They are absolute values for deviations or the reverse, and wrong scales; else a difference with
+    several possible reasons.
+    """
     seen = _seen(stored, normalizer)
     if seen is None:
         return

@@ -42,7 +42,7 @@ _DIHEDRAL = math.radians(15.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
-    """An aircraft for other tools."""
+    """Request of `hfa export`."""
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
@@ -145,7 +145,7 @@ def _written(
     *,
     with_gain: bool,
 ) -> list[Path]:
-    """The aircraft with the gain of a law, or under a scheduled controller behind actuators."""
+    """Write the aircraft with the gain of a law, or with a scheduled controller and actuators."""
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu

@@ -34,7 +34,7 @@ _MOST_STEPS = 1_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
-    """One flight, or many members of one."""
+    """Request of `hfa fly`: one flight, or many members."""
 
     samples: int | None = option(
         "simulate N members, each with its own errors, noise and turbulence",
@@ -163,8 +163,10 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """Fly the members of --samples or --draws; return the exit code: 1 when none stayed within its
-    limits, or not all of --draws."""
+    """Fly the members of --samples or --draws, and return the exit code.
+
+    It is 1 when no member, or with --draws not every one, stayed within its limits.
+    """
     from hfa_flight.monte_carlo import MonteCarlo
     from hfa_flight.monte_carlo_report import member_report
     from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members

@@ -64,7 +64,7 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Half-width of the box of initial conditions in a linear state."""
+    """Return the half-width of the box of initial conditions in a linear state."""
     width = linear_state(model, name, text)
     if width <= 0.0:
         raise BadInputError(f"is {text}; give a number above 0")
@@ -72,8 +72,10 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Lowest and highest value of a parameter or an input. For an unknown name it is arbitrary, and
-    is refused once the actions are known."""
+    """Return the lowest and highest value of a parameter or an input.
+
+    An unknown name is refused once the actions are known.
+    """
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
     return span(model, name, text)
@@ -86,7 +88,7 @@ def _card_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
-    """A policy as it is deployed."""
+    """Request of `hfa assess`."""
 
     cards: tuple[Path, ...] = option(
         "deployment file with the observations, actions and timing of a policy, or with "
@@ -161,7 +163,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     picture: Path | None = picture_option("spectral radius over delay, and outcomes of the flights")
 
     def points(self) -> list[OperatingPoint]:
-        """The trims to assess at."""
+        """Return the trims to assess."""
         aircraft = self.flown_aircraft()
         if self.at is None:
             return [self.operating_point(aircraft)]

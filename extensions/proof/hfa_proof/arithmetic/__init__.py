@@ -1,5 +1,5 @@
-"""Numbers with proof: balls, Taylor models of them, and functions run on them; the prover and the
-checker share it."""
+"""Arithmetic of proofs, shared by prover and checker: balls, Taylor models, and functions on
+them."""
 
 from typing import Any
 
@@ -11,8 +11,7 @@ PRECISION = 192
 
 
 def flint_or_refusal() -> Any:
-    """The module `flint` with its precision set; BadInputError, one line, when it is not
-    installed."""
+    """Return the module `flint` with its precision set. Raises BadInputError without it."""
     try:
         import flint
     except ImportError as error:

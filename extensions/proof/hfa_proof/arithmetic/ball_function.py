@@ -1,4 +1,4 @@
-"""A CasADi function, instruction by instruction, on balls or on power series of balls."""
+"""Evaluation of CasADi functions on balls or on power series of balls, by their instructions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 
 
 class Undecided(NoSolutionError):
-    """The balls are too wide for an enclosure; narrower ones may do."""
+    """Error of balls that are too wide for an enclosure; narrower ones may suffice."""
 
 
 class BallFunction:
@@ -105,7 +105,8 @@ def constant_part(value: Any) -> Any:
 
 
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
-    """(the smaller, the larger) of two values. Undecided when their balls overlap."""
+    """Return the smaller and the larger of two values. Raises Undecided when their balls
+    overlap."""
     first = constant_part(x)
     second = constant_part(y)
     if not (first <= second or first > second):
@@ -114,7 +115,8 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _arctangent(y: Any, x: Any) -> Any:
-    """atan2(y, x) = atan(y / x) for x > 0. Raises Undecided for an x that may not be positive."""
+    """Return atan2(y, x) = atan(y / x) for x > 0. Raises Undecided for an x that may not be
+    positive."""
     if not constant_part(x) > 0:
         raise Undecided("atan2 with a second argument that may not be positive")
     return (y / x).atan()

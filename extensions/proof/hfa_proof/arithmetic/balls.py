@@ -24,13 +24,13 @@ def exact(value: float) -> arb:
 
 
 def symmetric(radius: Any) -> arb:
-    """[-r, r] with r the largest absolute value of a number or ball."""
+    """Return [-r, r] with r the largest absolute value of a number or ball."""
     bound = abs(arb(radius)).upper()
     return (-bound).union(bound)
 
 
 def matrix(values: Any) -> arb_mat:
-    """A matrix of doubles as exact balls, or decimals in strings as balls that hold them."""
+    """Return a matrix of doubles as exact balls, or of decimals in strings as enclosing balls."""
     entries = np.asarray(values)
     rows, columns = entries.shape
     return arb_mat(rows, columns, [arb(entry) for entry in entries.ravel().tolist()])
@@ -44,12 +44,12 @@ def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
 
 
 def doubles(values: arb_mat) -> np.ndarray:
-    """Midpoints rounded to doubles: for searching, never for proving."""
+    """Return the midpoints rounded to doubles, for a search but never for a proof."""
     return np.array([[float(entry.mid()) for entry in row] for row in values.tolist()])
 
 
 def norm(entries: Iterable[arb]) -> arb:
-    """sqrt(Σ entry²), a ball, for the entries of a matrix the Frobenius norm."""
+    """Return sqrt(Σ entry²) as a ball, for a matrix the Frobenius norm."""
     balls = list(entries)
     lowest = sum((ball.abs_lower() ** 2 for ball in balls), arb(0))
     highest = sum((ball.abs_upper() ** 2 for ball in balls), arb(0))
@@ -57,7 +57,8 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """D of L D L' = M for every symmetric M in the matrix of balls, or None when a pivot may be 0.
+    """Return D of L D L' = M for every symmetric M in the matrix of balls, or None for a pivot near
+    0.
 
     The signs of D are those of the eigenvalues (Sylvester's law of inertia). Only the lower
     triangle is read."""
@@ -83,7 +84,8 @@ def is_positive_definite(values: arb_mat) -> bool:
 
 
 def lowest_sign(values: np.ndarray) -> int:
-    """Sign of the lowest eigenvalue of a symmetric matrix of doubles, in rational arithmetic.
+    """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, in rational
+    arithmetic.
 
     1: positive definite. 0: positive semidefinite and singular. -1: neither. Elimination without
     rounding: where a pivot is 0, a semidefinite matrix has a row of zeros."""

@@ -62,15 +62,17 @@ class SteadyFlight:
     heights: tuple[int, ...]
 
     def residual(self, values: Mapping[str, Any]) -> list[Any]:
-        """F where every variable, parameter and imposed output has a value: a ball, a series or a
-        Taylor model."""
+        """Return F for values of every variable, parameter and imposed output.
+
+        A value is a ball, a series or a Taylor model.
+        """
         results = self.balanced(*self._arguments(values))[0]
         rates = len(results) - len(self.imposed_outputs)
         outputs = zip(results[rates:], self.imposed_outputs, strict=True)
         return results[:rates] + [output - values[name] for output, name in outputs]
 
     def linear(self, values: Mapping[str, Any]) -> LinearParts:
-        """The linear model where every variable and parameter has such a value."""
+        """Return the linear model for such values of every variable and parameter."""
         columns = self.linear_parts(*self._arguments(values))
         parts = []
         for entries, height in zip(columns, self.heights, strict=True):
@@ -78,7 +80,7 @@ class SteadyFlight:
         return LinearParts(*parts)
 
     def _arguments(self, values: Mapping[str, Any]) -> list[list[Any]]:
-        """(v, p) from values by name."""
+        """Return (v, p) from values by name."""
         return [[values[name] for name in names] for names in (self.variables, self.parameters)]
 
 

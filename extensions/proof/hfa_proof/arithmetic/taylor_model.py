@@ -20,7 +20,7 @@ _HULL = ((-1.0, 1.0), (-0.75, 0.5), (-0.25, 0.0), (0.25, 0.0), (0.75, 0.5), (1.0
 
 
 class TaylorModel:
-    """c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
+    """Taylor model c_0 + c_1 s + c_2 s² + remainder + Σ z_k t_k for every |s|, |t_k| <= 1.
 
     parts: (c_0, c_1, c_2, remainder, z_1, ..), balls or matrices of balls; missing ones are 0
 
@@ -33,7 +33,7 @@ class TaylorModel:
 
     @classmethod
     def of(cls, value: Any) -> TaylorModel:
-        """A Taylor model itself, or for any other value the constant model."""
+        """Return a Taylor model unchanged, or any other value as a constant model."""
         if isinstance(value, TaylorModel):
             return value
         return cls(arb(value) if isinstance(value, int) else value)
@@ -89,7 +89,7 @@ class TaylorModel:
         return self.map(lambda part: part.transpose())
 
     def polynomial_at(self, s: float) -> Any:
-        """c_0 + c_1 s + c_2 s²: without the remainder and the errors."""
+        """Return c_0 + c_1 s + c_2 s², without the remainder and the errors."""
         c0, c1, c2, *_ = self.parts
         return c0 + arb(s) * c1 + arb(s * s) * c2
 

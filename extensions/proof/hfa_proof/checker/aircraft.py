@@ -1,4 +1,4 @@
-"""The aircraft that a certificate concerns."""
+"""Aircraft of a certificate."""
 
 from __future__ import annotations
 

@@ -115,8 +115,10 @@ def _check(statement: Statement, entries: Fields, progress: Progress | None) -> 
 def check_schedule(
     statement: ScheduleStatement, witness: ScheduleWitness, progress: Progress | None = None
 ) -> int:
-    """Every run has the unstable modes that are claimed, and the motion is stable. Number of
-    boxes."""
+    """Prove that every run has the claimed unstable modes and that the motion is stable.
+
+    The number of boxes is returned.
+    """
     flight = statement.flight
     n = len(flight.model.linear)
     size = loop_size(flight.model, statement.controller, statement.actuators)
@@ -150,7 +152,7 @@ def _linear_model(statement: ScheduleStatement, trim: TrimBox) -> LinearModelBox
 def _loop_bounds(
     statement: ScheduleStatement, linear: LinearModelBox, box: ModesBox
 ) -> tuple[int, int]:
-    """Least and most unstable modes of the loop that a box proves."""
+    """Return the least and the largest number of unstable modes that a box proves for the loop."""
     model = statement.flight.model
     if isinstance(statement.actuators, UncertainActuators):
         assert isinstance(box.proof, list)
@@ -166,7 +168,7 @@ def _loop_bounds(
 
 
 def _check_runs(name: str, runs: Sequence[Run], bounds: Sequence[Run], size: int) -> None:
-    """The bounds that boxes prove are those of the runs, or better; a run of 0 to n is open."""
+    """Raise Rejected unless the bounds proved by boxes are those of the runs, or better."""
     for run in runs:
         ends = [(run.low, run.high)]
         if run.least > 0:
@@ -244,7 +246,7 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
 def _plant(
     statement: GameStatement, witness: GameWitness, *, decimals: bool
 ) -> tuple[TaylorModel, TaylorModel]:
-    """A and B, for the doubles or for every number that reads as them.
+    """Return A and B, for the doubles or for every number that reads as them.
 
     The trim of the doubles lies within its radii about the center, and so within the larger ones of
     all of them, where each has no other trim: they are one branch."""
@@ -266,7 +268,7 @@ def _line_bounds(A: TaylorModel, lines: Sequence[Line]) -> list[Run]:
 def check_models(
     statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
 ) -> int:
-    """Everywhere between the breakpoints the interpolation errors are at most those claimed."""
+    """Prove that the interpolation errors between the breakpoints are at most those claimed."""
     flight = statement.flight
     cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
     linear_models = []
@@ -284,7 +286,8 @@ def check_models(
 def interpolation_errors(
     tables: ModelsStatement, linear: LinearModelBox, exact: Solution
 ) -> dict[str, arb]:
-    """Bounds on a box of |A - Â| / |A|, of B and K likewise, and of |U - Û| in nominal values."""
+    """Return bounds on a box of |A - Â| / |A|, likewise of B and K, and of |U - Û| in nominal
+    values."""
     model = tables.flight.model
     nominal = np.array([model.signals[name].nominal for name in model.inputs])
     errors = {}

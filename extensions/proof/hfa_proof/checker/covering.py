@@ -62,13 +62,13 @@ def _meets(box: Box, part: Box) -> bool:
 
 
 def _holds(box: Box, part: Box) -> bool:
-    """Return whether all of the part lies in the box."""
+    """Return whether a box contains all of a part."""
     pairs = zip(box, part, strict=True)
     return all(low <= least and most <= high for (low, high), (least, most) in pairs)
 
 
 def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
-    """The part, cut in two at an end of a box: the middle one of the coordinate with most ends.
+    """Return the part, divided at an end of a box.
 
     boxes: that meet the part and do not hold it, so that an end lies inside
     """

@@ -82,7 +82,7 @@ def actuated_loop(
     controller: Controller,
     actuators: FixedActuators | UncertainActuators,
 ) -> LoopBox:
-    """The loop with its commands apart."""
+    """Return the loop with its commands as separate inputs."""
     n = len(model.linear)
     a = len(actuators.order)
     second = [i for i, order in enumerate(actuators.order) if order == 2]
@@ -123,7 +123,7 @@ def _measured(
     x: arb_mat,
     positions: arb_mat,
 ) -> TaylorModel:
-    """y of ζ: states, outputs or the part of an output that some states cause, and positions."""
+    """Return y as a function of ζ: states, outputs or parts of outputs, and positions."""
     p = len(controller.measurements)
     outputs = controller.outputs(model)
     S = matrix(_selected(controller.inputs, tuple(model.inputs)))
@@ -145,12 +145,12 @@ def _measured(
 
 
 def _selected(names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """(wanted, names), 1 where the two are the same."""
+    """Return a matrix (wanted, names) with 1 where the names are equal."""
     return np.array([[float(name == row) for name in names] for row in wanted])
 
 
 def controller_on(controller: Controller, low: float, high: float) -> list[TaylorModel]:
-    """A, B, C, D on a box between two breakpoints."""
+    """Return A, B, C, D on a box between two breakpoints."""
     tables = (controller.A, controller.B, controller.C, controller.D)
     return [between(controller.breakpoints, table, low, high) for table in tables]
 

@@ -21,8 +21,10 @@ from hfa_proof.checker.witness import Line, Piece
 
 
 def modes_right_of(A: TaylorModel, line: Line) -> int:
-    """Return the number of eigenvalues of every A right of -rate; none lies on it. Raises Rejected
-    unless proved."""
+    """Return the number of eigenvalues of every A with Re λ > -rate.
+
+    No eigenvalue is on the line. Raises Rejected unless this is proved.
+    """
     H = matrix(line.H)
     turn = matrix(line.turn)
     n = A.parts[0].nrows()
@@ -33,7 +35,7 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
 
 
 def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
-    """Bounds of the number of eigenvalues with a positive real part, of every A.
+    """Return bounds on the number of eigenvalues with a positive real part, for every A.
 
     A line on the right of the axis gives the first, one on the left the second, the axis both.
     """
@@ -69,7 +71,10 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
 
 
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
-    """Signs of the eigenvalues (Sylvester); turn: coordinates, proved to be such."""
+    """Return the signs of the eigenvalues (Sylvester).
+
+    turn: coordinates, whose regularity is proved
+    """
     diagonal = pivots(turn.transpose() * symmetric * turn)
     if diagonal is None:
         raise Rejected("an eigenvalue is not distinguished from 0")

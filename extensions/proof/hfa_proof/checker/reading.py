@@ -1,4 +1,5 @@
-"""Entries of a certificate. Each is read once, with its type; remaining entries are refused."""
+"""Reading of the entries of a certificate, each once and with its type; remaining entries are
+refused."""
 
 from __future__ import annotations
 
@@ -25,15 +26,15 @@ Terms = tuple[tuple[float, tuple[int, ...]], ...]
 
 
 class Malformed(NoSolutionError):
-    """A certificate holds an entry that it cannot hold."""
+    """Error of a certificate with an invalid entry."""
 
 
 class Rejected(NoSolutionError):
-    """The witness of a certificate does not prove its statement."""
+    """Error of a witness that does not prove its statement."""
 
 
 def require(holds: bool, where: str, value: Any = None) -> None:
-    """Malformed, with the name of the entry, unless it holds."""
+    """Raise Malformed, with the name of the entry, unless the condition holds."""
     if not holds:
         shown_value = "" if value is None else f" ({shown(value)})"
         raise Malformed(f"{where} is not valid in a certificate{shown_value}")
@@ -52,8 +53,10 @@ NOT_PROVED = (
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Within it an error of reading or checking a certificate names the file: Raises BadInputError
-    where the certificate is about another model, Rejected otherwise."""
+    """Name the file in the errors of the block.
+
+    Raises BadInputError where the certificate is about another model, Rejected otherwise.
+    """
     try:
         yield
     except BadInputError as error:
@@ -78,7 +81,7 @@ class Fields:
         return name in self._remaining
 
     def close(self) -> None:
-        """Malformed when an entry was not taken: nothing in a certificate is without meaning."""
+        """Raise Malformed for an entry that was not read."""
         require(
             not self._remaining, f"{self.where}: unknown entry", sorted(self._remaining, key=str)
         )
@@ -115,30 +118,30 @@ class Fields:
         return bool(self.value(name, lambda value: isinstance(value, bool)))
 
     def count(self, name: str, most: int) -> int:
-        """A whole number from 0 to `most`."""
+        """Return a whole number from 0 to `most`."""
         return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
 
     def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
-        """A finite number, at least `least` and larger than `above`."""
+        """Return a finite number, at least `least` and larger than `above`."""
         value = float(self.array(name))
         require(value >= least and value > above, self._called(name), value)
         return value
 
     def positive(self, name: str) -> float:
-        """A positive number, or "inf"."""
+        """Return a positive number, or inf for "inf"."""
         if self._remaining.get(name) == "inf":
             del self._remaining[name]
             return math.inf
         return self.number(name, above=0.0)
 
     def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Two numbers in order, at least `least`."""
+        """Return two numbers in order, at least `least`."""
         low, high = self.array(name, 2).tolist()
         require(least <= low <= high, self._called(name), [low, high])
         return low, high
 
     def numbers(self, name: str, allowed: Any) -> dict[str, float]:
-        """Numbers by name, of names that are allowed."""
+        """Return numbers by allowed names."""
         entries = self.fields(name)
         values = {}
         for key in list(entries._remaining):
@@ -147,7 +150,7 @@ class Fields:
         return values
 
     def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
-        """A number for each of the names, in their order."""
+        """Return a number for each of the names, in order."""
         numbers = self.numbers(name, names)
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
         return {each: numbers[each] for each in names}
@@ -191,13 +194,13 @@ class Fields:
         return values
 
     def symmetric(self, name: str, n: int) -> np.ndarray:
-        """A matrix that equals its transpose exactly."""
+        """Return a matrix that equals its transpose exactly."""
         values = self.array(name, n, n)
         require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
         return values
 
     def balls(self, name: str, *shape: int) -> Any:
-        """Nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
+        """Return nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
         entries = self.value(name, lambda value: True)
         return _walked(self._called(name), entries, list(shape), _ball)
 
@@ -211,7 +214,7 @@ def rows_of(terms: Terms) -> list[list[Any]]:
 
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
-    """The nested list with `leaf` of each number. Raises Malformed for another shape."""
+    """Return the nested list with `leaf` of each number. Raises Malformed for another shape."""
     if not shape:
         return leaf(where, part)
     require(isinstance(part, list), where, part)

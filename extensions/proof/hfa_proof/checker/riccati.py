@@ -77,12 +77,12 @@ def lyapunov_operator(loop: arb_mat) -> arb_mat:
 
 
 def gain_matrix(weights: Weights, B: TaylorModel) -> TaylorModel:
-    """R⁻¹ B'."""
+    """Return R⁻¹ B'."""
     return matrix(weights.R).inv() * B.transpose()
 
 
 def riccati_S(weights: Weights, B: TaylorModel) -> TaylorModel:
-    """B R⁻¹ B' - E E' / delta²."""
+    """Return B R⁻¹ B' - E E' / delta²."""
     E = matrix(weights.E)
     return B * gain_matrix(weights, B) - E * E.transpose() * (1 / arb(weights.delta) ** 2)
 
@@ -90,7 +90,8 @@ def riccati_S(weights: Weights, B: TaylorModel) -> TaylorModel:
 def check_axis(
     weights: Weights, A: TaylorModel, B: TaylorModel, frequencies: Sequence[float]
 ) -> None:
-    """No solution makes A - S P Hurwitz, because H = [[A, -S], [-Q, -A']] has an eigenvalue j ω.
+    """Raise Rejected unless H = [[A, -S], [-Q, -A']] has an eigenvalue j ω, so that no solution
+    exists.
 
     The spectrum of H is symmetric, so that det(j ω I - H) is real: where it changes its sign there
     is one. Raises Rejected unless it is proved to do so among the frequencies, rad/s."""
@@ -103,21 +104,21 @@ def check_axis(
 
 
 def hamiltonian_rows(A: arb_mat, S: arb_mat, Q: arb_mat) -> list[list[arb]]:
-    """[[A, -S], [-Q, -A']]."""
+    """Return the rows of [[A, -S], [-Q, -A']]."""
     upper = [[*a, *s] for a, s in zip(A.tolist(), (-S).tolist(), strict=True)]
     lower = [[*q, *a] for q, a in zip((-Q).tolist(), (-A.transpose()).tolist(), strict=True)]
     return upper + lower
 
 
 def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
-    """(size, 1), W with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, then zeros."""
+    """Return W, (size, 1), with W'ψ(z) = z'P z: P_ii and 2 P_ij row by row, then zeros."""
     n = P.nrows()
     entries = [P[i, j] if i == j else 2 * P[i, j] for i in range(n) for j in range(i, n)]
     return arb_mat(size, 1, entries + [arb(0)] * (size - len(entries)))
 
 
 def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
-    """(n, n), P with z'P z the quadratic part of W'ψ(z), W (size,): halves of doubles are exact."""
+    """Return P, (n, n), of the quadratic part of W'ψ(z); halves of doubles are exact."""
     P = np.zeros((n, n))
     upper = np.triu_indices(n)
     P[upper] = np.asarray(W, dtype=float).ravel()[: len(upper[0])] / 2.0
@@ -139,7 +140,8 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
-    """Least and largest Frobenius norm of the differences, over that of the sizes if given.
+    """Return the least and the largest Frobenius norm of differences, relative to sizes if
+    given.
 
     A norm is convex: it is largest at a corner."""
     whole = arb(1) if sizes is None else norm(sizes)
@@ -152,7 +154,7 @@ def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tu
 def critic_distances(
     critic: Mapping[str, np.ndarray], exact: Solution
 ) -> dict[str, tuple[arb, arb]]:
-    """Bounds of |X - X*| / |X*| of each part of the critic: K, P, W."""
+    """Return bounds of |X - X*| / |X*| for each part K, P, W of the critic."""
     targets = {"K": exact.K, "P": exact.P}
     if "W" in critic:
         targets["W"] = TaylorModel(weights_of_basis(exact.P.range(), len(critic["W"])))

@@ -1,4 +1,4 @@
-"""The root of equations near a place, enclosed in balls."""
+"""Enclosure of the root of equations in balls."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from hfa_proof.checker.reading import Rejected
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Krawczyk's test: where about x̂(s) the one root of F is, a column. Raises Rejected unless
-    proved.
+    """Return the enclosure of the one root of F about x̂(s), a column, by Krawczyk's test.
 
     residual: F along x̂, a column
     J: F' where |e_i| <= r_i

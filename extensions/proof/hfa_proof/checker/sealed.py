@@ -1,4 +1,4 @@
-"""The file of a certificate: an edited digit of any number shows."""
+"""File of a certificate, in which an edit of any number is detected."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sealed(head: str, origin: str) -> str:
 
 
 def claims_of(content: dict[str, Any]) -> Fields:
-    """The entries of a certificate without those that claim nothing."""
+    """Return the entries of a certificate that belong to its claim."""
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
         entries.value(name, lambda value: True)
@@ -48,7 +48,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """The content of a file that was not edited, and which run wrote it."""
+    """Return the content of an unedited file, and the run that wrote it."""
     with file_faults(path):
         text = regular_file(path).read_bytes()
     try:

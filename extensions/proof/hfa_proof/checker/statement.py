@@ -194,7 +194,7 @@ class Controller:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> Controller:
-        """Malformed where a name is not the model's."""
+        """Read a controller. Raises Malformed for a name that is not the model's."""
         breakpoints = entries.increasing("breakpoints")
         inputs = entries.texts("inputs", model.inputs)
         positions = [f"{name}_position" for name in inputs]
@@ -218,7 +218,7 @@ class Controller:
         return controller
 
     def outputs(self, model: Model) -> tuple[str, ...]:
-        """The model's outputs among the measurements, whole."""
+        """Return the outputs of the model among the measurements."""
         names = (model.part(name)[0] for name in self.measurements)
         return tuple(dict.fromkeys(name for name in names if name in model.outputs))
 
@@ -528,7 +528,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def in_model_unit(model: Model, scheduling_value: Any) -> Any:
-    """A scheduling value of a file in the unit of the model: degrees become rad."""
+    """Return a scheduling value of a file in the unit of the model; degrees become rad."""
     if model.schedule_unit != "deg":
         return scheduling_value
     if isinstance(scheduling_value, arb):
@@ -546,14 +546,16 @@ def _output(model: Model, name: str) -> bool:
 
 
 def loop_size(model: Model, controller: Controller, actuators: Actuators | None) -> int:
-    """States of the loop: of the aircraft, the actuators and the controller."""
+    """Return the number of states of aircraft, actuators and controller."""
     size = len(model.linear) + controller.A.shape[1]
     return size if actuators is None else size + sum(actuators.order)
 
 
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
-    """The limits of a certificate by signal: of every signal that has a limit in the model, none
-    wider than that, and of others if stated."""
+    """Return signal -> limits of a certificate.
+
+    Every signal with a limit in the model has one, none wider; others are optional.
+    """
     stated = entries.fields("limits")
     limits = {}
     for name, (least, most) in model.limits.items():

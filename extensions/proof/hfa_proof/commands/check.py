@@ -22,7 +22,7 @@ from hfa_support.files import MATRIX_FILES
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckRequest(PlantOptions, OutputOptions):
-    """A certificate to be verified, and the data with which it must agree."""
+    """Request of `hfa prove check`: a certificate, and the data with which it must agree."""
 
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
     at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "compared with the certificate")
@@ -67,7 +67,7 @@ def prove(request: CheckRequest) -> int:
 
 
 def _check(request: CheckRequest, certificate: Path) -> int:
-    """Verify a certificate of a schedule, a game or models; the exit code."""
+    """Verify a certificate of a schedule, a game or models, and return the exit code."""
     from hfa_proof.checker.checker import check_certificate
     from hfa_proof.checker.statement import content_of, kind_of_statement
     from hfa_proof.commands.given import given_for

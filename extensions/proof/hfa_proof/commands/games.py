@@ -38,7 +38,7 @@ class Stated(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolutionRequest(PlantOptions, OutputOptions):
-    """A game whose solution is enclosed."""
+    """Request of `hfa prove solution`."""
 
     at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
 
@@ -70,7 +70,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CriticRequest(SolutionRequest):
-    """A critic to be compared with the solution of its game."""
+    """Request of `hfa prove critic`."""
 
     file: Path = option(
         f"critic to compare: W, P or K ({' '.join(MATRIX_FILES)})",
@@ -128,7 +128,7 @@ def _prepared(request: SolutionRequest) -> None:
 
 
 def _shown(stated: Stated, proof: Proof, critic_file: str) -> int:
-    """Write the certificate, print the report; the exit code."""
+    """Write the certificate, print the report, and return the exit code."""
     from hfa_proof.search.report import game_report
 
     request = stated.request

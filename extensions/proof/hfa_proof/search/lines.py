@@ -36,7 +36,7 @@ def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
 
 
 def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
-    """At most one line on each side of the axis between eigenvalues: the nearest that is proved."""
+    """Return at most one proved line on each side of the axis, the nearest to it."""
     abscissae = np.sort(np.linalg.eigvals(doubles(A.parts[0])).real)
     lines = []
     for side in (-1.0, 1.0):
@@ -57,7 +57,7 @@ def lines_beside_the_axis(A: TaylorModel) -> list[Line]:
 
 
 def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
-    """Least and most eigenvalues with a positive real part, and the lines that prove it."""
+    """Return bounds on the number of eigenvalues with a positive real part, and their lines."""
     on_axis = find_line(A)
     if on_axis is not None:
         count, line = on_axis
