@@ -94,6 +94,9 @@ def identify(
     if not listed:
         raise BadInputError("identify has no records; give at least one")
     refuse_unknown("inputs are", inputs, INPUTS)
+    logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
+    if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
+        raise BadInputError("columns are of logs of PX4 (.ulg), and there is none; leave them out")
     read = _as_records(model, listed, held, inputs, columns)
     kept_out = _as_records(model, validate, held, inputs, columns)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))

@@ -52,7 +52,8 @@ def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
     """The elevator of the trim balances Cm_alpha times alpha."""
     code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
     assert code == 0
-    assert draws["first_line"] == "trimmed: 300 of 300 drawn aircraft"
+    line = "trimmed: 300 of 300 drawn aircraft; stable without control: "
+    assert draws["first_line"] == f"{line}{draws['stable_alone']}"
     model = hfa.load_model("found.toml")
     slopes = []
     for name in NAMES:
@@ -85,7 +86,10 @@ def test_unstable_aircraft_show_in_the_modes():
     point = hfa.find_operating_point(model)
     unstable = model.with_parameters(Cm_alpha=0.3)
     drawn = DrawnAircraft([model, model, unstable], ("Cm_alpha",), 0, usual_condition(model), point)
-    bands = drawn.linear_models(hfa.linearize(model, point)).bands
+    spread = drawn.linear_models(hfa.linearize(model, point))
+    bands = spread.bands
+    assert spread.first_line.endswith("stable without control: 2")
+    assert drawn.trims().stable_alone == 2
     assert bands["abscissa"].value < 0.0 < bands["abscissa"].high
     assert "short period damping of 2 aircraft" in bands
 
@@ -97,6 +101,10 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
     assert code == 0
     assert draws["stable"] == 25
     assert 0.0 < draws["cost_lost_worst_percent"] < 1.0
+    main(["solve", "--aircraft", narrow, "--draws", "2"])
+    second = capsys.readouterr().out.splitlines()[1]
+    assert second.startswith("linear loop stable for 2 of 2 drawn aircraft")
+    assert len(second) <= 100
     code, again = answer(
         capsys, "verify", "--aircraft", narrow, "--weights", "K.npz", "--draws", "25"
     )

@@ -138,3 +138,12 @@ def test_another_file_is_no_log(folder):
     Path("flight.ulg").write_bytes(b"time,alpha")
     with pytest.raises(hfa.BadInputError, match="is not a log of PX4"):
         ulog_columns(Path("flight.ulg"), table, hfa.load_model(UAV))
+
+
+def test_columns_without_a_log_are_refused(folder, capsys):
+    """Planted: a table of columns for a CSV file, whose columns have names of their own."""
+    Path("flight.csv").write_text("time,alpha\n")
+    Path("columns.toml").write_text("")
+    words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
+    assert main([*words, "--columns", "columns.toml"]) == 2
+    assert "columns are of logs of PX4 (.ulg), and there is none" in capsys.readouterr().err

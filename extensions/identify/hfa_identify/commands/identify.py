@@ -105,16 +105,14 @@ def identify(request: IdentifyRequest) -> int:
     names the others."""
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of
-    from hfa_identify.records import read_record
     from hfa_support.files import write_text
 
     model = request.model
-    records = [read_record(path, model, request.hold, request.columns) for path in request.records]
     kept_out = [request.validate] if request.validate else []
     progress = ProgressLine("identify")
     found = identified_of(
         model,
-        records,
+        request.records,
         request.free,
         given=request.given,
         hold=request.hold,

@@ -10,12 +10,14 @@ from hfa_identify.draws.parameters import spread_of
 from hfa_identify.draws.spread import DrawnAircraft, Draws, WithDraws
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.report import Report
-from hfa_support.reporting.text import Table, shown_unit, shown_value
+from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
 
 #: Of the draws.
 SEED = 0
+#: Columns of a line.
+_WIDTH = 100
 #: A band of a smaller part of its ends is not listed.
 _CONSTANT = 1e-9
 
@@ -41,7 +43,7 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
 
 def reported(report: Report, draws: Draws) -> Report:
-    """The report with a table of bands, and a line below its title."""
+    """The report with a table of bands, and a line below the first of its title."""
     rows = []
     for name, band in draws.bands.items():
         if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
@@ -50,7 +52,8 @@ def reported(report: Report, draws: Draws) -> Report:
         rows.append((name, *values, shown_unit(band.unit)))
     about = f"95 % of {draws.count} aircraft, drawn from {len(draws.parameters)} parameters"
     table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
-    title = f"{report.title}\n{draws.first_line}"
+    first, *others = report.title.splitlines()
+    title = "\n".join([first, wrapped(draws.first_line, _WIDTH), *others])
     parts = (*report.parts, table)
     failure = "" if draws.ok else draws.first_line
     shown = replace(report, title=title, parts=parts, failure=failure)

@@ -49,6 +49,8 @@ class Draws(Result):
     parameters: names of the drawn parameters.
     trimmed: number of aircraft with a trim within their limits.
     stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
+    stable_alone: number of aircraft whose linear model is stable without control, or None with a
+        gain.
     cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
         linear models, or None without a gain.
     bands: quantity -> its band.
@@ -56,8 +58,8 @@ class Draws(Result):
     """
 
     json_keys = (
-        "first_line ok count seed parameters trimmed stable? cost_lost_worst_percent? bands "
-        "unsolved?"
+        "first_line ok count seed parameters trimmed stable? stable_alone? "
+        "cost_lost_worst_percent? bands unsolved?"
     )
 
     count: int
@@ -68,6 +70,7 @@ class Draws(Result):
     cost_lost_worst_percent: float | None
     bands: Mapping[str, Band]
     unsolved: int | None = None
+    stable_alone: int | None = None
 
     @property
     def ok(self) -> bool:
@@ -79,7 +82,9 @@ class Draws(Result):
         """Return the number of aircraft and the largest cost of the gain, in one line."""
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
-            return f"trimmed: {self.trimmed} {aircraft}"
+            return (
+                f"trimmed: {self.trimmed} {aircraft}; stable without control: {self.stable_alone}"
+            )
         if self.trimmed < self.count:
             return f"trimmed: {self.trimmed} {aircraft}; linear loop stable for {self.stable}"
         line = f"linear loop stable for {self.stable} {aircraft}"
@@ -138,7 +143,8 @@ class DrawnAircraft:
             name: band_of(self.point[name], [point[name] for point in points], model.unit(name))
             for name in names
         }
-        return self._draws(len(points), bands)
+        drawn = [linearize(point.model, point) for point in points]
+        return self._draws(len(points), bands, drawn)
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
         """Return the spread of the modes of a linear model, and of the largest real part of its
@@ -158,7 +164,7 @@ class DrawnAircraft:
                 frequency = [each.frequency for each in same]
                 bands[f"{mode.name} damping{of}"] = band_of(mode.damping, damping, "1")
                 bands[f"{mode.name} frequency{of}"] = band_of(mode.frequency, frequency, "1/s")
-        return self._draws(len(points), bands)
+        return self._draws(len(points), bands, drawn)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
         """Return the spread of the stability and cost of a gain; u = -K z about the trim of each
@@ -185,13 +191,25 @@ class DrawnAircraft:
             costs.append(flight_cost(drawn, solution, K).worst)
         own = _abscissa(game.A - game.B @ K)
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
-        found = self._draws(len(points), bands)
+        found = self._draws(len(points), bands, ())
         worst = max(costs, default=np.nan)
-        return replace(found, stable=stable, cost_lost_worst_percent=worst, unsolved=unsolved)
+        return replace(
+            found,
+            stable=stable,
+            stable_alone=None,
+            cost_lost_worst_percent=worst,
+            unsolved=unsolved,
+        )
 
-    def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
-        """The result without a gain."""
-        return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
+    def _draws(
+        self, trimmed: int, bands: Mapping[str, Band], drawn: Sequence[LinearModel]
+    ) -> Draws:
+        """The result without a gain, from the linear models of the aircraft with a trim."""
+        stable = sum(_abscissa(each.A) < 0.0 for each in drawn)
+        count = len(self.models)
+        return Draws(
+            count, self.seed, self.parameters, trimmed, None, None, bands, stable_alone=stable
+        )
 
 
 def _abscissa(A: np.ndarray) -> float:

@@ -1,0 +1,1 @@
+"""Bands of `hfa identify` on simulated records, and planted faults."""
