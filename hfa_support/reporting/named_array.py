@@ -10,13 +10,18 @@ from hfa_support.errors import refuse_unknown
 
 
 class NamedArray(np.ndarray):
-    """An array with names of the entries along each axis, () without names. They index the last
-    axes: states["alpha"], (N,); A["pitch_rate", "alpha"], a number."""
+    """Array with names of the entries along each axis, () without names.
+
+    Names index the last axes: states["alpha"] is (N,), A["pitch_rate", "alpha"] a number.
+    """
 
     names: tuple[tuple[str, ...], ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
-        """Entries by name, or as of a plain array. Raises BadInputError for another name."""
+        """Return entries by name, or index as a plain array does.
+
+        Raises BadInputError for an unknown name.
+        """
         values = np.asarray(self)
         keys = index if isinstance(index, tuple) else (index,)
         if str not in map(type, keys):
@@ -27,7 +32,8 @@ class NamedArray(np.ndarray):
                 refuse_unknown("unknown name", key, names)
                 key = names.index(key)
             numbers.append(key)
-        return values[..., *numbers]
+        entries = values[..., *numbers]
+        return entries[()]  # a number in place of an array without axes
 
     def __repr__(self) -> str:
         return repr(np.asarray(self))
@@ -37,7 +43,7 @@ class NamedArray(np.ndarray):
 
 
 def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
-    """The array with names of the entries along each axis, or ()."""
+    """Return the array with names of the entries along each axis, or ()."""
     named = values.view(NamedArray)
     named.names = names
     return named
