@@ -55,7 +55,7 @@ class Critic(Reported):
     """
 
     how_to_make: ClassVar[str] = (
-        "from_gain(game, K), from_value(game, P), from_weights(game, W) or from_network"
+        "from_gain(game, K), from_value(game, P), from_weights(game, W), from_network, run.critic"
     )
 
     K: Matrix

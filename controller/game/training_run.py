@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from hfa_support.reporting.rows_made import RowsMade
 from hfa_support.reporting.text import Table, matrix_table
+
+if TYPE_CHECKING:
+    from controller.critic.critic import Critic
+    from controller.game.zero_sum import Game
 
 #: Largest residual of a settled critic, relative to the terms that cancel in it.
 SETTLED = 1e-9
@@ -91,6 +95,12 @@ class TrainingRun(Result, Reported):
     def times(self) -> Vector:
         """`time`, under its name of 0.3."""
         return self.time
+
+    def critic(self, game: Game) -> Critic:
+        """Return the critic of the last weights on a game."""
+        from controller.critic.weights import from_weights
+
+        return from_weights(game, self.weights[-1], self.basis)
 
     @property
     def P(self) -> Matrix:

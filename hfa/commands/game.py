@@ -81,7 +81,6 @@ def learn(request: LearnRequest) -> int:
     The learned critic is compared with the exact solution. A plant in discrete time is learned by
     Q-learning from recorded steps. Exit code 1 when a check does not hold.
     """
-    from controller.critic.weights import from_weights
     from verification.critic.critic_check import check_critic
 
     named = request.game(may_be_discrete=True)
@@ -89,7 +88,7 @@ def learn(request: LearnRequest) -> int:
         code: int = part(PARTS, "learn.steps", IN_STEPS)(request, named)
         return code
     run = request.learned(named.game)
-    critic = from_weights(named.game, run.weights[-1], run.basis)
+    critic = run.critic(named.game)
     return show_learned(request, named, run, check_critic(named.game, critic, run=run))
 
 

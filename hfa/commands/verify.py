@@ -137,12 +137,9 @@ def verify(request: VerifyRequest) -> int:
     verdicts = {}
     progress = ProgressLine("compare")
     if not paths:
-        from controller.critic.weights import from_weights
-
         run = request.learned(named.game)
-        critic = from_weights(named.game, run.weights[-1], run.basis)
         verdicts[""] = check_critic(
-            named.game, critic, run=run, limit=request.limit_error, scope=scope
+            named.game, run.critic(named.game), run=run, limit=request.limit_error, scope=scope
         )
     else:
         progress(0, len(paths))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller.critic.weights import from_weights
 from controller.hfa_files import published_game
 from controller.learning.certified import learn
 from controller.riccati.solution_report import AnalysedGame, solve
@@ -96,9 +95,8 @@ def with_game(angle: Angle) -> Angle:
     try:
         angle = replace(angle, solution=solve(game))
         run = learn(game)
-        learned = from_weights(game, run.weights[-1], run.basis)
         scope = Scope(box=ordinary_box())
-        return replace(angle, check=check_critic(game, learned, run=run, scope=scope))
+        return replace(angle, check=check_critic(game, run.critic(game), run=run, scope=scope))
     except NoSolutionError as error:
         return replace(angle, reason=str(error))
 

@@ -50,6 +50,14 @@ def test_the_seed_decides_every_bit() -> None:
     assert first.weights.tobytes() != second.weights.tobytes()
 
 
+def test_a_run_has_the_critic_of_its_last_weights() -> None:
+    """Its value and its gain are those of the run."""
+    result = short_run()
+    critic = result.critic(published("published-5")[0])
+    assert pytest.approx(result.P, rel=FEW_ROUNDINGS) == critic.P
+    assert pytest.approx(result.K, rel=1e-9) == critic.K
+
+
 def test_results_are_plain_json() -> None:
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
