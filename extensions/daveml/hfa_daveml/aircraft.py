@@ -59,7 +59,7 @@ def read_model(text: str) -> Model:
 
 
 class _Files:
-    """The files of an aircraft, joined by the names of their variables."""
+    """Files of an aircraft, connected by the names of their variables."""
 
     def __init__(self, documents: Sequence[Document]) -> None:
         self._documents = documents
@@ -144,8 +144,10 @@ class _Files:
                 )
 
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
-        """The speed, ft/s, at which the lift at sea level is the weight, with alpha `_ALPHA` and
-        all else 0."""
+        """Return the speed, ft/s, at which the lift at sea level equals the weight.
+
+        alpha is `_ALPHA`, and all other variables are 0.
+        """
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
@@ -158,7 +160,7 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """The narrowest range of the tables over a variable, rad; within ± widest."""
+        """Return the narrowest range of the tables over a variable, rad, within ± widest."""
         low = -widest
         high = widest
         for document in self._documents:
@@ -208,7 +210,7 @@ class _Files:
         )
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """(3,) of the force of the air, body axes."""
+        """Return the coefficients of the aerodynamic force, (3,), in body axes."""
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
             return ca.vertcat(value(names.FORCES[0]), side, value(names.FORCES[2]))
@@ -216,11 +218,11 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Three outputs, 0 where no file gives one."""
+        """Return three outputs, 0 where no file defines one."""
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """A function: name of an output -> its value in the units of the model."""
+        """Return the function name of an output -> its value in the units of the model."""
         table = Interpolator()
         made: dict[str, Expressions] = {}
 
@@ -261,7 +263,7 @@ def _standing() -> dict[str, float]:
 
 
 def _start(document: Document, variable: Variable) -> float:
-    """The initial value of a variable in the units of the model, or 0 without one."""
+    """Return the initial value of a variable in the units of the model, or 0 without one."""
     _, factor = _unit(document, variable)
     return factor * (variable.initial or 0.0)
 

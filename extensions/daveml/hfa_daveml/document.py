@@ -57,7 +57,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Function:
-    """A variable that a table gives.
+    """Variable given by a table.
 
     result: varID of the variable. axes: its arguments, in the order of the table. table: piecewise
         linear.
@@ -110,7 +110,7 @@ class Document:
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
-        """The variable of a name or a varID, or None without one."""
+        """Return the variable with a name or a varID, or None."""
         if name in self.variables:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
@@ -264,7 +264,8 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """The table of a function, defined in it or referred to; `griddedTable` is version 1's."""
+        """Return the table of a function, defined in it or by reference; `griddedTable` is of
+        version 1."""
         for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
             for tag in (f"{kind}TableDef", f"{kind}Table"):
                 own = definition.find(tag)
@@ -337,8 +338,8 @@ class _Reader:
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
 
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
-        """The numbers of a child, separated by commas or blanks; comments between them do not
-        count."""
+        """Return the numbers of a child element, separated by commas or blanks; comments are
+        skipped."""
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:

@@ -55,7 +55,7 @@ class UngriddedTable:
         return [(float(column.min()), float(column.max())) for column in self.points.T]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """The value at the arguments. interpolator: of gridded tables, not used."""
+        """Return the value at the arguments; the interpolator is not used."""
         place = ca.vertcat(*map(ca.SX, arguments))
         value = self._on_the_border(place)
         for triangle in self.triangles:
@@ -68,7 +68,7 @@ class UngriddedTable:
         return value
 
     def _on_the_border(self, place: Any) -> Any:
-        """The value at the point of the border that is nearest to a place (2,)."""
+        """Return the value at the nearest point of the border to a point (2,)."""
         value: Any = 0.0
         least: Any = np.inf
         for first, second in self.border:

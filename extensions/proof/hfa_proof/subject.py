@@ -128,7 +128,7 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
 
 
 def _first_other(name: str, stated: Any, own: Given) -> str:
-    """The name of an entry that is another one, or of the first number by name in it that is."""
+    """Return the name of an entry that differs, or of the first number in it that differs."""
     if isinstance(stated, Mapping) and isinstance(own.value, Mapping):
         for key in (*own.value, *stated):
             if not _same(stated.get(key), own.value.get(key)):

@@ -547,10 +547,11 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
 
 
 def check_modes(plant: GeneralizedPlant) -> None:
-    """Raise NoSolutionError unless u reaches and y observes every mode that is not stable.
+    """Raise NoSolutionError unless both Riccati equations can have a stabilizing solution.
 
-    NoSolutionError names the mode or the zero: without that a Riccati equation has no stabilizing
-    solution."""
+    u must reach and y must observe every mode that is not stable, and neither u to z nor w to y may
+    have a zero on the imaginary axis. The message names the mode or the zero.
+    """
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
         found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
         if found.sentence:

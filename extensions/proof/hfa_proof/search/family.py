@@ -47,7 +47,7 @@ _STEPS = 4
 
 
 class Box(NamedTuple):
-    """Scheduling values from `low` to `high`, exact doubles, as people write them."""
+    """Interval of scheduling values from `low` to `high`, exact doubles in the user's unit."""
 
     low: float
     high: float
@@ -213,7 +213,7 @@ class TrimSearch:
                 )
 
     def trim_box(self, box: Box) -> TrimBox:
-        """Polynomials of the trims, and radii within which the checker will find them."""
+        """Return polynomials of the trims, and radii within which the checker will find them."""
         unknowns = self._equations.unknowns
         middle = self._newton(box.middle)
         C = matrix(np.linalg.inv(doubles(self._slopes(box.middle, middle))))
@@ -261,14 +261,14 @@ class TrimSearch:
         return radii
 
     def stated_trim(self, scheduling_value: float) -> StatedTrim:
-        """The trim in doubles."""
+        """Return the trim in doubles."""
         values = map(float, self._newton(scheduling_value))
         return StatedTrim(
             scheduling_value, dict(zip(self._equations.unknowns, values, strict=True))
         )
 
     def _newton(self, scheduling_value: float, *, precise: bool = False) -> list[arb]:
-        """The unknowns at one scheduling value, rounded to doubles unless `precise`."""
+        """Return the unknowns at one scheduling value, rounded to doubles unless `precise`."""
         unknowns = self._equations.unknowns
         start = self.family.point(scheduling_value).values
         values = [arb(float(start[name])) for name in unknowns]
@@ -282,7 +282,7 @@ class TrimSearch:
         return values if precise else [arb(float(value)) for value in values]
 
     def _residual(self, trim: TrimBox, *, decimals: bool = True) -> TaylorModel:
-        """F along the polynomials, a column."""
+        """Return F along the polynomials, a column."""
         values: dict[str, Any] = known_values(self.flight, trim, decimals=decimals)
         for name, (c0, c1, c2, *errors) in trim.polynomials.items():
             values[name] = TaylorModel(c0, c1, c2, arb(0), *errors)
@@ -290,7 +290,7 @@ class TrimSearch:
         return stacked([[residual[row]] for row in self._rows])
 
     def _slopes(self, scheduling_value: float, values: Sequence[arb]) -> Any:
-        """F_w at a point."""
+        """Return F_w at a point."""
         trim = TrimBox(scheduling_value, scheduling_value, {}, {})
         imposed = known_values(self.flight, trim, decimals=False)
         at: dict[str, Any] = {name: model.parts[0] for name, model in imposed.items()}

@@ -131,8 +131,10 @@ class GridSearch:
             self.cells.append(cell)
 
     def _prove(self, box: Box) -> Cell | None:
-        """The proved cell, or None where it could be halved and uses up too much of the tolerance
-        with breakpoints at its own ends."""
+        """Return the proved cell, or None where it has to be halved.
+
+        That is where it uses too much of the tolerance with breakpoints at its own ends.
+        """
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)
         if box.high - box.low > _NARROWEST * self.family.step:
@@ -153,7 +155,8 @@ class GridSearch:
         raise Rejected("the solution of the game is not proved on this box")
 
     def coarsest(self) -> tuple[list[int], dict[str, float]]:
-        """Numbers of the cells at whose ends the breakpoints are, and the largest errors."""
+        """Return the numbers of the cells with breakpoints at their ends, and the largest
+        errors."""
         ends = [0]
         largest = dict.fromkeys(_PARTS, 0.0)
         while ends[-1] < len(self.cells):
@@ -178,7 +181,7 @@ class GridSearch:
         return ends, largest
 
     def tables(self, ends: Sequence[int]) -> ModelsStatement:
-        """Models where these cells begin, and at the end of the last one."""
+        """Return the models at the beginning of these cells and at the end of the last one."""
         count = len(self.cells)
         return self._tables(
             [(self.cells[k], -1.0) if k < count else (self.cells[-1], 1.0) for k in ends]
@@ -191,7 +194,7 @@ class GridSearch:
         return ModelsStatement(self._flight, self._weights, breakpoints, **tables, errors={})
 
     def _errors(self, first: int, last: int) -> dict[str, float]:
-        """The largest errors on these cells when their outer ends are breakpoints."""
+        """Return the largest errors on these cells with breakpoints at their outer ends."""
         tables = self.tables([first, last])
         largest = dict.fromkeys(_PARTS, 0.0)
         for cell in self.cells[first:last]:
@@ -201,7 +204,7 @@ class GridSearch:
 
 
 def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> SolutionBox:
-    """P(s) of the game on a box to second order; reach is what Newton's step leaves."""
+    """Return P(s) of the game on a box to second order, with the reach left by Newton's step."""
     middle = replace(game, A=doubles(linear.A.parts[0]), B=doubles(linear.B.parts[0]))
     units = NormalForm.of(middle).units
     T = matrix(np.diag(units))
@@ -225,7 +228,7 @@ def _solution_near(game: Game, weights: Weights, linear: LinearModelBox) -> Solu
 
 
 def _solutions(game: Game, linear: LinearModelBox, units: np.ndarray) -> Iterator[np.ndarray]:
-    """P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
+    """Yield P in these units at s = -_ZERO, 0 and _ZERO, symmetric."""
     for s in (-_ZERO, 0.0, _ZERO):
         A, B = (doubles(model.polynomial_at(s)) for model in (linear.A, linear.B))
         form = NormalForm.of(replace(game, A=A, B=B))

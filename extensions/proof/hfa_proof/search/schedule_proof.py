@@ -174,7 +174,8 @@ class ScheduleSearch:
         return self._counted(box, self.linear_model(box).A, 0.0)
 
     def _counted(self, box: Box, A: TaylorModel, rate: float) -> ProvedBox | None:
-        """The eigenvalues right of -rate are those right of the axis, or the box is not proved."""
+        """Return the box if its eigenvalues right of -rate are those right of the axis, else
+        None."""
         proof = find_line(A, rate)
         if proof is None:
             return None
@@ -272,7 +273,7 @@ class ScheduleSearch:
         return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
 
     def _runs(self, name: str, size: int) -> tuple[Run, ...]:
-        """Bounds on the whole interval: of the boxes, and 0 to all where there are none."""
+        """Return the bounds on the whole interval: those of the boxes, and 0 to all elsewhere."""
         proved = [box.run for box in self.boxes[name]]
         cuts = sorted({self.low, self.high, *(end for run in proved for end in run[:2])})
         runs = []
@@ -371,7 +372,7 @@ class MotionSearch:
 
 
 def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
-    """P of A'P + P A = -W."""
+    """Return P of A'P + P A = -W."""
     from scipy.linalg import solve_continuous_lyapunov
 
     P = solve_continuous_lyapunov(A.T, -W)
@@ -409,7 +410,7 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
 
 
 def _first_weight(A: np.ndarray) -> np.ndarray:
-    """W with which P is the identity in the modes of A; I where they are dependent."""
+    """Return W with which P is the identity in the modes of A, or I where they are dependent."""
     values, vectors = np.linalg.eig(A)
     try:
         inverse = np.linalg.inv(vectors)
@@ -421,7 +422,7 @@ def _first_weight(A: np.ndarray) -> np.ndarray:
 
 
 def _ends(entries: TaylorModel) -> list[list[list[float]]]:
-    """Lowest and highest value of each entry on a box, rounded outward."""
+    """Return the lowest and highest value of each entry on a box, rounded outward."""
     rows = []
     for row in entries.range().tolist():
         ends = [(float(entry.lower()), float(entry.upper())) for entry in row]

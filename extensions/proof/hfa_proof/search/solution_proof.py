@@ -1,5 +1,5 @@
-"""The exact solution of a game, proved; and how far a critic's W, P and K are from it, from below
-and from above."""
+"""Proof of the exact solution of a game, and of bounds on the distance of a critic's W, P and K
+from it."""
 
 from __future__ import annotations
 
@@ -136,8 +136,10 @@ class ExactGame:
         return replace(self, game=self.game.with_delta(delta), weights=weights)
 
     def solution(self, *, decimals: bool = False, lowest: int = 1) -> tuple[SolutionBox, Solution]:
-        """The stabilizing solution, whose lowest eigenvalue has this sign, proved. Raises
-        NoSolutionError when that cannot be done."""
+        """Return the stabilizing solution, proved, with the sign of its lowest eigenvalue.
+
+        Raises NoSolutionError when it cannot be proved.
+        """
         A, B = self.wide if decimals else self.doubles
         box = find_solution(self.game, self.weights, A, B)
         return box, solution_on(self.weights, A, B, box, lowest)
@@ -151,8 +153,11 @@ class ExactGame:
         return True
 
     def why_no_value(self) -> SolutionBox | list[float] | None:
-        """A stabilizing solution with a negative eigenvalue, or frequencies between which the
-        Hamiltonian has an eigenvalue on the axis, or None when no value is not proved."""
+        """Return a proof that the game has no value, or None.
+
+        It is a stabilizing solution with a negative eigenvalue, or frequencies between which the
+        Hamiltonian has an eigenvalue on the axis.
+        """
         try:
             return self.solution(lowest=-1)[0]
         except (NoSolutionError, ArithmeticError):
@@ -214,7 +219,7 @@ def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) 
 
 
 def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_mat:
-    """L⁻¹ F(P), L(E) = (A - S P)'E + E (A - S P)."""
+    """Return L⁻¹ F(P) with L(E) = (A - S P)'E + E (A - S P)."""
     n = P.nrows()
     loop = A - S * P
     residual = (loop.transpose() * P + P * A + Q).range()
@@ -227,7 +232,8 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """refused < delta_min <= value: the game has a value at `value` and none at `refused`; proved.
+    """Proved bracket refused < delta_min <= value: the game has a value at `value` and none at
+    `refused`.
 
     why: the proof that no value exists at `refused`
     """
@@ -240,7 +246,7 @@ class Bracket:
 def prove_delta_min(
     exact: ExactGame, in_doubles: DeltaMin, progress: Progress | None = None
 ) -> Bracket | None:
-    """The narrowest bracket of delta_min that can be proved, or None when none can.
+    """Return the narrowest bracket of delta_min that can be proved, or None.
 
     exact: the game; its own δ plays no part
     in_doubles: delta_min as computed in doubles, where the search begins
