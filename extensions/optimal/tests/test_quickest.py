@@ -105,11 +105,11 @@ def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "speed=45", "--start", "alpha=1"], "name one: --start"),
+        (["--to", "speed=45", "--start", "alpha=1"], "give one of --start"),
         (["--to", "height=3"], "height"),
-        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "begins at its end"),
+        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "give one off the trim"),
         (["--to", "speed=45", "--minimize", "fuel"], "use one of cost, time"),
-        (["--starts", "3", "--minimize", "time"], "belongs to flights of least cost"),
+        (["--starts", "3", "--minimize", "time"], "belongs to --minimize cost"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
