@@ -24,6 +24,7 @@ from hfa_boxes.enclosure.functions import ENCLOSED
 from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
+from hfa_boxes.search.doubles import values_at
 from hfa_support.errors import BadInputError
 
 
@@ -183,3 +184,10 @@ def test_an_operation_without_enclosure_is_named() -> None:
     y = ca.SX.sym("y")
     with pytest.raises(BadInputError, match="uses erf, which is not enclosed"):
         Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
+
+
+def test_doubles_are_values_of_the_program() -> None:
+    """At more points than are evaluated together."""
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
+    expected = np.array(every_operation()(points.T)).T
+    assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

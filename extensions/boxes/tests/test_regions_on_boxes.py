@@ -387,3 +387,20 @@ def test_a_set_beyond_a_limit_is_made_smaller() -> None:
         part = search._part(shape, 1.0)
         assert part.extents().ends[0, 1] == pytest.approx(expected, rel=2e-3)
         assert part.extents().ends[0, 1] < 0.6
+
+
+def test_an_obstacle_in_a_slow_direction_is_found() -> None:
+    """V = |x|² grows beyond |a| = 0.5 only where the other, fast states are below a hundredth."""
+    rates = {"a": -0.05, "b": -300.0, "c": -1000.0, "d": -3000.0}
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        found = {name: rate * getattr(x, name) for name, rate in rates.items()}
+        return {**found, "a": rates["a"] * x.a * (1.0 - 4.0 * x.a**2)}, {}
+
+    model = Model("needle", {name: Signal("m") for name in rates}, {}, equations, trim={})
+    none = ca.Function("u", [ca.SX.sym("z", 4)], [ca.SX(0, 1)])
+    loop = Loop(model, {}, dict.fromkeys(rates, 0.0), {}, {}, {}, none)
+    search = RegionSearch(loop, "", [], seconds=1.0)
+    bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
+    assert bound.rises
+    assert bound.level == pytest.approx(0.25, rel=0.02)

@@ -14,7 +14,7 @@ import scipy.linalg
 from scipy.integrate import solve_ivp
 
 from hfa_boxes.check.checker import BoxWitness
-from hfa_boxes.check.cover import OpenBoxError, RefutedError
+from hfa_boxes.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.search.kinks import kink_at
@@ -26,7 +26,7 @@ from hfa_support.progress import Progress
 
 #: Shares of the sampled set of the first V that are tried, linearly, one after the other; where
 #: none is proved, halves of the first, down to the least. Shares of a later V, until one is proved.
-_RISING = (0.5, 0.8, 0.95)
+_RISING = (0.5, 0.8)
 _FALLING = (0.985, 0.95, 0.8, 0.5)
 _LEAST = 0.004
 #: Part of the time that is left in which a first V is chosen or a set grows, that one level gets
@@ -145,14 +145,24 @@ class RegionSearch:
         return replace(region, bound=bound, stopped=self._stopped)
 
     def _search(self, earlier: BoxStatement | None) -> None:
-        origin, shape = self._first()
+        """Prove growing sets of V after V, each grown from another first one, until the time is
+        over."""
+        firsts = self._first_shapes()
         if earlier is not None:
             origin = "V of the certificate"
             shape = Shape.of_piece(earlier.piece, self._degree)
             self._prove(self._part(shape, 1.0), origin)
-        growth = Growth(self.samples, shape, self._tell)
-        if earlier is None:
-            self._first_levels(growth, origin)
+            firsts.insert(0, (origin, shape))
+        for origin, shape in firsts:
+            growth = Growth(self.samples, shape, self._tell)
+            if self._best is None:
+                self._first_levels(growth, origin)
+            self._enlarge(growth)
+            if self._left() < 0.0:
+                return
+
+    def _enlarge(self, growth: Growth) -> None:
+        """Prove larger sets of a V that grows, up to the highest degree."""
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
@@ -208,13 +218,12 @@ class RegionSearch:
                 part = self._part(growth.shape, share)
                 try:
                     self._prove(part, origin)
-                except RefutedError as error:
+                except (RefutedError, SmallestBoxError) as error:
                     place = part.N @ error.place
+                    is_refuted = isinstance(error, RefutedError)
+                    what = "V' >= 0 or a limit is passed" if is_refuted else "V' < 0 is undecided"
                     where = place_in_words(self.loop, place)
-                    self._stopped = (
-                        f"V' >= 0 or a limit is passed at {where}, in {share:.3g} of the set by "
-                        "samples"
-                    )
+                    self._stopped = f"{what} at {where}, in {share:.3g} of the set by samples"
                     if growth.refuted(place) is None:
                         return False
                 else:
@@ -270,8 +279,8 @@ class RegionSearch:
         if self._progress is not None:
             self._progress(done, whole, text)
 
-    def _first(self) -> tuple[str, Shape]:
-        """The quadratic V with the largest set by samples, in words and with its set."""
+    def _first_shapes(self) -> list[tuple[str, Shape]]:
+        """Quadratic V, in words and with their sets by samples, the largest set first."""
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
         for origin, P in self._candidates():
@@ -289,17 +298,12 @@ class RegionSearch:
         if not sampled:
             raise NoSolutionError("no V was found that decreases near the equilibrium")
         sampled.sort(key=lambda each: -each[1].size())
-        best = None
-        largest = 0.0
+        firsts: list[tuple[str, Shape]] = []
         for origin, shape in sampled[:_SAMPLED]:
-            # more samples make a set smaller
-            if shape.size() <= largest or (best is not None and time.process_time() > end):
+            if firsts and time.process_time() > end:
                 break
-            good = self._good(shape, quick=False)
-            if good.size() > largest:
-                best, largest = (origin, good), good.size()
-        assert best is not None
-        return best
+            firsts.append((origin, self._good(shape, quick=False)))
+        return sorted(firsts, key=lambda each: -each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
         """Return the shape with its largest set that samples allow."""

@@ -17,7 +17,9 @@ from scipy.optimize import linprog, minimize
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece
+from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.slopes import Intervals, jacobian
+from hfa_boxes.search.doubles import values_at
 from hfa_boxes.search.monomials import Monomials
 
 #: Rays from the equilibrium for the size of a set; rays for each state and shells of a search, how
@@ -25,9 +27,11 @@ from hfa_boxes.search.monomials import Monomials
 _RAYS = 1000
 _SEARCHED = 250
 _FEWEST = 50
-_OPERATIONS = 1500
+_OPERATIONS = 6000
 _SHELLS = 25
 _TURNS = 8
+#: The depth below the level that the shells fill, over that of the turn before.
+_SHALLOWER = 0.75
 #: Where V is looked for along a ray, over the unit ball, and in how many steps.
 _FARTHEST = 3.0
 _STEPS = 150
@@ -72,10 +76,10 @@ class Samples:
     def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
         x = ca.SX.sym("x", len(loop.states))
         rates, outputs = loop.rates(x)
-        self._rates = ca.Function("rates", [x], [ca.densify(rates)])
-        self._outputs = ca.Function("outputs", [x], [ca.densify(outputs)])
+        both = ca.Function("f", [x], [ca.vertcat(rates, outputs)])
+        self._program = Program(both, loop.model.name)
         #: Part of the usual number of samples: fewer of a loop with many operations.
-        self.share = min(1.0, _OPERATIONS / self._rates.n_instructions())
+        self.share = min(1.0, _OPERATIONS / both.n_instructions())
         self._x = equilibrium.x
         at = Intervals(equilibrium.x, np.zeros_like(equilibrium.x))
         #: (n, n), Jacobian of the rates.
@@ -85,12 +89,14 @@ class Samples:
 
     def rates(self, z: np.ndarray) -> np.ndarray:
         """z' of deviations (N, n)."""
-        return np.array(self._rates((z + self._x).T)).T
+        return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
         """(N,), which deviations (N, n) are beyond a limit of a state or an output."""
-        x = z + self._x
-        signals = np.hstack([x, np.array(self._outputs(x.T)).T.reshape(len(z), -1)])
+        signals = z + self._x
+        if len(self._low) > z.shape[1]:
+            outputs = values_at(self._program, signals)[:, z.shape[1] :]
+            signals = np.hstack([signals, outputs])
         return np.asarray(np.any((signals < self._low) | (signals > self._high), axis=1))
 
 
@@ -277,9 +283,11 @@ class Shape:
         best = level
         place = None
         spread = 0.5
+        depth = 1.0
         for _ in range(turns):
             edges = self.edges(rays, best)[:, None] * rays
-            shares = (shells - generator.uniform(0.0, 1.0, _SHELLS)) / _SHELLS
+            below = depth * (_SHELLS - shells + generator.uniform(0.0, 1.0, _SHELLS)) / _SHELLS
+            shares = 1.0 - below
             shares[-1] = 1.0
             z = (shares[:, None, None] * edges) @ self.N.T
             margin = margins(z.reshape(-1, n)).reshape(len(shares), len(rays))
@@ -296,6 +304,7 @@ class Shape:
             noise[is_slow] = lengths * (noise[is_slow] @ slow.T)
             rays = np.concatenate([rays[order], _unit(near + noise), drawn(count // 2)])
             spread *= 0.6
+            depth *= _SHALLOWER
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:

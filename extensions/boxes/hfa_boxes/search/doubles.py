@@ -1,0 +1,52 @@
+"""A program at many points at once, in doubles; nothing that is proved depends on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hfa_boxes.enclosure.program import Argument, Program
+
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    "product": np.multiply,
+    "relu": lambda t: np.maximum(t, 0.0),
+    "step": lambda t: np.where(t > 0.0, 1.0, 0.0),
+    "tanh": np.tanh,
+    "sin": np.sin,
+    "cos": np.cos,
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "inverse": np.reciprocal,
+    "atan": np.arctan,
+}
+#: Points at a time, whose values stay in the cache of a processor.
+_TOGETHER = 4000
+
+
+def values_at(program: Program, points: np.ndarray) -> np.ndarray:
+    """(N, outputs) of a program at points (N, inputs), inf or nan where it is not defined."""
+    with np.errstate(all="ignore"):
+        parts = [
+            _values_at(program, points[first : first + _TOGETHER])
+            for first in range(0, max(len(points), 1), _TOGETHER)
+        ]
+    return np.concatenate(parts)
+
+
+def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
+    known = [np.vstack([np.ones(len(points)), points.T])]
+    for group in program.groups:
+        arguments = [_rows(argument, known) for argument in group.arguments]
+        known.append(_FUNCTIONS[group.kind](*arguments))
+    return _rows(program.outputs, known).T
+
+
+def _rows(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
+    """(rows, N), sums of coefficients times values."""
+    total = np.zeros((1, known[0].shape[1]))
+    for group, block in argument.blocks.items():
+        total = total + block @ known[group]
+    return total
