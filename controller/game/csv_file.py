@@ -54,7 +54,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
     if column_names:
         widths.add(len(column_names))
     if not rows:
-        raise ValueError(f"{name} has no numbers")
+        raise ValueError(f"{name} has no numbers; give rows of numbers")
     if len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells")

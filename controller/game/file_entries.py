@@ -33,7 +33,9 @@ def words(stored: Mapping[str, Any], key: str) -> tuple[str, ...]:
         return ()
     for entry in entries:
         if not entry.isprintable():
-            raise BadInputError(f"{key} has {shortened(ascii(entry))}, which cannot be printed")
+            raise BadInputError(
+                f"{key} has {shortened(ascii(entry))}, which cannot be printed; write plain text"
+            )
     return tuple(entries)
 
 

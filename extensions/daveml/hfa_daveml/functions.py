@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError
 
 
 class Expressions:
-    """Values of the variables of a document, each made once, when first needed.
+    """Values of the variables of a document, each computed once, when first needed.
 
     A variable is the given value, else its table or formula, else its initial value, held within
     its limits."""

@@ -96,7 +96,7 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 def verify_discounted(
     path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
 ) -> Verdict:
-    """Return the verdict on the critic of a file as one of the discounted problem in steps."""
+    """Return the verdict on the critic of a file for the discounted problem in discrete time."""
     from hfa_discrete.critic_check import check_discounted
 
     assert request.discount is not None

@@ -14,7 +14,7 @@ from hfa_support.errors import said_of
 def critic_of_steps(
     path: str | Path, problem: DiscreteGame, reading: Reading | None = None
 ) -> tuple[Critic, dict[str, Any]]:
-    """The one critic of a file on a plant in discrete time, and L and H, where the file has them.
+    """Return the critic of a file for a plant in discrete time, and L and H if the file has them.
 
     P, K and L follow from H where the file does not have them. BadInputError, one line.
     """

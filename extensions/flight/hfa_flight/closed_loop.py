@@ -1,5 +1,5 @@
-"""Plant, policy and scenario as one loop y' = f(t, y, held). Only this module knows in which order
-the parts lie in y (`StateParts`) and in the held inputs (`HeldParts`)."""
+"""Plant, policy and scenario as one loop y' = f(t, y, held). This module alone defines the order of
+the parts in y (`StateParts`) and in the held inputs (`HeldParts`)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Plant:
 
     @property
     def chosen(self) -> np.ndarray:
-        """(k, n): the states of the linear model among all."""
+        """(k, n) matrix that selects the states of the linear model."""
         model = self.point.model
         return np.array([[float(name == other) for other in model.states] for name in model.linear])
 

@@ -33,8 +33,8 @@ def flight_figure(result: Flight, title: str) -> Figure:
 
 
 def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
-    """Draw a flight over time on an empty figure, which takes its size: a panel for each state that
-    moves, a panel of the inputs in each unit, and the updraft where there is one."""
+    """Draw a flight over time on an empty figure and set its size: a panel for each state that
+    moves, one for the inputs of each unit, and one for an updraft."""
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))

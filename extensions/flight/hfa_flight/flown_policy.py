@@ -36,7 +36,8 @@ _FORMS = (
 
 
 def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
-    """The policy that a script names, about a trim, and the scenario in the ticks of that policy.
+    """Return the policy that a script gives, about a trim, and the scenario in ticks of this
+    policy.
 
     given: as `hfa.fly` takes it
 
@@ -116,8 +117,8 @@ class PythonPolicy(Policy):
 
     @classmethod
     def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
-        """The policy of a function of (t, X), with its name. Raises BadInputError where it takes
-        something else."""
+        """Return the policy of a function of (t, X), with its name. Raises BadInputError for other
+        arguments."""
         name = getattr(function, "__name__", type(function).__name__)
         try:
             inspect.signature(function).bind(0.0, point.states)

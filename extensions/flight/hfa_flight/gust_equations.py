@@ -69,8 +69,8 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Component of a gust -> disturbance of `in_gusts(model)` -> factor, without components that
-    the model cannot take."""
+    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor, without components
+    that the equations do not support."""
     taken = own_disturbances(model, heading)
     for name in ADDED:
         if name not in taken and not missing_states(model, name):
@@ -89,8 +89,8 @@ def missing_states(model: Model, component: str) -> list[str]:
 
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
-    """The model with a disturbance of `ADDED` for each component that its equations take and it
-    does not declare.
+    """Return the model with a disturbance of `ADDED` for each component that its equations support
+    and that it does not declare.
 
     The states stay those over the ground, as in still air. With v the velocity and ω the rates of
     the aircraft, v_a = v - (u, v, w) and ω_a = ω + (p, q, r) are those relative to the air. Forces

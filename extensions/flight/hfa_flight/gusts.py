@@ -78,7 +78,7 @@ class OneMinusCosine(Gust):
 
     @property
     def until(self) -> float:
-        """End of the gust, s."""
+        """Time at which the gust ends, s."""
         return self.begin + self.length / self.speed
 
     def updraft(self, t: Any) -> Any:

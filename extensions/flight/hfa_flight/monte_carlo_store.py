@@ -55,8 +55,8 @@ def run_monte_carlo(
 
 
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
-    """Every member of the plan in the store at `path`, as `xarray.Dataset`; options of
-    `fill_store`."""
+    """Compute every member of the plan in the store at `path` and return it as `xarray.Dataset`;
+    arguments as of `fill_store`."""
 
     def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
         return plan, start, stop
@@ -66,7 +66,7 @@ def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
 
 
 def _template(plan: MonteCarlo) -> Any:
-    """The `xarray.Dataset` of a store that holds nothing yet."""
+    """Return the `xarray.Dataset` of an empty store."""
     model = plan.model
     errors = tuple(plan.scenario.uncertainty.errors)
     states = tuple(model.states)

@@ -130,8 +130,8 @@ def fly(
 
 
 def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
-    """The scenario of a flight of a model, with its duration and start. Raises BadInputError where
-    part of it is still to be drawn, or the start names no state."""
+    """Return the scenario of a flight of a model, with its duration and initial condition. Raises
+    BadInputError if part of it is still to be drawn or an initial state is unknown."""
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "part of the scenario is still to be drawn;"
@@ -155,8 +155,8 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> Flight:
-    """One flight of a nonlinear loop about its trim, without a prediction of the linear model; it
-    ends with the first tick outside the envelope.
+    """Simulate a nonlinear loop about its trim, without a prediction of the linear model, up to the
+    first tick outside the envelope.
 
     compiled: the loop
     envelope: limits of the states, in their own values, not as deviations
@@ -237,7 +237,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def point(self) -> OperatingPoint:
-        """The trim in which it begins."""
+        """Trim at which the flight begins."""
         point: OperatingPoint = self.loop.plant.point
         return point
 
@@ -310,7 +310,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def scenario(self) -> Mapping[str, Any]:
-        """Everything that happens in the flight."""
+        """Scenario of the flight."""
         return self.loop.scenario.to_dict()
 
     @property
@@ -321,7 +321,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def flown(self) -> float:
-        """Time, s."""
+        """Duration of the flight, s."""
         return float(self.flight.times[-1])
 
     @property

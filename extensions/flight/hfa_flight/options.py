@@ -144,7 +144,9 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             self.refuse(of_law, f"belongs to a law; leave it out with --law {NONE}")
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
-            raise BadInputError(f"--set {min(reads)} is of a network; name its file by --weights")
+            raise BadInputError(
+                f"--set {min(reads)} belongs to a network; name its file by --weights"
+            )
         if self.law == DEFAULT_LAW and not instead:
             return
         if {*self.set} - reads:

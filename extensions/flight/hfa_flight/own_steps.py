@@ -114,7 +114,7 @@ class _OwnTick:
         )
 
     def __call__(self) -> None:
-        """Fly a tick; the first one begins a flight."""
+        """Advance the flight by a tick; the first call begins it."""
         now, held = self.inputs
         rows = self.results[0].reshape(self._count, -1)
         observed = self.results[1].reshape(self._count, -1)

@@ -94,7 +94,8 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario(Reported):
-    """Everything that happens in a flight. All is off unless given.
+    """Initial condition, reference, disturbances, noise, gusts and timing of a flight; each is off
+    by default.
 
     duration: s
     step: s, of the integration
@@ -190,7 +191,8 @@ class Scenario(Reported):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """This scenario for a model: where no start or signal is given, zeros of the model's sizes.
+        """Return this scenario for a model, with zeros of the model's sizes for an omitted initial
+        condition or signal.
 
         Raises BadInputError when it names a parameter, state or disturbance that the model does not
         have, when it has a gust and the model no disturbance `updraft`, and when `initial` has not

@@ -115,7 +115,7 @@ class Turbulence:
             raise BadInputError("turbulence of your own intensity has no altitude; leave it out")
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
-        """The turbulence of a flight from a trim.
+        """Return the turbulence of a flight that begins at a trim.
 
         interval: s, of a tick. ticks: how many the flight has. seed: of the noise.
 

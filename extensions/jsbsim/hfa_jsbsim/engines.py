@@ -108,7 +108,7 @@ class EngineFile:
 
     @property
     def usual_lag(self) -> float:
-        """A usual value of the state of its lag."""
+        """Typical value of the state of its lag."""
         if self.kind == "piston_engine":
             return 24.0
         low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")

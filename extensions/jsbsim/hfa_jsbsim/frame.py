@@ -303,8 +303,8 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
     if is_position or pilot_input.unit != "1":
         part = "the position of a throttle" if is_position else "a surface itself"
         raise BadInputError(
-            f"the input {name} is {part}, which JSBSim's control system moves; --method jsbsim does"
-            " not fly it"
+            f"the input {name} is {part}, which JSBSim's control system sets; --method jsbsim does"
+            " not support it"
         )
 
 

@@ -1,4 +1,5 @@
-"""An aircraft of JSBSim as a `Model`: where its files are, names, limits, where a search begins."""
+"""An aircraft of JSBSim as a `Model`: location of its files, names, limits, initial values of the
+trim search."""
 
 from __future__ import annotations
 

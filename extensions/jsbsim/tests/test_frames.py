@@ -95,7 +95,7 @@ def test_other_aircraft_are_refused(capsys):
     assert "--step (step= in Python) belongs to --method jsbsim" in capsys.readouterr().err
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
     assert main(words) == 2
-    assert "flies without --actuators" in capsys.readouterr().err
+    assert "does not support --actuators" in capsys.readouterr().err
 
 
 def test_unsettled_begin_is_reported(monkeypatch):
@@ -118,7 +118,7 @@ def test_disturbances_are_refused():
     nothing = np.zeros(len(model.linear))
     pushes = Waveform(nothing, nothing, (Harmonic(1.0, amplitude, nothing),))
     scenario = Scenario(duration=1.0, disturbance=pushes)
-    with pytest.raises(BadInputError, match="flies without --disturbance"):
+    with pytest.raises(BadInputError, match="does not support --disturbance"):
         hfa.fly(model, point, scenario=scenario, method="jsbsim")
 
 

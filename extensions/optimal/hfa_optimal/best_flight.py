@@ -99,7 +99,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def lower_bound(self) -> float | None:
-        """No flight from this start costs less, as a certificate proves; None without one."""
+        """Proved lower bound of the cost from this initial condition, or None without a
+        certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
@@ -203,7 +204,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """Whose flight, from where, and its cost."""
+        """The aircraft, the initial condition and the cost."""
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
@@ -325,8 +326,8 @@ def best_flight(
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
 ) -> BestFlight:
-    """The flight of least ∫ z'Qz + v'Rv dt that was found from an initial condition to a trim, z
-    and v the deviations from it: proposed by collocation, accepted once the simulator has flown it.
+    """Return the flight of least ∫ z'Qz + v'Rv dt that was found from an initial condition to a
+    trim, z and v the deviations from it: proposed by collocation, accepted after simulation.
 
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim

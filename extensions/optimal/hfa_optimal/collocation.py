@@ -51,7 +51,7 @@ FEASIBLE = 1e-6
 
 
 class Proposal(NamedTuple):
-    """A flight in collocation; it is believed once it was flown.
+    """A flight proposed by collocation, to be confirmed by simulation.
 
     lengths: (N,), s, of the intervals.
     start: (k,), z at the begin.

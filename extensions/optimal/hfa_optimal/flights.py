@@ -70,7 +70,7 @@ class Flown(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """The outcome in a few words."""
+        """Outcome of the flight in a few words."""
         words = [] if self.departure is None else ["leaves the envelope"]
         if self.departure is None or self.converges:
             words.append("converges" if self.converges else "does not converge")

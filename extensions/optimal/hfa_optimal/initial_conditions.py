@@ -58,13 +58,14 @@ class StartFlights(Result):
 
     @property
     def lower_bound(self) -> float | None:
-        """No flight from this start costs less, as a certificate proves; None without one."""
+        """Proved lower bound of the cost from this initial condition, or None without a
+        certificate."""
         return None if self.bracket is None else self.bracket.lower_bound
 
 
 @dataclass(frozen=True, eq=False)
 class PolicySummary(Result):
-    """A policy over the starts from which a flight was found.
+    """Results of a policy over the initial conditions from which a flight was found.
 
     policy: its name.
     lost: flights that left the envelope or do not end in the trim.
@@ -209,8 +210,8 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """(k,), half-widths of the box of starts, inside the limits: the ordinary deviations of the
-    flexible aircraft, of another those of `hfa assess`."""
+    """(k,), half-widths of the box of initial conditions, inside the limits: the ordinary
+    deviations of the flexible aircraft, for others those of `hfa assess`."""
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
     half = start_box(problem.model, problem.point) if box is None else box.half_widths

@@ -294,7 +294,7 @@ def flight_problem(
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> FlightProblem:
-    """The problem of flights of a model to a trim.
+    """Return the problem of flights of a model to a trim.
 
     Q, R: as `hfa.game` takes them, R of the moved inputs.
     inputs: which move, the others held at their trim, or all unless given.

@@ -157,7 +157,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """Whose flight, how long it takes, and from where."""
+        """The aircraft, the duration and the initial condition."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
         found = f"Quickest flight found, to {whose}: {self.seconds:.4g} s"
@@ -233,8 +233,8 @@ def quickest_flight(
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
 ) -> QuickestFlight:
-    """The quickest flight that was found from an initial condition to a trim: proposed by
-    collocation, accepted where the simulator arrives too.
+    """Return the quickest flight that was found from an initial condition to a trim: proposed by
+    collocation, accepted if the simulated flight arrives too.
 
     initial: another trim, or state of the linear model -> deviation from the trim
     Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them

@@ -325,8 +325,8 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """The proposal of a finer mesh that begins from that of a coarser one, or of an unadapted
-        mesh where IPOPT does not solve that one."""
+        """Return the proposal on a finer mesh that begins from a coarser one, or on an unadapted
+        mesh if IPOPT does not solve it."""
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = _sampled(guess.at, lengths)

@@ -178,7 +178,7 @@ def test_an_input_that_does_not_move() -> None:
     [
         ({"place": 1.0}, {}, "choose from position, velocity"),
         ({"position": 30.0}, {}, "position begins at 30 m"),
-        ({"position": 0.0}, {}, "begins at its end"),
+        ({"position": 0.0}, {}, "is the final trim"),
         ({"position": float("nan")}, {}, "give a number"),
         ({"position": 5.0}, {"seconds": 1.0}, "1 s are too short"),
         ({"position": 5.0}, {"seconds": -1.0}, "must be a positive number"),

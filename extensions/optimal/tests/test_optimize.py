@@ -88,7 +88,7 @@ def test_an_interruption_keeps_what_is_found() -> None:
         (["--start", "speed=500"], "begin within the limits"),
         (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
         (["--start", "speed=1", "--seconds", "0.5"], "s are too short"),
-        (["--starts", "2", "--picture", "a.png"], "is of one flight"),
+        (["--starts", "2", "--picture", "a.png"], "belongs to one flight"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from hfa_support.reporting.results import Result
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MainJobData(Result):
-    """The main job on one page, put together from the data of its reports.
+    """The main job on one page, composed of the data of its reports.
 
     ok: whether every check passes.
     regeneration: as of hfa regenerate.

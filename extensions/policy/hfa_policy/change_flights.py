@@ -30,7 +30,7 @@ _LEAST = 1e-9
 
 
 class Sample(NamedTuple):
-    """Number of initial conditions of each change, and the seconds of each flight."""
+    """Number of initial conditions of each change, and duration of each flight, s."""
 
     starts: int
     seconds: float

@@ -27,7 +27,8 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostLost(Result):
-    """Percent of the optimal cost, from deviations from the equilibrium, or inf without bound.
+    """Cost above the optimum, percent, for deviations from the equilibrium, or inf if it is
+    unbounded.
 
     worst: of u = -K x in continuous time, without delay, or nan for a policy that takes several
         samples.

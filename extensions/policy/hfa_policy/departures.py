@@ -77,6 +77,7 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
             name = envelope.names[index]
             which, side = ("lowest", "above") if at_lowest[index] else ("highest", "below")
             raise BadInputError(
-                f"the trim has {name} {model.describe(name, float(values[index]))}, its {which} "
-                f"limit, which flights about it leave at once; hold {name} {side} that"
+                f"the trim is at the {which} limit of {name}, "
+                f"{model.describe(name, float(values[index]))}, so that every flight leaves the "
+                f"envelope at once; hold {name} {side} that"
             )

@@ -276,7 +276,7 @@ class EquilibriumSearch:
         return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
-        """The notes on entries of the linear states and the commanded inputs."""
+        """Return the notes that concern linear states and commanded inputs."""
         linear = self.model.linear
         columns = [("A", name) for name in linear]
         columns += [("B", name) for name in self.deployed.commanded]

@@ -126,8 +126,8 @@ class _Restricted(pickle.Unpickler):
             return _inert(module, name)
         whose = " (a class or function of the user's own)" if "cloudpickle" in module else ""
         raise BadInputError(
-            f"it would call {shortened(f'{module}.{name}')}{whose}, which is refused; nothing "
-            "of it was run"
+            f"it would call {shortened(f'{module}.{name}')}{whose}, which is refused; none of "
+            "its code was run"
         )
 
     def persistent_load(self, pid: Any) -> Any:

@@ -113,7 +113,8 @@ class Place:
 
     @property
     def stays(self) -> bool:
-        """Whether flights that converge stay converged: no mode diverges, out of reach neither."""
+        """True if flights that converge stay converged: no mode diverges, not even one out of
+        reach."""
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
 

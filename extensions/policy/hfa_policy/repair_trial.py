@@ -107,8 +107,8 @@ def _harms(flown: Flown) -> bool:
 
 
 def _is_better(flown: Flown, card: Flown) -> bool:
-    """Return whether a change loses no more flights than the deployment, and lets clearly more of
-    them converge at clearly less cost, or no fewer at a third."""
+    """Return whether no more flights leave the envelope than before, and either clearly more
+    converge at clearly less cost or no fewer at a third of the cost."""
     if flown.kept < card.kept or flown.back < card.back:
         return False
     least = max(_CLEARLY * card.back, card.back + _MORE_STARTS * len(flown.costs))
@@ -171,8 +171,8 @@ class _Trial:
                 yield Mistake(each.kind, False, _said(each, of_gains[0]))
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
-        """The changes whose flights cost about what those of the optimum do, where the card has
-        the cost: a policy that was trained for it is then near its optimum, another one is not."""
+        """Return the changes whose flights cost about as much as those of the optimum, if the
+        deployment file has the cost: only a policy trained for this cost is near its optimum."""
         if self.card.cost is None or not found:
             return found
         optimum = self.flights.flown_by_optimum(_WHOLE)

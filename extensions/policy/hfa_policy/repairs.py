@@ -89,7 +89,7 @@ def _signs(card: Deployment) -> Iterator[Repair]:
 
 
 def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """The entry of an action whose map takes it times a factor."""
+    """Return the entry of an action whose map multiplies it by a factor."""
     map_of_action = entry.get("map", "trim + a")
     return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}
 

@@ -1,5 +1,5 @@
-"""Proofs for every value of the scheduling variable: nothing outside but the command and studies
-imports them."""
+"""Proofs for every value of the scheduling variable. Only the command and studies import this
+package."""
 
 from hfa_support.public_names import public_names
 

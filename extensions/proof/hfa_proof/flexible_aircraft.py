@@ -1,5 +1,4 @@
-"""The flexible aircraft of the paper, which a statement names without a file: all that this package
-takes of it."""
+"""The flexible aircraft of the paper, which a statement names without a file."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ def reported_sweep(
 
 
 def _template(plan: SweepPlan) -> Any:
-    """The `xarray.Dataset` of a store that holds nothing yet."""
+    """Return the `xarray.Dataset` of an empty store."""
     model = plan.model
     states = tuple(model.states)
     inputs = tuple(model.inputs)

@@ -53,7 +53,7 @@ _METADATA = "zarr.json"
 
 
 class RowJob(NamedTuple):
-    """N rows that any process can compute, any part of them without the others.
+    """A job of N rows, which processes compute independently of each other.
 
     what: the kind of job in messages, as in "another sweep".
     row: name of the axis of rows, the first axis of each array.
@@ -134,7 +134,8 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute every row that the store at `path` does not hold yet; the store as `xarray.Dataset`.
+    """Compute every row that the store at `path` does not hold yet, and return the store as
+    `xarray.Dataset`.
 
     workers: see `open_workers`; the results do not depend on it.
     resume: continue an interrupted job and compute damaged chunks again; otherwise the store must

@@ -66,7 +66,7 @@ def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
     np.testing.assert_allclose(solution.P, [[1.0 + np.sqrt(2.0)]], rtol=1e-12)
     solution.save(tmp_path / "solution.json")
     assert '"P"' in (tmp_path / "solution.json").read_text("utf-8")
-    with pytest.raises(BadInputError, match="no Q or no R"):
+    with pytest.raises(BadInputError, match="Q or R is missing"):
         Game([[1.0]], [[1.0]], Q=[1.0])
 
 

@@ -105,7 +105,7 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:
         if within(centres[index]):
-            raise RefutedError("the inequality does not hold at a place of the set", centres[index])
+            raise RefutedError("the inequality does not hold at a point of the set", centres[index])
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
@@ -140,7 +140,7 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         smallest = np.flatnonzero(is_smallest)
         if len(smallest):
             raise SmallestBoxError(
-                "the inequality is not decided on a box as small as any", wide.centres[smallest[0]]
+                "the inequality is not decided on a box of least size", wide.centres[smallest[0]]
             )
         waiting = _joined(waiting, wide.halves(edges[open_boxes]))
         turn += 1

@@ -85,7 +85,7 @@ def scalars(policy: ca.Function) -> ca.Function:
         return policy.expand()
     except RuntimeError as error:
         raise BadInputError(
-            "its policy is solved for by iteration; give a network of the policy itself"
+            "its policy is found by iteration; give a network of the policy itself"
         ) from error
 
 

@@ -28,7 +28,7 @@ LONGEST_STEP = 1e-3
 
 
 class Channel(NamedTuple):
-    """One number of a loop.
+    """A scalar signal of a loop.
 
     unit: None where it depends on the controller
     start: its initial value

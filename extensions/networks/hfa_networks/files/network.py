@@ -105,8 +105,8 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
         )
     if suffix == ".zip":
         warnings.warn(
-            f"{path}: its normalizer, clip and action map are not in it, this is about the network "
-            "alone; `hfa assess DEPLOYMENT.toml` judges the policy as it is deployed",
+            f"{path}: the network is judged without normalizer, clip and action map; "
+            "`hfa assess DEPLOYMENT.toml` judges the policy as it is deployed",
             stacklevel=2,
         )
     return from_network(
@@ -127,7 +127,7 @@ def _of_states(
     variants: Mapping[str, Callable[[], Critic]],
     asked: str = "",
 ) -> Critic:
-    """The critic of a network that takes the states, or of a Q the states and inputs.
+    """Return the critic of a network of the states, or of a Q of states and inputs.
 
     asked: requested part of the file.
     """
@@ -182,8 +182,8 @@ def _on_basis(
     assert layer is not None
     if len(layer.weight) != 1 or not set(parts) <= {"", "V"}:
         raise BadInputError(
-            f"a layer on the basis has {len(layer.weight)} outputs; only V, which has 1, is read "
-            "of it"
+            f"a layer on the basis has {len(layer.weight)} outputs; only V, with 1 output, is "
+            "supported"
         )
     weights = layer.weight[0]
     if isinstance(functions, Basis):

@@ -276,8 +276,8 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
     names = ", ".join(shortened(layer.name) for layer in layers[:_MOST_KINDS])
     if len(by_kind) > _MOST_KINDS:
         raise BadInputError(
-            f"its layers ({names} ...) have {len(by_kind)} different names, which do not tell in "
-            "which order they run; number them, or name one network by --network"
+            f"its layers ({names} ...) have {len(by_kind)} different names, which do not give "
+            "their order; number them, or name one network by --network"
         )
     orders = list(islice(_orders(tuple(by_kind.values()), widths), 2))
     if len(orders) == 2:
@@ -343,8 +343,8 @@ def _unknown_place(norm: Layer) -> BadInputError:
 
 
 def _follows(before: Layer, layer: Layer) -> bool:
-    """Return whether the numbers in their names leave no place between them: in a
-    torch.nn.Sequential an activation takes a number too."""
+    """Return whether the numbers in the names are consecutive: in a torch.nn.Sequential an
+    activation has a number too."""
     numbers = _numbers(before)
     numbers[-1:] = [number + 1 for number in numbers[-1:]]
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)

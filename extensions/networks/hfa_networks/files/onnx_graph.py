@@ -449,7 +449,7 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError where a network takes neither the states of the plant nor, as a Q does,
+    """Raise BadInputError unless the inputs of a network are the states of the plant, or for a Q
     its states and inputs."""
     if width == states:
         return

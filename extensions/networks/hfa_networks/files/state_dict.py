@@ -214,7 +214,7 @@ def _is_of_critic(name: str) -> bool:
 
 
 def _is_spread(name: str) -> bool:
-    """Return whether it is of the standard deviation of a random action."""
+    """Return whether a tensor belongs to the standard deviation of a random action."""
     words = _words(name)
     modules = name.split(".")
     is_std = modules[-1] in ("std", "std_param") and ["", *modules][-2] in _WITH_SPREAD

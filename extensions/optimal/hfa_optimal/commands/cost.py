@@ -115,7 +115,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     from hfa_proof.commands.given import aircraft_option, names_aircraft
     from hfa_proof.subject import Given, compare
 
-    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
     request.refuse(("weights", "basis", "design"), "is not an option of a bound; leave it out")
     own = request.model if request.own else None
@@ -163,7 +163,7 @@ def _prove(request: CostRequest) -> int:
 
 
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
-    """The bound of an earlier run, verified. Raises BadInputError where it is of other flights."""
+    """Return the verified bound of an earlier run. Raises BadInputError for other flights."""
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.fields import COST_FIELDS
     from hfa_optimal.bound import given_of

@@ -35,7 +35,7 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """A start, or many, from which flights to a trim are to cost least."""
+    """One or many initial conditions of flights of least cost to a trim."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)

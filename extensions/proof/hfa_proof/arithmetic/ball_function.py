@@ -18,7 +18,7 @@ class Undecided(NoSolutionError):
 
 
 class BallFunction:
-    """A CasADi `SX` function that takes `flint.arb`, `flint.arb_series` and Taylor models.
+    """A CasADi `SX` function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
 
     A series represents its Taylor polynomial in one variable, so that running the instructions on
     series differentiates automatically. Numbers in the function are the doubles that CasADi holds.
@@ -80,7 +80,7 @@ class BallFunction:
 
 
 def _operation(code: int, name: str) -> Callable[..., Any]:
-    """The operation of one of CasADi's codes on balls.
+    """Return the operation of a CasADi code on balls.
 
     code: `ca.OP_...`
     name: of the function, for the message

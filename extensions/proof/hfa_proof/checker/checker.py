@@ -211,7 +211,7 @@ def _check_scheduled_rate(
 
 
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
-    """The distances, the modes and the bracket of delta_min are as claimed."""
+    """Check that the distances, the modes and the bracket of delta_min are as claimed."""
     weights = statement.weights
     doubles = _plant(statement, witness, decimals=False)
     wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles

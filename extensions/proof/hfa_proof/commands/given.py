@@ -139,7 +139,7 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
     """K, P and W of --weights. Raises NoSolutionError where the file has no K and the statement's K
     is not the gain of its P or W."""
-    request.refuse(("design",), "is of a schedule, but the certificate is about a game")
+    request.refuse(("design",), "belongs to a schedule, but the certificate is about a game")
     if request.weights is None:
         request.refuse(("basis",), "belongs to W; add --weights FILE")
         return {}

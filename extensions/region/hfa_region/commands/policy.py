@@ -99,7 +99,7 @@ def loop_of(
     """The linear model at the trim, K, P of the game where it has been solved, and the nonlinear
     part of the policy."""
     if request.basis is not None and request.weights is None:
-        raise BadInputError("--basis is of the W of --weights; add that or leave it out")
+        raise BadInputError("--basis belongs to W in --weights; add --weights or leave it out")
     if not request.model.inputs:
         aircraft = request.flown_aircraft()
         linear = linearize(aircraft, request.operating_point(aircraft))

@@ -129,9 +129,9 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     from hfa_region.fields import FIELDS
     from hfa_region.report import checked_report
 
-    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
-    request.refuse(("design",), "is of a schedule, but the certificate is about a region")
+    request.refuse(("design",), "belongs to a schedule, but the certificate is about a region")
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
     given = given_for(verified.statement, request)
@@ -152,7 +152,7 @@ def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> 
     """Verify the certificate of a region that is proved on boxes; the exit code."""
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
-    request.refuse(_OF_THE_SEARCH, "does not go with --check: it changes nothing")
+    request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     if isinstance(request, RegionRequest) and (request.policy or _is_network(request)):
         return checked_on_boxes(request, certificate)
     return checked_gain_on_boxes(request, certificate)
