@@ -4,7 +4,7 @@ units of columns."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -68,6 +68,10 @@ _UNITS = {
 _TRIAL = 5
 _WINDOWS = 24
 _STEPS = 10
+#: Steps and windows of a first trial, from which so many faults go on.
+_FIRST_TRIAL = 2
+_FIRST_WINDOWS = 12
+_GO_ON = 8
 #: Parameters that changed by a factor of 8, or in sign, are suspicious; each may change by a factor
 #: of 2.
 _USUAL_CHANGE = math.log(2.0)
@@ -276,28 +280,43 @@ def _likeliest(
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
     """The faults that fit best once they are undone, by a few steps in some short windows, each
     with the search on the corrected records, and unknowns (p,) at which it begins."""
-    candidates = list(_candidates(search))
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
-    tried: list[tuple[float, _Undone, Search, np.ndarray]] = []
-    for number, undone in enumerate(candidates):
-        if progress is not None:
-            progress(number + 1, len(candidates))
+    candidates: list[tuple[_Undone, Search]] = []
+    for undone in _candidates(search):
         records = [undone.on(model, record) for record in search.records]
-        if not all(is_near_limits(model, record) for record in records):
-            continue
-        corrected = Search(search.responses, records, search.held)
+        if all(is_near_limits(model, record) for record in records):
+            candidates.append((undone, Search(search.responses, records, search.held)))
+    first = _tried(search, candidates, _FIRST_TRIAL, _FIRST_WINDOWS, progress)
+    going_on = [(undone, corrected) for _, undone, corrected, _ in first[:_GO_ON]]
+    tried = _tried(search, going_on, _TRIAL, _WINDOWS, None)
+    likeliest: dict[tuple[str, str], tuple[_Undone, Search, np.ndarray]] = {}
+    for _, undone, corrected, theta in tried:
+        begin = np.concatenate([turbulence, theta])
+        likeliest.setdefault((undone.column, undone.text), (undone, corrected, begin))
+    return list(likeliest.values())[:_TRIED]
+
+
+def _tried(
+    search: Search,
+    candidates: Sequence[tuple[_Undone, Search]],
+    steps: int,
+    windows: int,
+    progress: Callable[[float, float], None] | None,
+) -> list[tuple[float, _Undone, Search, np.ndarray]]:
+    """Return L with the change of the parameters, the fault, the search and the unknowns in calm
+    air of each fault that is undone, by a few steps in some windows, the least L first."""
+    tried = []
+    for number, (undone, corrected) in enumerate(candidates, start=1):
+        if progress is not None:
+            progress(number, len(candidates))
         try:
-            rough = corrected.rough(most_steps=_TRIAL, most_windows=_WINDOWS)
+            rough = corrected.rough(most_steps=steps, most_windows=windows)
         except FloatingPointError:
             continue
         level = _compared(search, undone, rough) + _change(search, rough.theta)
-        tried.append((level, undone, corrected, np.concatenate([turbulence, rough.theta])))
-    tried.sort(key=lambda each: each[0])
-    likeliest: dict[tuple[str, str], tuple[_Undone, Search, np.ndarray]] = {}
-    for _, undone, corrected, begin in tried:
-        likeliest.setdefault((undone.column, undone.text), (undone, corrected, begin))
-    return list(likeliest.values())[:_TRIED]
+        tried.append((level, undone, corrected, rough.theta))
+    return sorted(tried, key=lambda each: each[0])
 
 
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:

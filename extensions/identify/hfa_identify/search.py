@@ -18,6 +18,8 @@ from hfa_identify.response import Responses
 _WINDOW = 1.0
 #: The step, in standard deviations, at which the search in windows or thinned records ends.
 _ROUGH = 0.5
+#: Steps in which a second fit must become likelier than the first.
+_SECOND = 10
 
 
 class Search:
@@ -50,7 +52,10 @@ class Search:
             try:
                 rough = self.rough(progress, by_motion=by_motion)
                 begin = np.concatenate([self.begin[: self.responses.turbulent], rough.theta])
-                fit = self.whole(begin, progress=progress)
+                most = MOST_STEPS if found is None else _SECOND
+                fit = self.whole(begin, progress=progress, most_steps=most)
+                if found is not None and fit.likelihood < found.likelihood and not fit.converged:
+                    fit = self.whole(fit.theta, fit.starts, progress)
             except FloatingPointError:
                 continue
             if found is None or fit.likelihood < found.likelihood:
