@@ -40,8 +40,10 @@ class Margin(Result):
 
     @property
     def distance(self) -> float:
-        """min(value - lowest, highest - value): to the nearer limit; negative beyond it, infinite
-        without one."""
+        """Distance to the nearer limit, min(value - lowest, highest - value).
+
+        It is negative beyond the limit, and infinite without limits.
+        """
         return min(self.value - self.lowest, self.highest - self.value)
 
     @property

@@ -32,8 +32,11 @@ def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, A
 
 @lru_cache
 def _functions() -> dict[str, ca.Function]:
-    """(calibrated airspeed in kt, altitude in ft) -> Mach number if it is below 1, speed of sound,
-    ft/s, density, slug/ft^3; and -> any Mach number."""
+    """Return the functions of (calibrated airspeed in kt, altitude in ft).
+
+    The first gives the Mach number if it is below 1, the speed of sound, ft/s, and the density,
+    slug/ft^3. The second gives any Mach number.
+    """
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")
     air = air_at(altitude)

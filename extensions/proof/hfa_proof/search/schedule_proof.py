@@ -1,5 +1,5 @@
-"""At every scheduling value of an interval: the trim exists, so many modes are unstable, the
-controller stabilizes.
+"""Proof that at every scheduling value the trim exists and the controller stabilizes, with mode
+counts.
 
 Also while the scheduling value moves: a Lyapunov function of it is proved to decrease at every
 value and rate.
