@@ -192,7 +192,7 @@ class RegionSearch:
         for share in _FALLING:
             if share * growth.shape.size() < _LARGER * self._largest or self._left() < 0.0:
                 return False
-            if self._is_proved(growth, share, origin, _OF_LATER if share == _FALLING[0] else 1.0):
+            if self._is_proved(growth, share, origin, _OF_LATER):
                 return True
         return False
 
