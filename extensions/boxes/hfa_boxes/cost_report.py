@@ -1,4 +1,4 @@
-"""A lower bound of the cost, in words, tables and data."""
+"""Reports of lower bounds of the cost: text, tables and data."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _NOT_COVERED = "disturbances"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
-    """Return the proved bound, and the part of the usual initial conditions at which it is below
-    its level.
+    """Return the report of a proved bound, with the share of the usual initial conditions at which
+    it is below its level.
 
     starts: (N, n), deviations from the trim
     """
@@ -84,7 +84,7 @@ def _sentence(statement: CostStatement) -> str:
 
 
 def limits_of(statement: CostStatement) -> Table:
-    """Trim, equilibrium and limits of each state and input."""
+    """Return a table of trim, equilibrium and limits of each state and input."""
     plant = statement.plant
     rows = []
     for name, value in {**plant.trim, **plant.inputs, **plant.held}.items():

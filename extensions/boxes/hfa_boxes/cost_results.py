@@ -1,4 +1,4 @@
-"""A lower bound of the cost that is proved on boxes, as data."""
+"""Data of lower bounds of the cost that are proved on boxes."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from hfa_support.reporting.results import Matrix, Result, Vector
 
 @dataclass(frozen=True, eq=False)
 class BoundPiece(Result):
-    """No flight costs less than the lesser of W(M z) and c where it begins with |(M z)_i| < 1, and
-    none less than c where it begins elsewhere; z: deviations from the equilibrium.
+    """Bound by one polynomial: a flight that begins with |(M z)_i| < 1 costs at least the smaller
+    of W(M z) and c, one that begins elsewhere at least c; z are deviations from the equilibrium.
 
     c: level.
     M: (n, n).
-    coefficients: of the monomials of W.
-    powers: (terms, n), of each monomial.
-    boxes: on how many boxes it is proved.
+    coefficients: coefficients of the monomials of W.
+    powers: (terms, n), powers of each monomial.
+    boxes: number of boxes that prove it.
     """
 
     c: float
@@ -34,7 +34,7 @@ class BoundPiece(Result):
 
 @dataclass(frozen=True, eq=False)
 class LowerBound(ProvedResult):
-    """A lower bound of the cost of every flight that is proved.
+    """Proved lower bound of the cost of every flight.
 
     statement: the proved statement.
     boxes: number of boxes of each piece.
@@ -52,22 +52,22 @@ class LowerBound(ProvedResult):
 
     @property
     def equilibrium(self) -> Mapping[str, float]:
-        """State or input -> value at the equilibrium, which is enclosed near this."""
+        """State or input -> value near which the equilibrium is enclosed."""
         return self.statement.equilibrium
 
     @property
     def Q(self) -> Matrix:
-        """(n, n), of the states."""
+        """Weight of the states, (n, n)."""
         return self.statement.Q
 
     @property
     def R(self) -> Matrix:
-        """(m, m), of the inputs."""
+        """Weight of the inputs, (m, m)."""
         return self.statement.R
 
     @property
     def pieces(self) -> Sequence[BoundPiece]:
-        """Bounds, the largest of which holds."""
+        """Bounds by single polynomials; the largest of them holds."""
         found = []
         for piece, boxes in zip(self.statement.pieces, self.boxes, strict=True):
             values = np.array([value for value, _ in piece.W.terms])
@@ -80,7 +80,8 @@ class LowerBound(ProvedResult):
 class FoundLowerBound(LowerBound):
     """A bound that a search has found and proved.
 
-    stopped: why no larger level is proved, or "" where all initial conditions are below the last.
+    stopped: why no larger level is proved, or "" if all initial conditions are below the last
+        level.
     """
 
     schema = "hfa.lower-bound/1"

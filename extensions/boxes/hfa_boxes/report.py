@@ -1,4 +1,4 @@
-"""A region that is proved on boxes, in words, tables and data."""
+"""Reports of regions that are proved on boxes: text, tables and data."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def found_report(
     """Return the report of a proved region and its bounds.
 
     policy: its description
-    flight: end of a flight from the state with V' >= 0, or None without one
+    flight: outcome of a flight from the state with V' >= 0, or None
     not_covered: of the loop, in the title
-    reason: why boxes prove it, or "" where the user chose
+    reason: why boxes were chosen; "" if the user chose them
     """
     statement = region.statement
     level, place, rises = region.bound
@@ -145,7 +145,7 @@ def _extents(statement: BoxStatement) -> tuple[Table, str]:
 
 
 def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
-    """V, all of its terms to six digits."""
+    """Return V with all of its terms to six digits."""
     states = statement.loop.states
     P = quadratic_form(statement.piece)
     if P is None:
@@ -155,7 +155,7 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
 
 
 def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
-    """K and the terms of a policy of coefficients."""
+    """Return K and the terms of a policy with coefficients, as text."""
     if not isinstance(statement.policy, Gain):
         return ()
     loop = statement.loop

@@ -1,4 +1,4 @@
-"""A region that is proved on boxes, as data."""
+"""Data of regions that are proved on boxes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class BoxSet(ProvedResult):
     """A set that is proved.
 
     statement: the proved statement.
-    boxes: number of boxes on which V' < 0.
+    boxes: number of boxes on which V' < 0 is proved.
     """
 
     json_keys = (
@@ -38,7 +38,7 @@ class BoxSet(ProvedResult):
 
     @property
     def prover(self) -> str:
-        """boxes: branch and bound."""
+        """Method of the proof: `boxes`, branch and bound."""
         return "boxes"
 
     @property
@@ -59,7 +59,7 @@ class BoxSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> how far the set reaches from the equilibrium, or less."""
+        """State -> upper bound of the set's deviation from the equilibrium."""
         return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
 
     @property
@@ -69,12 +69,12 @@ class BoxSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """(n, n), of V = z'P z, to the rounding of doubles, or None for a higher degree."""
+        """P (n, n) of V = z'P z, rounded to doubles, or None for a higher degree."""
         return quadratic_form(self.statement.piece)
 
     @property
     def M(self) -> Matrix:
-        """(n, n): V is a polynomial in y = M z, and the set lies in |y_i| < 1."""
+        """M (n, n): V is a polynomial in y = M z, and the set lies in |y_i| < 1."""
         return self.statement.piece.M
 
     @property
@@ -84,12 +84,12 @@ class BoxSet(ProvedResult):
 
     @property
     def powers(self) -> Sequence[Sequence[int]]:
-        """(terms, n), of each monomial."""
+        """Powers of each monomial, (terms, n)."""
         return [powers for _, powers in self.statement.piece.W.terms]
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """(n, n), P with W(M z) = z'P z, to the rounding of doubles, or None for a higher degree."""
+    """Return P (n, n) with W(M z) = z'P z, rounded to doubles, or None for a higher degree."""
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:
@@ -105,9 +105,9 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 class FoundBoxes(BoxSet):
     """A set that a search has found and proved.
 
-    origin: of V, in words.
-    decrease_fails_at: the lowest level at which V' >= 0 was found, and the state there as
-        deviation, or None where none was.
+    origin: origin of V.
+    decrease_fails_at: the lowest level at which V' >= 0 was found, and the state deviation there,
+        or None.
     stopped: why no larger level is proved.
     """
 

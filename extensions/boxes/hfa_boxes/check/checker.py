@@ -1,8 +1,8 @@
-"""Checks a region: reads its statement, and proves it by repeating the subdivision.
+"""Checker of a region, which reads the statement and proves it by repeating the subdivision.
 
 The theorem. S = {V <= rho} in the cube |y_i| <= 1, y = M z, meets no face of it. In S, V' < 0
-except at the equilibrium: about it by the enclosed Jacobian, elsewhere on boxes that cover the
-cube. All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it
+except at the equilibrium: near it by the enclosed Jacobian, elsewhere on boxes that cover the cube.
+    All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it
 never leaves S. It converges to the only point of S where V' = 0 (LaSalle). Where the equations
 switch, trajectories are those of Filippov. The search is not trusted: the checker uses only its
 multipliers of extents and the number of boxes after which it gives up.
@@ -35,10 +35,10 @@ _MOST_BOXES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class BoxWitness:
-    """The data of a checker besides the claim.
+    """Evidence for a region, which is not part of the claim.
 
-    multipliers: (n, 2), of c - V in the proof of each extent
-    boxes: largest number of boxes
+    multipliers: (n, 2), factors of c - V in the proofs of the lower and upper extents
+    boxes: number of boxes after which the checker gives up
     """
 
     multipliers: np.ndarray
@@ -62,7 +62,7 @@ class VerifiedBoxes:
 def check_region(
     statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
-    """Number of boxes on which it is proved. Raises Rejected unless the statement is proved."""
+    """Return the number of boxes that prove the statement, or raise Rejected."""
     loop = statement.loop
     stated = np.array(list(statement.equilibrium.values()))
     equilibrium = equilibrium_near(loop, stated)
@@ -81,8 +81,8 @@ def check_certificate(
     """Return the region that a file proves for a policy.
 
     path: the certificate
-    policy: the user's; deviations of the states -> those of the inputs. None where the certificate
-        has its coefficients
+    policy: the user's policy, state deviations -> input deviations; None if the certificate stores
+        its coefficients
     progress: called with the number of boxes
     model: the user's aircraft, for a certificate about it
 
@@ -99,7 +99,8 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None, policy: ca.Function | None
 ) -> tuple[BoxStatement, BoxWitness]:
-    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
+    """Return statement and witness of a certificate's content. Raises Malformed, which names an
+    invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = BoxStatement.read(entries.value("statement", lambda value: True), model, policy)
@@ -116,6 +117,6 @@ def read_content(
 def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. The digest does not cover the run."""
+    """Write a certificate; its digest does not cover `origin`."""
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
     write_sealed(path, KIND, statement.content(), evidence, origin)

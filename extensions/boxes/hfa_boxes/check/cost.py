@@ -32,7 +32,7 @@ _SMALLEST_HOLE = 24
 
 
 class Guess(NamedTuple):
-    """Inputs near the best ones on boxes, v = value + slopes s.
+    """Estimates of the minimizing inputs on boxes, v = value + slopes s.
 
     value: (boxes, m); slopes: (boxes, m, n)
     """
@@ -45,8 +45,8 @@ class Guess(NamedTuple):
 class CostInequality(OnPiece):
     """The inequality of a lower bound, as a question for `cover`.
 
-    plant: whose limits of states are the envelope
-    equilibrium: of states and inputs, enclosed
+    plant: the aircraft; its state limits are the envelope
+    equilibrium: enclosure of the equilibrium states and inputs
     piece: W and its level
     Q: (n, n), symmetric
     R: (m, m), symmetric
@@ -78,7 +78,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _margin(self) -> ca.SX:
-        """g."""
+        """The margin g(y, v) of the inequality."""
         y, z, v, e = self.symbols
         at = ca.DM(self.equilibrium.x)
         rates, _ = self.plant.rates_at(
@@ -90,18 +90,18 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _values(self) -> TaylorProgram:
-        """g."""
+        """Taylor models of g."""
         return self.taylor([self._margin])
 
     @cached_property
     def _slopes(self) -> TaylorProgram:
-        """The slopes of g in v."""
+        """Taylor models of the gradient of g in v."""
         return self.taylor([ca.gradient(self._margin, self.symbols.v)])
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Return the second derivatives of g in v, (m m,), and the v on which they depend. Raises
-        BadInputError where one of these has no limits."""
+        """Return the second derivatives of g in v, (m m,), and flags of the v on which they depend.
+        Raises BadInputError if one of these v is unlimited."""
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
         taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
@@ -115,7 +115,8 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> ca.Function:
-        """(z, v) -> gradient in v, Hessian in v, its slope in z, in doubles."""
+        """Function (z, v) -> gradient and Hessian of g in v, and the gradient's slope in z, in
+        doubles."""
         g = self._margin
         y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
@@ -124,8 +125,8 @@ class CostInequality(OnPiece):
         return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs (N, m) of nearly the least g at z (N, n), and their slopes (N, m, n) in z, or 0
-        where an input is at its limit. Nothing depends on them."""
+        """Return inputs (N, m) that nearly minimize g at z (N, n), and their slopes (N, m, n) in z,
+        0 for an input at its limit. No proof depends on them."""
         count = len(z)
         n, m = self.n, self.m
         v = np.zeros((count, m))
@@ -179,8 +180,8 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """(N,), the edge to halve of each box neither outside the set nor proved, -1 for the
-        others. Raises RefutedError where g < 0."""
+        """Return (N,), the edge to halve of each undecided box, -1 for decided boxes. Raises
+        RefutedError where g < 0."""
         edges = np.full(len(boxes.centres), -1)
         near = np.flatnonzero(~super().is_outside(boxes))
         if len(near):
@@ -189,7 +190,7 @@ class CostInequality(OnPiece):
         return edges
 
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
-        """(N,), as `edges`, of boxes that are not outside the set.
+        """Return `edges` of boxes that are not outside the set, (N,).
 
         A box is decided where the lowest g at guessed inputs, less what other inputs may gain, is
         positive and the box meets no face of the cube, or in the hole about the equilibrium."""
@@ -207,7 +208,7 @@ class CostInequality(OnPiece):
         return self.decisive_edges(boxes, models, (is_positive | in_hole)[None])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
-        """Taylor models of y, z, v and the error of the equilibrium."""
+        """Return Taylor models of y, z, v and the equilibrium error on boxes."""
         linear, radius = self.symbols_on(boxes)
         linear[self._of_inputs, 0] = guess.value.T
         linear[self._of_inputs, 1:] = guess.slopes.transpose(1, 2, 0)
@@ -215,7 +216,7 @@ class CostInequality(OnPiece):
 
     @property
     def _of_inputs(self) -> slice:
-        """Rows of v among the symbols."""
+        """Indices of v in the symbols."""
         return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
@@ -241,8 +242,8 @@ class CostInequality(OnPiece):
         return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """(boxes, m), λ with Σ λ_i d_i² below the second derivative in every direction d, for all v
-        from least to most (boxes, m): Gershgorin's."""
+        """Return Gershgorin's λ, (boxes, m): Σ λ_i d_i² is at most the second derivative of g in
+        every direction d, for all v from least to most (boxes, m)."""
         program, taken = self._bent
         n, m = self.n, self.m
         linear, radius = self.symbols_on(boxes)
@@ -262,8 +263,8 @@ class CostInequality(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """k: g >= 0 for |y_i| <= 2^-k and all inputs within the limits. Raises Rejected where that
-        is not proved for any.
+        """The k for which g >= 0 is proved where |y_i| <= 2^-k, for all inputs within the limits.
+        Raises Rejected if no k is found.
 
         g and its slopes are 0 at the equilibrium. g is convex in v, its curvature above λ, so that
         the best v has Σ λ_i v_i² <= Σ b_i² / λ_i with b the slopes at v = 0; where the Hessian of g
@@ -279,8 +280,8 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """(m,), bounds of the best |v_i| on a box about the equilibrium, or None where g is not
-        proved convex in v."""
+        """Return bounds (m,) of the minimizing |v_i| on a box about the equilibrium, or None if g
+        is not proved convex in v."""
         if not self.m:
             return np.zeros(0)
         curvature = self._curvature(box, self.ends[None, :, 0], self.ends[None, :, 1])[0]
@@ -317,15 +318,15 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _hessian(self) -> TaylorProgram:
-        """Second derivatives of g in (y, z, v)."""
+        """Program for the second derivatives of g in (y, z, v)."""
         y, z, v, _ = self.symbols
         second = ca.hessian(self._margin, ca.vertcat(y, z, v))[0]
         return self.taylor([ca.vec(second)])
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low, or 0 where
-    no d exists."""
+    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low, or 0 if no
+    such d exists."""
     is_convex = curvature > 0.0
     vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
     at_ends = np.minimum(_parabola(b, curvature, low), _parabola(b, curvature, high))
@@ -340,7 +341,7 @@ def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray
 
 
 def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """H⁻¹ right for the free entries, 0 for the others; H: (N, m, m), right: (N, m, k)."""
+    """Return H⁻¹ right for the free entries, 0 for the others; H: (N, m, m), right: (N, m, k)."""
     m = H.shape[1]
     both = free[:, :, None] & free[:, None, :]
     kept = np.where(both, H, 0.0)

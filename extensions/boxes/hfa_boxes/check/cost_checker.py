@@ -1,4 +1,4 @@
-"""Checks a lower bound of the cost: reads its statement, and repeats the subdivision.
+"""Checker of a lower bound of the cost, which reads the statement and repeats the subdivision.
 
 The theorem is in `cost.py`. The search is not trusted: the checker uses only its choice of unknown
 states and inputs at the equilibrium, and the number of boxes after which it gives up."""
@@ -26,10 +26,11 @@ _MOST_BOXES = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class CostWitness:
-    """The data of a checker besides the claim.
+    """Evidence for a lower bound, which is not part of the claim.
 
-    solved: states and inputs that are unknown at the equilibrium; the others have the trim's value
-    boxes: largest number of boxes of each piece
+    solved: indices of the unknown states and inputs at the equilibrium; the others have their trim
+        values
+    boxes: number of boxes of each piece after which the checker gives up
     """
 
     solved: tuple[str, ...]
@@ -41,7 +42,7 @@ class VerifiedCost:
     """A lower bound that is proved.
 
     statement: the proved statement, every field of which the checker has interpreted
-    witness: by which it is proved
+    witness: the evidence that proves it
     boxes: number of boxes of each piece
     written: version, command and date in the file, not verified
     """
@@ -53,10 +54,10 @@ class VerifiedCost:
 
 
 def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
-    """The equilibrium of states and inputs near x (n + m,). Raises Rejected unless one is proved to
-    be there.
+    """Return the equilibrium states and inputs near x (n + m,), proved to exist. Raises Rejected
+    otherwise.
 
-    solved: which entries are unknown, as many as there are states
+    solved: indices of the unknown entries, as many as there are states
     """
     return zero_near(open_rates(plant), x, plant.nominal, solved)
 
@@ -64,7 +65,7 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Number of boxes that prove each piece. Raises Rejected unless the statement is proved."""
+    """Return the number of boxes that prove each piece. Raises Rejected if one is not proved."""
     plant = statement.plant
     names = (*plant.states, *plant.inputs)
     stated = np.array([statement.equilibrium[name] for name in names])
@@ -102,7 +103,8 @@ def check_cost_certificate(
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
+    """Return statement and witness of a certificate's content. Raises Malformed, which names an
+    invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = CostStatement.read(entries.value("statement", lambda value: True), model)
@@ -123,7 +125,7 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
 def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. The digest does not cover the run."""
+    """Write a certificate; its digest does not cover `origin`."""
     evidence = {
         "solved": list(witness.solved),
         "boxes": list(witness.boxes),

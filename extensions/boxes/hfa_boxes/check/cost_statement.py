@@ -18,10 +18,11 @@ from hfa_proof.checker.reading import Fields, require
 
 @dataclass(frozen=True, eq=False)
 class CostStatement:
-    """No flight within the limits that ends at the equilibrium costs less than the largest bound of
-    the pieces; cost: ∫ z'Qz + v'Rv dt, z and v: deviations of states and inputs from it.
+    """Statement that no flight within the limits that ends at the equilibrium costs less than the
+    largest bound of the pieces. The cost is ∫ z'Qz + v'Rv dt, with z and v the deviations of states
+    and inputs from the equilibrium.
 
-    plant: the model; its limits of states are the envelope
+    plant: the model; its state limits are the envelope
     equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values
     Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive semidefinite
@@ -36,12 +37,12 @@ class CostStatement:
 
     @classmethod
     def read(cls, content: Any, own: Model | None) -> CostStatement:
-        """The statement of a certificate.
+        """Return the statement of a certificate.
 
-        content: of its entry `statement`
+        content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
 
-        Malformed names the first wrong entry; BadInputError another model.
+        Raises Malformed for the first wrong entry, and BadInputError for another model.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -69,11 +70,11 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """The largest level, which is the bound where W is larger."""
+        """The largest level: the bound wherever W is larger."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """(N,), the least cost from the deviations z (N, n) from the trim is at least this; in
+        """Return lower bounds (N,) of the cost from the deviations z (N, n) from the trim, in
         doubles."""
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])
@@ -81,7 +82,7 @@ class CostStatement:
 
 
 def _check_limits(plant: Plant) -> None:
-    """Malformed where a limit of an input is not the model's, or an output is limited."""
+    """Raise Malformed if an input limit differs from the model's, or an output is limited."""
     for name, signal in plant.model.inputs.items():
         stated = plant.limits.get(name, (-np.inf, np.inf))
         require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)

@@ -1,9 +1,9 @@
-"""Branch and bound: functions are positive on the part of a cube where a set is.
+"""Branch and bound: proof that functions are positive on a set within a cube.
 
 The cube |y_i| <= 1 is halved again and again, across the edge that the question chooses, until on
 each box every function is bounded from below by a positive number or the box is outside the set.
-Centres and half widths are dyadic, so that they are doubles without rounding. The order is fixed:
-who repeats it needs no tree."""
+Centres and half widths are dyadic, so that they are doubles without rounding. The order is fixed,
+so that the proof is repeated without a stored tree."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ _TOLD = 4
 
 
 class Boxes(NamedTuple):
-    """Centres (N, n), and how often each edge was halved (N, n)."""
+    """Boxes by their centres (N, n) and the number of times each edge was halved (N, n)."""
 
     centres: np.ndarray
     depths: np.ndarray
 
     @property
     def half_widths(self) -> np.ndarray:
-        """(N, n)."""
+        """Half-widths of the boxes, (N, n)."""
         return np.ldexp(1.0, -self.depths)
 
     @property
     def reach(self) -> np.ndarray:
-        """(N,), the largest |y_i| on each box."""
+        """Largest |y_i| on each box, (N,)."""
         return np.asarray(np.max(np.abs(self.centres) + self.half_widths, axis=1))
 
     def part(self, which: np.ndarray | slice) -> Boxes:
-        """Return some of the boxes."""
+        """Return the selected boxes."""
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self, across: np.ndarray) -> Boxes:
@@ -58,12 +58,12 @@ class Boxes(NamedTuple):
 
 
 def cube(n: int) -> Boxes:
-    """|y_i| <= 1."""
+    """Return the cube |y_i| <= 1 as one box."""
     return Boxes(np.zeros((1, n)), np.zeros((1, n), dtype=int))
 
 
 class OpenBoxError(Rejected):
-    """A box that is not decided.
+    """Error of a box that is not decided.
 
     place: its centre (n,)
     """
@@ -74,11 +74,11 @@ class OpenBoxError(Rejected):
 
 
 class RefutedError(OpenBoxError):
-    """A function is not positive at a place in the set, as computed in doubles."""
+    """Error of a function that is not positive at a point of the set, computed in doubles."""
 
 
 class SmallestBoxError(OpenBoxError):
-    """A box that is not decided, and too small to be halved."""
+    """Error of an undecided box that is too small to be halved."""
 
 
 class Question(Protocol):
@@ -90,18 +90,19 @@ class Question(Protocol):
 
     @property
     def at_once(self) -> int:
-        """Boxes of a batch."""
+        """Number of boxes that are evaluated in one batch."""
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes that do not meet the set."""
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """(N,), the edge to halve of each undecided box, -1 for the decided ones. Raises
-        RefutedError at a place where the answer is no."""
+        """Return (N,), the edge to halve of each undecided box, -1 for decided boxes. Raises
+        RefutedError at a point where the property does not hold."""
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
-    """RefutedError at the centre (N, n) in the set with the lowest of the values (N,) below 0."""
+    """Raise RefutedError at the centre, of (N, n), in the set with the lowest negative value, of
+    (N,)."""
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:
         if within(centres[index]):
@@ -109,12 +110,12 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
-    """Prove the function on the set; return the number of boxes.
+    """Prove a question on the set and return the number of boxes.
 
-    most: boxes after which it is given up
+    most: number of boxes after which the proof is given up
 
-    RefutedError names a place where a function is not positive; OpenBoxError one that is not
-    decided. Progress counts by volume."""
+    Raises RefutedError where a function is not positive, and OpenBoxError at a point that is not
+    decided. Progress is the decided share of the volume."""
     n = question.n
     waiting = cube(n)
     done = 0.0
@@ -150,7 +151,7 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
 
 
 def _volume(boxes: Boxes) -> float:
-    """Share of the cube."""
+    """Return the share of the cube's volume that the boxes fill."""
     return float(np.sum(np.ldexp(1.0, -boxes.depths.sum(axis=1))))
 
 

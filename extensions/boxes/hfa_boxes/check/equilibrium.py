@@ -1,4 +1,4 @@
-"""The equilibrium of an aircraft, enclosed."""
+"""Enclosure of the equilibrium of an aircraft."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DOUBLINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """One equilibrium lies within radius (n,) of x (n,)."""
+    """Enclosure of an equilibrium: exactly one lies within radius (n,) of x (n,)."""
 
     x: np.ndarray
     radius: np.ndarray
@@ -32,11 +32,12 @@ class Equilibrium:
 def zero_near(
     program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
 ) -> Equilibrium:
-    """The zero of a program to which Newton's method leads from x; Rejected unless one is proved to
-    be there (Krawczyk 1969: C an inverse, |C F(x)| + |1 - C F'| r < r).
+    """Return an enclosure of the zero of a program that Newton's method finds from x. Raises
+    Rejected if it is not proved (Krawczyk 1969: C near the inverse of F', |C F(x)| + |1 - C F'| r <
+    r).
 
     x: (k,), the inputs of the program; nominal: (k,), their sizes
-    solved: the inputs that are unknown, as many as the program has outputs; the others remain
+    solved: indices of the unknown inputs, as many as the program has outputs; the others stay fixed
     """
     point = np.array(x, dtype=float)
     columns = list(solved)
@@ -78,15 +79,15 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
-    """Raise Rejected unless an equilibrium is the stated one, within `SAME_TRIM` nominal
-    values."""
+    """Raise Rejected unless an equilibrium is within `SAME_TRIM` nominal values of the stated
+    one."""
     distance = np.abs(at.x - stated) + at.radius
     if not np.all(distance <= SAME_TRIM * nominal):
         raise Rejected(f"the equilibrium differs from {what}")
 
 
 def open_rates(plant: Plant) -> Program:
-    """(x, u) -> the rates of the moving states."""
+    """Return the function (x, u) -> rates of the moving states."""
     n = len(plant.states)
     both = ca.SX.sym("x", n + len(plant.inputs))
     rates, _ = plant.rates_at(both[:n], both[n:])

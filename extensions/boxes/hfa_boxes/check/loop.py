@@ -1,6 +1,6 @@
-"""A loop of any policy, its inputs saturated: its equilibrium enclosed, V' about it enclosed.
+"""Closed loop of any policy with saturated inputs, its enclosed equilibrium, and V' near it.
 
-V is the polynomial W of a piece, in coordinates y = M z."""
+V is the polynomial W of a `Piece`, in coordinates y = M z."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _SMALLEST_HOLE = 30
 class Loop(Plant):
     """x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
 
-    policy: deviations (n,) -> deviations of the inputs (m,); a second argument is the trim: all
-        states, the inputs and the parameters
+    policy: state deviations (n,) -> input deviations (m,); an optional second argument is the trim:
+        all states, inputs and parameters
     """
 
     policy: ca.Function
@@ -62,25 +62,26 @@ class Loop(Plant):
 
     @cached_property
     def closed(self) -> Program:
-        """x -> the rates."""
+        """Function x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
         return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)
 
 
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
-    """The equilibrium of the loop near x (n,). Raises Rejected unless one is proved to be there."""
+    """Return the equilibrium of the loop near x (n,), proved to exist. Raises Rejected
+    otherwise."""
     n = len(loop.states)
     return zero_near(loop.closed, x, loop.nominal[:n], range(n))
 
 
 @dataclass(frozen=True, eq=False)
 class Decrease(OnPiece):
-    """-W' > 0 on the set of a piece but at the equilibrium, limits and extents; a question for
-    `cover`.
+    """Question for `cover`: -W' > 0 on the set except at the equilibrium, and limits and extents
+    hold.
 
     plant: the loop
     extents: (n, 2), lowest and highest z in the set
-    multipliers: (n, 2), at least 0: of c - W in the proof of each extent
+    multipliers: (n, 2), at least 0, factors of c - W in the proofs of the extents
     """
 
     plant: Loop
@@ -89,7 +90,7 @@ class Decrease(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Boxes of a batch."""
+        """Number of boxes that are evaluated in one batch."""
         return self._functions.at_once
 
     def check_limits(self) -> None:
@@ -105,8 +106,8 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """(N,), the edge to halve of each box that is not proved, -1 for the others. Raises
-        RefutedError at a place where a function is negative."""
+        """Return (N,), the edge to halve of each unproved box, -1 for the others. Raises
+        RefutedError at a point where a function is negative."""
         models = self._functions.of(*self.symbols_on(boxes))
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole
@@ -142,7 +143,8 @@ class Decrease(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """k: W' < 0 for 0 < |y_i| <= 2^-k. Raises Rejected where that is not proved for any.
+        """The k for which W' < 0 is proved where 0 < |y_i| <= 2^-k. Raises Rejected if no k is
+        found.
 
         The slopes of W are G y and the rates J z, G and J in the enclosures, so that
         W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""

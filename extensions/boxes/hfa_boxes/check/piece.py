@@ -35,7 +35,7 @@ _FLATTEST = 4
 class Polynomial(NamedTuple):
     """W(y) = Σ coefficient Π y_i^power.
 
-    n: of y
+    n: number of variables y
     terms: pairs of coefficient and powers
     """
 
@@ -43,7 +43,7 @@ class Polynomial(NamedTuple):
     terms: Terms
 
     def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """W and its gradient (n,); every product of a coefficient with a power is exact."""
+        """Return expressions of W and its gradient (n,); coefficients times powers are exact."""
         known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
 
         def monomial(powers: tuple[int, ...]) -> ca.SX:
@@ -63,7 +63,7 @@ class Polynomial(NamedTuple):
         return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
 
     def at(self, y: np.ndarray) -> np.ndarray:
-        """W at (N, n), in doubles."""
+        """Return W (N,) at y (N, n), in doubles."""
         total = np.zeros(len(y))
         for coefficient, powers in self.terms:
             total += coefficient * np.prod(y ** np.array(powers), axis=1)
@@ -76,12 +76,12 @@ def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
 
 
 def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Return whether the products of a coefficient with its powers are doubles."""
+    """Return whether each product of a coefficient with a power is a double without rounding."""
     return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
 class Piece(NamedTuple):
-    """{W(y) <= c}, y = M z.
+    """The set {W(y) <= c} with y = M z.
 
     M: (n, n)
     W: polynomial of y without terms of degree 0 and 1, whose coefficients times powers are doubles
@@ -94,7 +94,7 @@ class Piece(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, n: int) -> Piece:
-        """The piece of a certificate; Malformed names the first wrong entry."""
+        """Return the piece of a certificate. Raises Malformed for the first wrong entry."""
         M = entries.array("M", n, n)
         terms = entries.terms("W", n, HIGHEST)
         for number, (value, powers) in enumerate(terms):
@@ -108,20 +108,20 @@ class Piece(NamedTuple):
         return {"M": self.M.tolist(), "W": rows_of(self.W.terms), "c": self.c}
 
     def contains(self, z: np.ndarray) -> np.ndarray:
-        """(N,), which deviations z (N, n) are in the set, in doubles."""
+        """Return the mask (N,) of the deviations z (N, n) in the set, in doubles."""
         y = z @ self.M.T
         return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """(N,), at deviations z (N, n): the lesser of W and c in the cube, else c; in doubles."""
+        """Return (N,), the smaller of W and c at deviations z (N, n) in the cube, c outside, in
+        doubles."""
         y = z @ self.M.T
         inside = np.all(np.abs(y) < 1.0, axis=1)
         return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
 
 
 class Symbols(NamedTuple):
-    """y and z (n,), the deviation v of the inputs (m,), and the error of the equilibrium
-    (n + m,)."""
+    """Symbols y and z (n,), input deviations v (m,), and the equilibrium error (n + m,)."""
 
     y: ca.SX
     z: ca.SX
@@ -131,10 +131,10 @@ class Symbols(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnPiece(Question):
-    """A property of an aircraft on the set of a piece; decided on boxes.
+    """Question about an aircraft on the set of a piece, decided on boxes.
 
-    plant: with limits
-    equilibrium: enclosed; of the states, or of states and inputs
+    plant: the aircraft with its limits
+    equilibrium: enclosure of the equilibrium states, or states and inputs
     piece: the set
     """
 
@@ -149,15 +149,15 @@ class OnPiece(Question):
 
     @property
     def m(self) -> int:
-        """Number of inputs that are variables: none of a loop."""
+        """Number of inputs that are variables: 0 for a closed loop."""
         return len(self.equilibrium.x) - self.n
 
     @abstractmethod
     def check_limits(self) -> None:
-        """Raise Rejected where limits that no box decides do not hold."""
+        """Raise Rejected if a limit that is checked without boxes does not hold."""
 
     def proved(self, most: int, progress: Progress | None = None) -> int:
-        """Number of boxes on which it is proved. Raises Rejected where it is not.
+        """Return the number of boxes that prove the property. Raises Rejected if it is not proved.
 
         most, progress: as in `cover`
         """
@@ -167,7 +167,7 @@ class OnPiece(Question):
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, n) each: N near the inverse of M, and its error. Raises Rejected where M is
+        """Approximate inverse of M and a bound of its error, (n, n) each. Raises Rejected if M is
         singular."""
         try:
             exact = matrix(self.piece.M).inv()
@@ -179,7 +179,7 @@ class OnPiece(Question):
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, place: np.ndarray) -> bool:
-        """Return whether a place y (n,) is in the set and the limits of states, in doubles."""
+        """Return whether a point y (n,) is in the set and within the state limits, in doubles."""
         low, high = self.plant.ends(self.plant.states).T
         x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
         is_allowed = bool(np.all((low <= x) & (x <= high)))
@@ -191,12 +191,12 @@ class OnPiece(Question):
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
     def decisive_edges(self, boxes: Boxes, models: Models, proved: np.ndarray) -> np.ndarray:
-        """(N,), the edge by which the first function that is not proved varies most, or W where a
-        box meets a face of the cube; the widest of a box about the equilibrium; -1 where all
-        functions are proved. None is halved much more often than another.
+        """Return (N,), the edge to halve: that along which the first unproved function varies most,
+        or W where a box meets a face of the cube; the widest for a box about the equilibrium; -1
+        where all functions are proved. No edge is halved much more often than another.
 
-        models: of the functions
-        proved: (functions, N), which are"""
+        models: Taylor models of the functions
+        proved: (functions, N), flags of the proved functions"""
         edges = np.full(len(boxes.centres), -1)
         undecided = np.flatnonzero(~proved.all(axis=0))
         boxes = boxes.part(undecided)
@@ -216,7 +216,7 @@ class OnPiece(Question):
 
     @cached_property
     def _level(self) -> TaylorProgram:
-        """W of y."""
+        """Function y -> W."""
         y = ca.SX.sym("y", self.n)
         function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
         return TaylorProgram(Program(function, self.plant.model.name), self.n)
@@ -228,13 +228,13 @@ class OnPiece(Question):
         return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
 
     def program(self, outputs: Sequence[ca.SX]) -> Program:
-        """Functions of the symbols, to be enclosed."""
+        """Return the program of expressions in the symbols."""
         inputs = ca.vertcat(*self.symbols)
         function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
         return Program(function, self.plant.model.name)
 
     def taylor(self, outputs: Sequence[ca.SX]) -> TaylorProgram:
-        """Functions of the symbols, on boxes of y."""
+        """Return the Taylor program of expressions in the symbols, over boxes of y."""
         return TaylorProgram(self.program(outputs), self.n)
 
     def symbols_on(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:

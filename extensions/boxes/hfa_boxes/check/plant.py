@@ -21,11 +21,11 @@ Limits = Mapping[str, tuple[float, float]]
 class Plant:
     """x' = f(x, u), u between the limits of the inputs.
 
-    model: the equations; of its states, those of its linear model move
+    model: the equations; the states of its linear model are the moving states
     parameters: every parameter of the model -> value
     trim: moving state -> value, x0
     inputs: input -> value, u0
-    held: each other state -> the value that it keeps
+    held: each other state -> its constant value
     limits: signal -> lowest and highest value
     """
 
@@ -47,7 +47,7 @@ class Plant:
         return tuple(name for name in self.model.outputs if name in self.limits)
 
     def content(self) -> dict[str, Any]:
-        """Return the entries of a statement about it, which `read_plant` reads."""
+        """Return the entries of a statement, which `read_plant` reads."""
         return {
             **facts(self.model),
             "parameters": dict(self.parameters),
@@ -64,7 +64,8 @@ class Plant:
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
-        """(len(names), 2), lowest and highest value of signals, inf where there is no limit."""
+        """Return the lowest and highest values of signals, (len(names), 2), infinite without a
+        limit."""
         pairs = [self.limits.get(name, (-np.inf, np.inf)) for name in names]
         return np.array(pairs, dtype=float).reshape(-1, 2)
 
@@ -76,7 +77,7 @@ class Plant:
                 raise Rejected(f"{name} is held beyond its limits")
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
-        """Rates of the moving states, and the limited outputs.
+        """Return the rates of the moving states, and the limited outputs.
 
         x: (n,), the moving states
         u: (m,), the inputs
@@ -94,9 +95,9 @@ class Plant:
 
 
 def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
-    """The model about a trim, and its limits; Malformed names the first wrong entry.
+    """Return the model about a trim and its limits. Raises Malformed for the first wrong entry.
 
-    content: that of the entries
+    content: content of the entries
     own: the user's model, if the statement concerns one
     """
     model = model_of(content.get("dynamics"), content.get("source"), own)
@@ -151,8 +152,7 @@ def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[floa
 
 
 def check_limits_of_model(plant: Plant) -> None:
-    """Malformed where a limit of the model is missing or widened, or a limit of an input
-    differs."""
+    """Raise Malformed if a limit of the model is missing or widened, or an input limit differs."""
     states = {**plant.trim, **plant.held}
     own = model_limits(plant.model, states, plant.parameters)
     wrong = limits_hold(plant.limits, own, plant.inputs)
@@ -160,10 +160,10 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """The first signal whose stated limits are not those that the loop needs, or None for none.
+    """Return the first signal whose stated limits do not suit the loop, or None if all do.
 
-    Those of an input are its saturation, and so the model's own: others are another loop. A state
-    or an output may be kept within narrower ones."""
+    Input limits define the saturation and must equal the model's. Limits of states and outputs may
+    be narrower."""
     unlimited = (-np.inf, np.inf)
     for name in (*inputs, *own):
         low, high = stated.get(name, unlimited)
@@ -177,8 +177,8 @@ def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | N
 def model_limits(
     model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Return lowest and highest value of every state, input and output with limits: min and max of
-    its declaration, and the envelope of the model about this trim.
+    """Return the lowest and highest value of every limited state, input and output: min and max of
+    its declaration, and the model's envelope about this trim.
 
     states: all of them, at the trim
     parameters: name -> value

@@ -32,17 +32,17 @@ HIGHEST_POLICY = 12
 
 
 class Gain(NamedTuple):
-    """The policy u0 - K z + q(z), z: deviations from the trim, before the limits.
+    """The unsaturated policy u0 - K z + q(z), with z the deviations from the trim.
 
     K: (m, n)
-    terms: input -> the terms of degree 2 and more of its q; inputs without have q = 0
+    terms: input -> the terms of q of degree 2 and more; other inputs have q = 0
     """
 
     K: np.ndarray
     terms: Mapping[str, Terms]
 
     def function(self, inputs: tuple[str, ...]) -> ca.Function:
-        """z (n,) -> deviations of the inputs (m,)."""
+        """Return the function z (n,) -> input deviations (m,)."""
         m, n = self.K.shape
         z = ca.SX.sym("z", n)
         deviations = ca.SX.zeros(m)
@@ -58,7 +58,7 @@ class Gain(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, plant: Plant) -> Gain:
-        """The policy of a certificate."""
+        """Return the policy of a certificate."""
         K = entries.array("K", len(plant.inputs), len(plant.states))
         terms = terms_by_input(entries, "terms", plant, HIGHEST_POLICY)
         entries.close()
@@ -72,15 +72,16 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoxStatement:
-    """Every trajectory of the loop that begins in the set of the piece exists for all time, stays
-    there and within all limits, and converges to the equilibrium; z: deviations from that.
+    """Statement that every trajectory of the loop that begins in the set of the piece exists for
+    all time, stays there and within all limits, and converges to the equilibrium; z are deviations
+    from it.
 
-    The set of a V of degree 2 is {V <= rho}: V > rho outside the cube too.
+    For V of degree 2 the set is {V <= rho}, because V > rho outside the cube too.
 
     loop: the model with its policy and saturated inputs
     policy: the SHA-256 of its instructions, or its coefficients
     equilibrium: moving state -> value, within `SAME_TRIM` nominal values
-    piece: V and its level, in coordinates
+    piece: V and its level, in coordinates y = M z
     extents: moving state -> lowest and highest deviation in the set, or beyond
     """
 
@@ -102,14 +103,14 @@ class BoxStatement:
 
     @classmethod
     def read(cls, content: Any, own: Model | None, policy: ca.Function | None) -> BoxStatement:
-        """The statement of a certificate.
+        """Return the statement of a certificate.
 
-        content: of its entry `statement`
+        content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
-        policy: the user's; deviations of the states -> those of the inputs. None where the
-            certificate has its coefficients
+        policy: the user's policy, state deviations -> input deviations; None if the certificate
+            stores its coefficients
 
-        Malformed names the first wrong entry; BadInputError another model or policy.
+        Raises Malformed for the first wrong entry, and BadInputError for another model or policy.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -145,7 +146,7 @@ class BoxStatement:
 def digest_of(policy: ca.Function) -> str:
     """Return the SHA-256 of a policy's instructions and all digits of its numbers.
 
-    Raises BadInputError where it is too large to be proved."""
+    Raises BadInputError if the policy has too many operations."""
     function = policy.expand() if policy.is_a("MXFunction") else policy
     if function.n_instructions() > LARGEST:
         raise BadInputError(

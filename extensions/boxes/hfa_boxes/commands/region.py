@@ -1,4 +1,5 @@
-"""`hfa prove region` of a policy that is a function: proved on boxes, or a certificate checked."""
+"""`hfa prove region` for a policy given as a function: proof on boxes, or check of a
+certificate."""
 
 from __future__ import annotations
 
@@ -33,11 +34,11 @@ if TYPE_CHECKING:
 class ProvedPolicy:
     """A policy for which a region is proved.
 
-    function: as `Loop.policy`
+    function: the policy, as in `Loop.policy`
     words: its description
-    gain: its coefficients, where it is a polynomial
+    gain: its coefficients if it is a polynomial
     known: candidates for V, by description
-    not_covered: of its loop, in the title
+    not_covered: effects that the proof leaves out, for the title
     """
 
     function: ca.Function
@@ -50,18 +51,18 @@ class ProvedPolicy:
     def of_gain(
         cls, gain: Gain, inputs: tuple[str, ...], words: str, P: np.ndarray | None
     ) -> ProvedPolicy:
-        """A policy of coefficients.
+        """Return a policy with these coefficients.
 
         inputs: names, in order
         words: its description
-        P: of the game or the critic, or None without one
+        P: (n, n), matrix of the game or critic, or None
         """
         known = [] if P is None else [("P of the game", P)]
         return cls(gain.function(inputs), words, known, gain=gain)
 
 
 def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
-    """The loop of a policy about the trim of a linear model."""
+    """Return the loop of a policy about the trim of a linear model."""
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -77,8 +78,8 @@ def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
 
 
 def scalars(policy: ca.Function) -> ca.Function:
-    """A policy as a function of scalars, whose instructions are read. Raises BadInputError where
-    its operations cannot be."""
+    """Return a policy as a function of scalars, whose instructions can be read. Raises
+    BadInputError for unsupported operations."""
     if not policy.is_a("MXFunction"):
         return policy
     try:
@@ -93,10 +94,10 @@ def scalars(policy: ca.Function) -> ca.Function:
 class SearchSettings:
     """Settings of a search.
 
-    seconds: of processor time
-    degree: the highest of V
-    resume: whether the certificate of -o is an earlier run's
-    reason: why boxes prove it, for the report, or "" where the user chose
+    seconds: processor time
+    degree: highest degree of V
+    resume: whether to continue the earlier run whose certificate -o names
+    reason: why boxes were chosen, for the report; "" if the user chose them
     """
 
     seconds: float
@@ -108,7 +109,8 @@ class SearchSettings:
 def prove(
     request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, settings: SearchSettings
 ) -> int:
-    """Prove the largest region found, write its certificate to -o, print it; the exit code."""
+    """Prove the largest region found, write its certificate to -o, print it, and return the exit
+    code."""
     loop = loop_of(linear, policy)
     stated = policy.gain or digest_of(loop.policy)
 
@@ -143,7 +145,7 @@ def prove(
 
 
 def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
-    """The statement of an earlier run, verified. Raises BadInputError where it is of another
+    """Return the verified statement of an earlier run. Raises BadInputError if it is about another
     loop."""
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
@@ -165,7 +167,7 @@ def check(
     policy: ProvedPolicy,
     own: Model | None,
 ) -> int:
-    """Verify a certificate against the user's policy; the exit code."""
+    """Verify a certificate against the user's policy and return the exit code."""
     verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()
     compare(content, FIELDS, _given(loop_of(linear, policy), "the user"))
@@ -174,7 +176,7 @@ def check(
 
 
 def _given(loop: Loop, option: str) -> dict[str, Given]:
-    """Return path of every entry that is not a claim -> the user's value."""
+    """Return entry path -> the user's value, for every entry that is not a claim."""
     widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
     limits = {name: pair_of(ends) for name, ends in loop.limits.items()}
     given = {name: Given(fact, option) for name, fact in facts(loop.model).items()}

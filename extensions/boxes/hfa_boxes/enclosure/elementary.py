@@ -1,7 +1,7 @@
 """Elementary functions within proved distances, of operations that IEEE 754 rounds correctly.
 
-Each returns values of which none is farther from the exact one than its constant states; where an
-argument is too large the value is nan, so that nothing is claimed of it. u = 2⁻⁵³."""
+The error of each function is at most its constant or returned bound. Arguments that are too large
+give nan, for which nothing is claimed. u = 2⁻⁵³."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROUNDING = 1e-15
 
 
 def exp(t: np.ndarray) -> np.ndarray:
-    """e^t within `EXP_ERROR` of itself, relative; nan beyond |t| = 40."""
+    """Return e^t to the relative error `EXP_ERROR`; nan beyond |t| = 40."""
     r = t / 64.0
     value = np.ones_like(r)
     for k in range(16, 0, -1):
@@ -35,14 +35,14 @@ def exp(t: np.ndarray) -> np.ndarray:
 
 
 def tanh(t: np.ndarray) -> np.ndarray:
-    """Hyperbolic tangent within `TANH_ERROR`, absolute."""
+    """Return tanh t to the absolute error `TANH_ERROR`."""
     power = exp(-2.0 * np.minimum(np.abs(t), _SATURATED))
     value = np.copysign((1.0 - power) / (1.0 + power), t)
     return np.asarray(np.where(np.isnan(t), np.nan, value))
 
 
 def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sine and cosine within `SIN_ERROR`, absolute; nan beyond |t| = 16."""
+    """Return sin t and cos t to the absolute error `SIN_ERROR`; nan beyond |t| = 16."""
     r = t / 8.0
     square = r * r
     sine = np.ones_like(r)
@@ -58,7 +58,7 @@ def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A value near log t, and a bound of its distance, from exp of it, or nan unless t > 0.
+    """Return a value y near log t and a bound of its error, computed from e^y; nan unless t > 0.
 
     log t = y + log(t e^-y), and |log(1 + e)| <= |e| / (1 - |e|)."""
     y = np.log(np.where(t > 0.0, t, np.nan))
@@ -67,7 +67,7 @@ def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def atan(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A value near atan t, and a bound of its distance, from the tangent of it.
+    """Return a value y near atan t and a bound of its error, computed from tan y.
 
     tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y), and |atan e| <= |e|."""
     y = np.arctan(t)

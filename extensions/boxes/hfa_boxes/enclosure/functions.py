@@ -1,4 +1,4 @@
-"""Functions of one variable between parabolas or lines over a range.
+"""Enclosures of functions of one variable over a range by parabolas or lines.
 
 Over [low, high] about a centre t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
 polynomial of degree 2 with the third derivative enclosed over the range, `line` has c = 0 and holds
@@ -29,7 +29,7 @@ Ranges = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Parabola(NamedTuple):
-    """f(t0 + d) = value + slope d + bend d² ± rest."""
+    """Enclosure f(t0 + d) = value + slope d + bend d² ± rest."""
 
     value: np.ndarray
     slope: np.ndarray
@@ -45,7 +45,7 @@ class Slopes(NamedTuple):
 
 
 class Enclosed(NamedTuple):
-    """Enclosure of a kind of node: one or both of curve and line, and its slopes."""
+    """Enclosures of one kind of node: curve, line or both, and slopes."""
 
     curve: Callable[[Ranges], Parabola] | None
     line: Callable[[Ranges], Parabola] | None
@@ -53,7 +53,7 @@ class Enclosed(NamedTuple):
 
 
 def _reach(ranges: Ranges) -> np.ndarray:
-    """The largest |t - t0|, rounded upward."""
+    """Return the largest |t - t0| of each range, rounded upward."""
     centre, low, high = ranges
     return np.asarray(np.maximum(high - centre, centre - low) * (1.0 + 4.0 * ROUNDING))
 
@@ -66,7 +66,8 @@ def _parabola(
     errors: tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float],
     reach: np.ndarray,
 ) -> Parabola:
-    """Taylor's polynomial; third: bound of |f'''| / 6; errors: of value, slope and bend."""
+    """Return Taylor's polynomial of degree 2. third: bound of |f'''| / 6; errors: of value, slope
+    and bend."""
     of_value, of_slope, of_bend = errors
     rest = of_value + reach * (of_slope + reach * (of_bend + reach * third))
     return Parabola(value, slope, bend, rest * (1.0 + 10.0 * ROUNDING))
@@ -75,7 +76,7 @@ def _parabola(
 def _by_slopes(
     value: np.ndarray, error: np.ndarray | float, slopes: Slopes, reach: np.ndarray
 ) -> Parabola:
-    """The mean value theorem: f(t0 + d) = f(t0) + m d ± w |d|."""
+    """Return the line of the mean value theorem, f(t0 + d) = f(t0) + m d ± w |d|."""
     middle = 0.5 * (slopes.low + slopes.high)
     width = np.maximum(slopes.high - middle, middle - slopes.low) * (1.0 + 4.0 * ROUNDING)
     return Parabola(value, middle, np.zeros_like(middle), error + width * reach)
@@ -99,7 +100,7 @@ def _tanh_curve(ranges: Ranges) -> Parabola:
 
 
 def _tanh_third(p: np.ndarray) -> np.ndarray:
-    """|tanh'''| / 6 where tanh² = p; it is (1 - p) (1 - 3 p) / 3 but for the sign."""
+    """Return |tanh'''| / 6 = |(1 - p) (1 - 3 p)| / 3, with p = tanh²."""
     return np.asarray(np.abs((1.0 - p) * (1.0 - 3.0 * p)) / 3.0)
 
 
@@ -130,7 +131,8 @@ def _tanh_line(ranges: Ranges) -> Parabola:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """A bound of g(t) = tanh t - slope t over [low, high], but for the rounding of g itself.
+    """Return an upper bound of g(t) = tanh t - slope t over [low, high], except for the rounding of
+    g.
 
     at_ends: the larger of g(low) and g(high).
 
@@ -259,7 +261,8 @@ def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
-    """Enclosure of f'' = -f, |f'| <= 1; pair: t -> f and f', within `SIN_ERROR`."""
+    """Return the enclosure of an f with f'' = -f, |f'| <= 1. pair: t -> f and f', within
+    `SIN_ERROR`."""
 
     def curve(ranges: Ranges) -> Parabola:
         value, slope = pair(ranges[0])
@@ -272,7 +275,7 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
         return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
 
     def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-        """f' = f'(m) ± |t - m|, m the middle."""
+        """Return the range of f' from f'(m) ± |t - m|, with m the middle."""
         middle = 0.5 * (low + high)
         _, slope = pair(middle)
         width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR
@@ -282,7 +285,7 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
 
 
 def _cos_sin(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and its slope."""
+    """Return cos t and its slope."""
     sine, cosine = sin_cos(t)
     return cosine, -sine
 

@@ -4,8 +4,8 @@ A row is a sum of coefficients, rational and therefore without rounding, times v
 is the constant 1, then come the inputs and the nodes. Layers of a network become rows, which are
 evaluated by products of matrices.
 
-The function is that which CasADi has built. It folds constants of an expression in doubles: of 5
-(0.2 x) it keeps x. The proof covers the folded function, which is also evaluated."""
+CasADi folds constants of an expression in doubles: it stores 5 (0.2 x) as x. The proof covers the
+    folded function, which is also the one that is evaluated."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Node(NamedTuple):
 
     kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
         one variable.
-    rows: of its one or two arguments.
-    level: 1 more than the highest of the nodes in its rows.
+    rows: rows of its one or two arguments.
+    level: 1 above the highest level of the nodes in its rows.
     """
 
     kind: str
@@ -82,12 +82,12 @@ class Group(NamedTuple):
 class Program:
     """Groups of nodes in the order of evaluation, and the rows of the outputs.
 
-    function: SX or MX, of one vector.
+    function: SX or MX function of one vector.
 
     Group 0 holds the constant 1 and the inputs. A coefficient is the double nearest to a rational:
     within 2⁻⁵³ of itself.
 
-    BadInputError names an operation that is not enclosed, or the size of a function too large.
+    Raises BadInputError for an operation that cannot be enclosed, and for too large a function.
     """
 
     def __init__(self, function: ca.Function, name: str) -> None:
@@ -133,7 +133,7 @@ def _stored(block: np.ndarray) -> Any:
 
 
 class _Reader:
-    """Makes rows of rows, and nodes where they are not affine."""
+    """Reader of a function, which builds rows for affine operations and nodes for the others."""
 
     def __init__(self, inputs: int, name: str) -> None:
         self.nodes: list[Node] = []
@@ -180,15 +180,15 @@ class _Reader:
         )
 
     def _maximum(self, first: Row, last: Row) -> Row:
-        """b + max(a - b, 0)."""
+        """Return max(a, b) as b + max(a - b, 0)."""
         return _plus(last, self._relu(_plus(first, last, -_ONE)))
 
     def _minimum(self, first: Row, last: Row) -> Row:
-        """b - max(b - a, 0)."""
+        """Return min(a, b) as b - max(b - a, 0)."""
         return _plus(last, self._relu(_plus(last, first, -_ONE)), -_ONE)
 
     def _absolute(self, first: Row, _: Row) -> Row:
-        """2 max(t, 0) - t."""
+        """Return |t| as 2 max(t, 0) - t."""
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
@@ -225,7 +225,7 @@ class _Reader:
         return self._quotient(self._node("sin", first), self._node("cos", first))
 
     def _angle(self, first: Row, last: Row) -> Row:
-        """atan2(b, a) = 2 atan(b / (sqrt(a² + b²) + a)), which is not defined where b = 0 >= a."""
+        """Return atan2(b, a) as 2 atan(b / (sqrt(a² + b²) + a)), undefined where b = 0 >= a."""
         if not first:
             raise BadInputError(f"{self._name}: uses atan2 of 0, which is not enclosed")
         squares = _plus(self._product(first, first), self._product(last, last))
@@ -233,27 +233,27 @@ class _Reader:
         return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))
 
     def _arcsine(self, first: Row, _: Row) -> Row:
-        """asin t = atan(t / sqrt(1 - t²)), for |t| < 1."""
+        """Return asin t as atan(t / sqrt(1 - t²)), for |t| < 1."""
         below = self._node("sqrt", _plus({0: _ONE}, self._product(first, first), -_ONE))
         return self._node("atan", self._quotient(first, below))
 
     def _less(self, first: Row, last: Row) -> Row:
-        """1 where a < b; where a = b either value is allowed."""
+        """Return 1 where a < b and 0 where a > b; either value is allowed where a = b."""
         return self._node("step", _plus(last, first, -_ONE))
 
     def _not(self, first: Row, _: Row) -> Row:
         return _plus({0: _ONE}, first, -_ONE)
 
     def _less_one(self, first: Row, _: Row) -> Row:
-        """exp(t) - 1."""
+        """Return exp(t) - 1."""
         return _plus(self._node("exp", first), {0: _ONE}, -_ONE)
 
     def _of_one_more(self, first: Row, _: Row) -> Row:
-        """log(1 + t)."""
+        """Return log(1 + t)."""
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """Return the variable of a new or known node, or a constant where that is exact."""
+        """Return the row of a new or known node, or of a constant where that is exact."""
         if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
             return {}
         key = _key(kind, rows)
@@ -293,7 +293,7 @@ _SPECIAL: Mapping[int, Callable[[_Reader, Row, Row], Row]] = {
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
-    """a + factor b."""
+    """Return a + factor b."""
     total = dict(a)
     if not factor:
         return total

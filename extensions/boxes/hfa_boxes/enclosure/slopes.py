@@ -19,7 +19,7 @@ _TINY = 1e-290
 
 
 class Intervals(NamedTuple):
-    """middle ± radius, arrays of one shape."""
+    """Intervals middle ± radius, two arrays of one shape."""
 
     middle: np.ndarray
     radius: np.ndarray
@@ -35,28 +35,28 @@ class Intervals(NamedTuple):
         return self.middle + self.radius * _UPWARD + 4.0 * _U * np.abs(self.middle)
 
     def times(self, other: Intervals) -> Intervals:
-        """Products, entry by entry."""
+        """Return the products, entry by entry."""
         middle = self.middle * other.middle
         radius = np.abs(self.middle) * other.radius + np.abs(other.middle) * self.radius
         radius = radius + self.radius * other.radius + 4.0 * _U * np.abs(middle)
         return Intervals(middle, radius * _UPWARD + _TINY)
 
     def plus(self, other: Intervals) -> Intervals:
-        """Sums, entry by entry."""
+        """Return the sums, entry by entry."""
         middle = self.middle + other.middle
         radius = self.radius + other.radius + 2.0 * _U * np.abs(middle)
         return Intervals(middle, radius * _UPWARD)
 
 
 class Jacobian(NamedTuple):
-    """Values (k,) and slopes (k, inputs) of the outputs (k,) of a program."""
+    """Enclosures of the outputs (k,) of a program and their slopes (k, inputs)."""
 
     values: Intervals
     slopes: Intervals
 
 
 def between(low: np.ndarray, high: np.ndarray) -> Intervals:
-    """The interval of two ends."""
+    """Return the interval between two ends."""
     middle = 0.5 * (low + high)
     radius = np.maximum(high - middle, middle - low) * _UPWARD
     return Intervals(middle, radius + 2.0 * _U * np.abs(middle))
@@ -115,6 +115,6 @@ def _result(kind: str, arguments: list[Jacobian]) -> Jacobian:
 
 
 def _scaled(slopes: Intervals, factors: Intervals) -> Intervals:
-    """Rows of slopes times one factor each."""
+    """Return rows of slopes, each times its factor."""
     columns = Intervals(factors.middle[:, None], factors.radius[:, None])
     return slopes.times(columns)

@@ -34,9 +34,9 @@ _MOST_BOXES = 512
 
 
 class Pairs(NamedTuple):
-    """Places of the coefficients of s_i s_j, i <= j.
+    """Indices of the coefficients of s_i s_j, i <= j.
 
-    first, second: i and j of each
+    first, second: i and j of each product
     factor: 2 for i < j, else 1, as a column
     """
 
@@ -53,10 +53,10 @@ def pairs_of(n: int) -> Pairs:
 
 
 class Models(NamedTuple):
-    """Taylor models.
+    """Taylor models of values over boxes.
 
-    c: (values, K, boxes)
-    radius: (values, boxes)
+    c: (values, 1 + n + n (n + 1) / 2, boxes), coefficients
+    radius: (values, boxes), radii
     """
 
     c: np.ndarray
@@ -68,12 +68,12 @@ class Models(NamedTuple):
         return self.c[:, 0]
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
-        """Return the model of one value on each of some boxes, as a single value."""
+        """Return one model whose value on each box is that of the index in `values`."""
         return Models(self.c[values, :, boxes].T[None], self.radius[values, boxes][None])
 
 
 class _Sizes(NamedTuple):
-    """Bounds of |Σ c_i s_i| and of |Σ c_ij s_i s_j|, and of all parts together."""
+    """Bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the whole value."""
 
     linear: np.ndarray
     square: np.ndarray
@@ -89,7 +89,7 @@ def _sizes(models: Models, n: int) -> _Sizes:
 
 
 class TaylorProgram:
-    """A program on boxes.
+    """Evaluation of a program on boxes by Taylor models.
 
     n: dimension of the boxes
     """
@@ -105,7 +105,8 @@ class TaylorProgram:
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
-        """The outputs over the boxes centres ± half_widths, (boxes, n) each, of the inputs."""
+        """Return models of the outputs over the input boxes centres ± half_widths, (boxes, n)
+        each."""
         n = self.n
         linear = np.zeros((n, 1 + n, len(centres)))
         linear[:, 0] = centres.T
@@ -113,10 +114,10 @@ class TaylorProgram:
         return self.of(linear, np.zeros((n, len(centres))))
 
     def of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
-        """The outputs where each input is c_0 + Σ c_i s_i ± radius; a radius of the outputs that is
-        inf or nan bounds nothing.
+        """Return models of the outputs for inputs c_0 + Σ c_i s_i ± radius; an infinite or nan
+        radius of an output bounds nothing.
 
-        linear: (inputs, 1 + n, boxes), the c
+        linear: (inputs, 1 + n, boxes), coefficients c
         radius: (inputs, boxes)
         """
         with np.errstate(all="ignore"):
@@ -145,7 +146,7 @@ class TaylorProgram:
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
     ) -> Models:
-        """Sums of coefficients times models."""
+        """Return models of the rows of an argument: sums of coefficients times known models."""
         c: np.ndarray | float = 0.0
         radius: np.ndarray | float = 0.0
         size: np.ndarray | float = 0.0
@@ -246,26 +247,26 @@ def lowest(models: Models, n: int) -> np.ndarray:
 
 
 def highest(models: Models, n: int) -> np.ndarray:
-    """(values, boxes), above every value on the box."""
+    """Return upper bounds on the boxes, (values, boxes)."""
     return -lowest(Models(-models.c, models.radius), n)
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """The lowest b_i s + c_i s² over |s| <= 1, b_i = -linear, of each i."""
+    """Return the lowest b_i s + c_i s² over |s| <= 1 for each i, with b_i = -linear."""
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))
     return np.asarray(np.where(inside, at_vertex, squares - linear))
 
 
 def lowered_by(models: Models, n: int) -> np.ndarray:
-    """(values, n, boxes), by how much each s_i lowers the second bound of `lowest`; nothing that is
-    proved depends on it."""
+    """Return the amounts by which each s_i lowers the second bound of `lowest`, (values, n, boxes);
+    no proof depends on them."""
     linear, squares, shares = _parabolas(models, n)
     return -_lowest_parabolas(linear, squares - shares)
 
 
 def _parabolas(models: Models, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(values, n, boxes) each: |c_i|, c_ii and Σ |c_ij| / 2 over the other j."""
+    """Return |c_i|, c_ii and Σ |c_ij| / 2 over j != i, (values, n, boxes) each."""
     i, j, _ = pairs_of(n)
     is_square = i == j
     second = models.c[:, n + 1 :]

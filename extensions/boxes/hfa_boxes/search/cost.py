@@ -1,7 +1,7 @@
-"""The search for a lower bound W of the cost: polynomials of linear programs, proved on boxes.
+"""Search for a lower bound W of the cost: polynomials from linear programs, proved on boxes.
 
-Pieces of growing level are proved one after the other. Each is to be large where those before it
-are far below the cost of a flight."""
+Pieces of growing level are proved one after the other. Each is fitted to be large where the earlier
+ones are far below the cost of a flight."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ _REFUTED = 60
 
 @dataclass(frozen=True, eq=False)
 class CostBound:
-    """A proved lower bound.
+    """A proved lower bound, with the effort of its search.
 
-    statement: proved
-    witness: that proves it
-    boxes: of each piece
+    statement: the proved statement
+    witness: its evidence
+    boxes: number of boxes of each piece
     seconds: processor time of the fit and of the proof of each piece
-    stopped: why a further level is not proved, or "" where all that were tried are
+    stopped: why a further level is not proved, or "" if all levels that were tried are
     """
 
     statement: CostStatement
@@ -86,21 +86,21 @@ class _Proved(NamedTuple):
 
 
 def _reached(proved: Sequence[_Proved], level: float) -> bool:
-    """Return whether a level is proved, nearly."""
+    """Return whether the proved pieces nearly reach a level."""
     return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
 
 
 class OutOfTimeError(NoSolutionError):
-    """A level has taken its part of the processor time."""
+    """Error of a level that has used its share of the processor time."""
 
 
 class CostSearch:
-    """Finds bounds on a growing set.
+    """Search for lower bounds on growing sets.
 
-    plant: limits of states are the envelope
-    equilibrium: of states and inputs; solved: the unknowns of it
+    plant: the aircraft; its state limits are the envelope
+    equilibrium: of states and inputs; solved: indices of its unknowns
     weights: Q, R and P of the linear quadratic problem
-    half: (n,), half widths of the initial conditions
+    half: (n,), half-widths of the initial-condition box
     """
 
     def __init__(
@@ -169,9 +169,9 @@ class CostSearch:
         return z, self._problem.flown(z)
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
-        """Growing levels until one is not proved, smaller ones where the first fails, then levels
-        just below the cost of the initial conditions whose bound is the poorest; with each, the
-        least costs of the flights that it is for.
+        """Yield levels, each with the least cost of the flights it concerns: growing until one is
+        not proved, smaller if the first fails, then just below the cost of the initial conditions
+        with the poorest bounds.
 
         Where W reaches the level, the level is the bound: the set need not contain them."""
         _, costs = self._flights
@@ -201,8 +201,8 @@ class CostSearch:
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
     def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
-        """Return initial conditions below a level, nearly, where the bound is not tight yet;
-        least: of the costs of their flights."""
+        """Return initial conditions of flights with costs from `least` to about the level c whose
+        bound is not tight yet."""
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
         is_near &= costs >= least
@@ -211,11 +211,11 @@ class CostSearch:
 
     @property
     def _good(self) -> float:
-        """The least good ratio of the bound to the cost of a flight."""
+        """Lowest ratio of bound to flight cost that counts as tight."""
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """(N,), of the initial conditions of the flights."""
+        """Return the bounds (N,) at the initial conditions of the flights."""
         z, _ = self._flights
         if not proved:
             return np.zeros(len(z))
@@ -237,12 +237,14 @@ class CostSearch:
 
     def _tell(self, done: float, whole: float, text: str = "") -> None:
         if self._left() < self._least_left:
-            raise OutOfTimeError(f"half of the time left was over, {done:.0%} of its cube decided")
+            raise OutOfTimeError(
+                f"half of the remaining time was used, {done:.0%} of its cube decided"
+            )
         if self._progress is not None:
             self._progress(done, whole, text)
 
     def _proved(self, c: float, wanted: Wanted) -> _Proved:
-        """The bound of one level."""
+        """Return the proved bound of one level."""
         begin = time.process_time()
         fit, W = self._fitted(c, wanted)
         for _ in range(_REFUTED):
@@ -260,7 +262,8 @@ class CostSearch:
         raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
-        """A fit of one level and its first polynomial, on the smallest set that has one."""
+        """Return the fit of one level and its first polynomial, on the smallest set with a
+        solution."""
 
         def tell(programs: int) -> None:
             self._tell(0.0, 1.0, f"{programs} linear programs")

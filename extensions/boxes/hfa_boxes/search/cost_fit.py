@@ -1,4 +1,4 @@
-"""Polynomials W whose inequality holds on samples, by linear programs.
+"""Linear programs for polynomials W whose inequality holds on samples.
 
 W = s (1 - margin) z'P z, s <= 1, and terms of higher degree. They are as large as grad W · f +
 x'Qx + u'Ru >= 0 allows on samples, with a part of the margin to spare. The best inputs at a sample
@@ -48,10 +48,10 @@ _LARGEST = 1000.0
 class CostProblem:
     """Flights whose cost is to be bounded from below.
 
-    plant: limits of states are the envelope
+    plant: the aircraft; its state limits are the envelope
     equilibrium: of states and inputs
-    Q, R: (n, n), (m, m). P: (n, n), of the linear quadratic problem
-    degree: of W
+    Q, R: (n, n), (m, m). P: (n, n), solution of the linear quadratic problem
+    degree: degree of W
     margin: part of the cost that W gives away
     """
 
@@ -65,11 +65,11 @@ class CostProblem:
 
     @cached_property
     def inputs(self) -> Inputs:
-        """The best inputs for the gradient of a cost."""
+        """Minimizing inputs for the gradient of a cost."""
         return Inputs(self.plant, self.equilibrium, self.R)
 
     def linear_cost(self, z: np.ndarray) -> np.ndarray:
-        """(N,), z'P z."""
+        """Return z'P z, (N,)."""
         return np.asarray(np.einsum("ki,ij,kj->k", z, self.P, z))
 
     def in_envelope(self, z: np.ndarray) -> np.ndarray:
@@ -79,8 +79,8 @@ class CostProblem:
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
     def flown(self, z: np.ndarray) -> np.ndarray:
-        """(N,), costs of flights with the clipped inputs of the linear quadratic problem, inf where
-        they do not converge within the envelope."""
+        """Return costs (N,) of flights by the saturated linear quadratic policy, inf where they do
+        not converge within the envelope."""
         return flown_costs(
             self.inputs,
             (self.Q, self.R, self.P),
@@ -91,11 +91,11 @@ class CostProblem:
 
 
 class Wanted(NamedTuple):
-    """Flights near whose cost W is to be.
+    """Flights whose cost W is to approach from below.
 
     z: (N, n), initial conditions
     costs: (N,), of the flights
-    of_least: weight of the least ratio of W to a cost, beside 1 for the mean of W over samples"""
+    of_least: weight of the least ratio of W to a cost; the mean of W over samples has weight 1"""
 
     z: np.ndarray
     costs: np.ndarray
@@ -103,12 +103,12 @@ class Wanted(NamedTuple):
 
 
 class Fit:
-    """Linear programs of one level. Coordinates y = M z; z'P z = beyond c is the unit sphere,
-    turned and stretched to the envelope.
+    """Linear programs for one level, in coordinates y = M z, in which z'P z = beyond c is the unit
+    sphere, turned and stretched to the envelope.
 
     problem: the flights whose cost is bounded
     c: level
-    wanted: where W is to be large
+    wanted: flights at which W is to be large
     beyond: the largest z'P z of samples, in levels; W > c where it is larger
     tell: called before each linear program; may raise
     """
@@ -139,8 +139,8 @@ class Fit:
         self._sides: list[np.ndarray] = []
 
     def fitted(self) -> Polynomial:
-        """The polynomial of the last of the linear programs, each with the rows that samples
-        violated in the one before. Raises OpenBoxError where none exists."""
+        """Return the polynomial of the last linear program; each program adds the rows that samples
+        violated in the one before. Raises OpenBoxError if no polynomial exists."""
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
@@ -168,14 +168,14 @@ class Fit:
         return rows[worst], sides[worst]
 
     def refuted(self, y: np.ndarray) -> None:
-        """Add rows at and about a place where g < 0."""
+        """Add rows at and near a point where g < 0."""
         near = y + 0.02 * self._random.normal(size=(30, len(y)))
         z = np.concatenate([y[None], near]) @ self.N.T
         self._add(z, self._best_inputs(z))
 
     def open_at(self, y: np.ndarray) -> None:
-        """Add rows W >= 1.02 c on the faces of the cube near a place, or at the place those of
-        `refuted`."""
+        """Add rows W >= 1.02 c on the faces of the cube near a point, or the rows of `refuted` at
+        it."""
         on_face = np.abs(y) > 1.0 - _ON_FACE
         if not np.any(on_face):
             self.refuted(y)
@@ -198,8 +198,8 @@ class Fit:
         return np.asarray((L @ turn / reach).T)
 
     def _ball(self, count: int) -> np.ndarray:
-        """Deviations z (count, n) with z'P z <= beyond c, within the envelope; more near 0 than
-        uniformly."""
+        """Return deviations z (count, n) with z'P z <= beyond c within the envelope, denser near 0
+        than a uniform sample."""
         P = self._problem.P
         n = len(P)
         L = np.linalg.cholesky(P)
@@ -215,8 +215,8 @@ class Fit:
         return found[:count]
 
     def _combinations(self) -> np.ndarray:
-        """(K, k): combinations of the monomials of degree 3 and more, orthonormal over samples, so
-        that linear programs of high degrees are well conditioned."""
+        """Return combinations (K, k) of the monomials of degree 3 and more, orthonormal over
+        samples, so that linear programs of high degree are well conditioned."""
         higher = self._basis.degrees > 2
         values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
         found = np.zeros((len(higher), int(higher.sum())))
@@ -224,8 +224,8 @@ class Fit:
         return found
 
     def _solve(self) -> None:
-        """The coefficients of the largest W: its mean over samples, and the least ratio t of W to
-        the wanted costs."""
+        """Return the coefficients of the largest W, measured by its mean over samples and the least
+        ratio t of W to the wanted costs."""
         rows = np.concatenate(self._rows)
         sides = np.concatenate(self._sides)
         y = self._ball(4000) @ self.M.T
@@ -267,7 +267,8 @@ class Fit:
         return np.asarray(self._basis.at(y) @ self._coefficients)
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and sides of: grad W · f + (1 - kept margin) cost >= 0, in units of the cost."""
+        """Return rows and right sides of grad W · f + (1 - kept margin) cost >= 0, in units of the
+        cost."""
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
         rows = np.einsum("ktj,kj->kt", self._basis.slopes(z @ self.M.T), f)
@@ -280,8 +281,8 @@ class Fit:
         self._sides.append(sides)
 
     def _add_walls(self, count: int, *, every: bool) -> bool:
-        """Rows W >= 1.02 c where z'P z > beyond c in the cube, all or those that are violated;
-        whether any was."""
+        """Add rows W >= 1.02 c where z'P z > beyond c in the cube, all or only violated ones;
+        return whether any was added."""
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
         faces = inner[:count].copy()
         rows = np.arange(count)

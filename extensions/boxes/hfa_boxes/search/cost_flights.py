@@ -26,7 +26,7 @@ _CONVERGED = 0.02
 
 
 class Inputs:
-    """The inputs of least p · f(z, v) + v'R v within their limits, p the gradient of a cost.
+    """Inputs that minimize p · f(z, v) + v'R v within their limits, with p the gradient of a cost.
 
     plant, equilibrium: of states and inputs
     R: (m, m)
@@ -48,11 +48,11 @@ class Inputs:
         self._slopes = ca.Function("h", [z, v, p], [ca.densify(slope), ca.densify(second)])
 
     def rates(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(N, n), z' at deviations z (N, n) with inputs v (N, m)."""
+        """Return z' (N, n) at deviations z (N, n) with inputs v (N, m)."""
         return np.array(self._f(z.T, v.T)).T
 
     def linear(self) -> np.ndarray:
-        """(n, n + m), the Jacobian of the rates at the equilibrium."""
+        """Jacobian of the rates at the equilibrium, (n, n + m)."""
         both = ca.SX.sym("both", self.n + self.m)
         f = self._f(both[: self.n], both[self.n :])
         J = ca.Function("J", [both], [ca.densify(ca.jacobian(f, both))])
@@ -61,7 +61,8 @@ class Inputs:
     def best(
         self, z: np.ndarray, p: np.ndarray, guess: np.ndarray | None = None, steps: int = _NEWTON
     ) -> np.ndarray:
-        """(N, m), at z (N, n) with gradients p (N, n), by Newton's method from a guess or 0."""
+        """Return the inputs (N, m) at z (N, n) with gradients p (N, n), by Newton's method from a
+        guess or 0."""
         v = np.zeros((len(z), self.m)) if guess is None else guess
         if not self.m:
             return v
@@ -87,12 +88,12 @@ def flown_costs(
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
 ) -> np.ndarray:
-    """(N,), the cost of flights from z (N, n), by Runge and Kutta's method, or inf for those that
-    leave the envelope or have not converged.
+    """Return the costs (N,) of flights from z (N, n) by the Runge-Kutta method, inf for flights
+    that leave the envelope or have not converged.
 
     weights: Q, R and P of the linear quadratic problem
-    gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are the best
-    in_envelope: z (N, n) -> which are within the limits of states
+    gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are optimal
+    in_envelope: z (N, n) -> mask of those within the state limits
     """
     Q, R, P = weights
     n = len(Q)
@@ -127,6 +128,6 @@ def flown_costs(
 
 
 def running_cost(Q: np.ndarray, R: np.ndarray, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,), the running cost."""
+    """Return the running cost z'Q z + v'R v, (N,)."""
     of_states = np.einsum("ki,ij,kj->k", z, Q, z)
     return np.asarray(of_states + np.einsum("ki,ij,kj->k", v, R, v))

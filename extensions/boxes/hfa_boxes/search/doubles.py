@@ -1,4 +1,4 @@
-"""A program at many points at once, in doubles; nothing that is proved depends on it."""
+"""Evaluation of a program at many points in doubles; no proof depends on it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _TOGETHER = 4000
 
 
 def values_at(program: Program, points: np.ndarray) -> np.ndarray:
-    """(N, outputs) of a program at points (N, inputs), inf or nan where it is not defined."""
+    """Return the outputs (N, outputs) of a program at points (N, inputs), inf or nan where
+    undefined."""
     with np.errstate(all="ignore"):
         parts = [
             _values_at(program, points[first : first + _TOGETHER])
@@ -45,7 +46,7 @@ def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
 
 
 def _rows(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
-    """(rows, N), sums of coefficients times values."""
+    """Return the rows (rows, N) of an argument: sums of coefficients times values."""
     total = np.zeros((1, known[0].shape[1]))
     for group, block in argument.blocks.items():
         total = total + block @ known[group]

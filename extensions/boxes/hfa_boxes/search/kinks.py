@@ -1,4 +1,4 @@
-"""Kinks of the rates at an equilibrium, in words."""
+"""Description of kinks of the rates at an equilibrium."""
 
 from __future__ import annotations
 

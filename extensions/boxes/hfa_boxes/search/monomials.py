@@ -1,4 +1,4 @@
-"""Monomials of several variables at many points at once."""
+"""Monomials of several variables, evaluated at many points."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _BITS = 45
 
 
 class Monomials:
-    """All monomials of degree 2 to a highest one.
+    """All monomials from degree 2 to a highest degree.
 
     n: number of variables
-    degree: the highest
+    degree: highest degree
     """
 
     def __init__(self, n: int, degree: int) -> None:
@@ -30,11 +30,11 @@ class Monomials:
 
     @property
     def degrees(self) -> np.ndarray:
-        """(K,), of each monomial."""
+        """Degree of each monomial, (K,)."""
         return np.asarray(self.powers.sum(axis=1))
 
     def quadratic(self, S: np.ndarray) -> np.ndarray:
-        """(K,), the coefficients of y'S y."""
+        """Return the coefficients (K,) of y'S y."""
         coefficients = np.zeros(len(self.powers))
         for index in np.flatnonzero(self.degrees == 2):
             i, j = np.repeat(np.arange(self.n), self.powers[index])
@@ -42,7 +42,7 @@ class Monomials:
         return coefficients
 
     def at(self, y: np.ndarray) -> np.ndarray:
-        """(N, K), of points (N, n)."""
+        """Return the monomials (N, K) at points (N, n)."""
         table = self._table(y)
         values = np.ones((len(y), len(self.powers)))
         for i in range(self.n):
@@ -50,7 +50,7 @@ class Monomials:
         return values
 
     def slopes(self, y: np.ndarray) -> np.ndarray:
-        """(N, K, n), of each monomial at points (N, n)."""
+        """Return the gradients (N, K, n) of the monomials at points (N, n)."""
         table = self._table(y)
         slopes = np.empty((len(y), len(self.powers), self.n))
         for j in range(self.n):
@@ -63,14 +63,14 @@ class Monomials:
         return slopes
 
     def polynomial(self, coefficients: np.ndarray) -> Polynomial:
-        """The polynomial with coefficients (K,) rounded to few bits."""
+        """Return the polynomial with coefficients (K,), rounded to few bits."""
         mantissa, exponent = np.frexp(coefficients)
         rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
         pairs = zip(rounded.tolist(), self.powers.tolist(), strict=True)
         return Polynomial(self.n, tuple((value, tuple(powers)) for value, powers in pairs if value))
 
     def _table(self, y: np.ndarray) -> np.ndarray:
-        """(degree + 1, N, n), y to each power."""
+        """Return the powers of y, (degree + 1, N, n)."""
         table = np.ones((self.degree + 1, *y.shape))
         for power in range(1, self.degree + 1):
             table[power] = table[power - 1] * y

@@ -1,7 +1,7 @@
 """The largest set {V <= c} found for a loop of any policy, proved on boxes.
 
-V is quadratic first, of a higher degree then: its set grows by linear programs on samples
-(`shape.py`), and places that a proof refutes become rows of the next one."""
+V is quadratic first and then of higher degree. Its set grows by linear programs on samples
+(`shape.py`); points that a proof refutes become rows of the next program."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class BoxRegion:
-    """A proved region, and further data on its V.
+    """A proved region, with the obstacle to a larger one.
 
-    statement: proved
+    statement: the proved statement
     witness: its evidence
     boxes: number of boxes on which V' < 0
-    origin: V in words
-    bound: the obstacle found as the level grows, that of the set 1
+    origin: description of V
+    bound: the first obstacle found at a larger level; the set has level 1
     stopped: the reason why no larger set is proved
     """
 
@@ -74,21 +74,21 @@ class BoxRegion:
 
 
 class OutOfTimeError(NoSolutionError):
-    """The time of a search is over."""
+    """Error of a search whose time is over."""
 
     def __init__(self, done: float, step: str) -> None:
-        """done: share of the cube that is decided; step: the last one, in words"""
+        """done: decided share of the cube; step: description of the last step"""
         super().__init__(f"the time was over after {step}, {1.0 - done:.2g} of the cube undecided")
 
 
 class RegionSearch:
-    """The search for a region in a given time.
+    """Search for a region in a given time.
 
     loop: with its policy
-    policy: of the statement
+    policy: the policy's entry in the statement
     known: candidates for V, by description
-    seconds: of processor time
-    degree: the highest of V
+    seconds: processor time
+    degree: highest degree of V
     progress: called with the current step
     save: called with every larger region that is proved
     """
@@ -145,8 +145,8 @@ class RegionSearch:
         return replace(region, bound=bound, stopped=self._stopped)
 
     def _search(self, earlier: BoxStatement | None) -> None:
-        """Prove growing sets of V after V, each grown from another first one, until the time is
-        over."""
+        """Prove growing sets of one V after another, each grown from another first V, until the
+        time is over."""
         firsts = self._first_shapes()
         if earlier is not None:
             origin = "V of the certificate"
@@ -185,7 +185,8 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove a share of the set of a V, larger than all sets before; return whether it is."""
+        """Prove a share of the set of a V, larger than all earlier sets, and return whether it is
+        proved."""
         if self._best is None:
             self._first_levels(growth, origin)
             return self._best is not None
@@ -209,9 +210,10 @@ class RegionSearch:
         growth.shape = growth.shape.of_level(min(level, _HIGHEST))
 
     def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
-        """Prove a share of the set of a V, which changes where a place refutes it.
+        """Prove a share of the set of a V, which is changed at points that refute it; return
+        whether it is proved.
 
-        time_share: part of the time that is left, for one V"""
+        time_share: share of the remaining time for one V"""
         try:
             for _ in range(_REFUTED):
                 self._deadline = time.process_time() + time_share * self._left()
@@ -234,7 +236,7 @@ class RegionSearch:
         return False
 
     def _part(self, shape: Shape, share: float) -> Shape:
-        """Return a share of the set of a V, linearly, within the limits of the states."""
+        """Return the set of a V scaled by a share of its length, within the state limits."""
         part = shape.of_level(share**2).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))
@@ -246,8 +248,8 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set, and keep it where it is the largest so far. The result is an error where it
-        is not proved."""
+        """Prove a set and keep it if it is the largest so far; return the error if it is not
+        proved."""
         extents = shape.extents()
         decrease = Decrease(
             self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers
@@ -280,7 +282,7 @@ class RegionSearch:
             self._progress(done, whole, text)
 
     def _first_shapes(self) -> list[tuple[str, Shape]]:
-        """Quadratic V, in words and with their sets by samples, the largest set first."""
+        """Return quadratic V with descriptions and sampled sets, the largest set first."""
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
         for origin, P in self._candidates():
@@ -337,7 +339,7 @@ class RegionSearch:
 
 
 def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
-    """Return the end of a flight from a deviation (n,), in words."""
+    """Return a description of the outcome of a flight from a deviation (n,)."""
     modes = np.linalg.eigvals(samples.J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))
     piece = region.statement.piece

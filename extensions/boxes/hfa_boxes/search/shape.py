@@ -1,6 +1,7 @@
-"""V as a polynomial by samples: its sets, where V' >= 0 or a limit is passed, and larger sets.
+"""Sampling of a polynomial V: its sets, the obstacles where V' >= 0 or a limit is exceeded, and
+growth.
 
-Nothing that is proved depends on it."""
+No proof depends on it."""
 
 from __future__ import annotations
 
@@ -67,10 +68,10 @@ _LARGEST = 100.0
 
 
 class Samples:
-    """A loop at many states at once, in doubles.
+    """Evaluation of a loop at many states in doubles.
 
-    loop: with its policy
-    equilibrium: z = 0
+    loop: the closed loop
+    equilibrium: the state at z = 0
     """
 
     def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
@@ -88,11 +89,11 @@ class Samples:
         self._low, self._high = ends.T
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """z' of deviations (N, n)."""
+        """Return z' (N, n) at deviations z (N, n)."""
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """(N,), which deviations (N, n) are beyond a limit of a state or an output."""
+        """Return the mask (N,) of the deviations (N, n) beyond a state or output limit."""
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]
@@ -103,9 +104,9 @@ class Samples:
 class Bound(NamedTuple):
     """The first obstacle found as the level grows.
 
-    level: of V
+    level: level of V
     place: deviation z (n,), or None where nothing was found
-    rises: whether V' >= 0 there, or else a limit is passed
+    rises: True if V' >= 0 there, False if a limit is exceeded
     """
 
     level: float
@@ -114,7 +115,7 @@ class Bound(NamedTuple):
 
 
 class Extents(NamedTuple):
-    """Lowest and highest z in a set, (n, 2), and multipliers (n, 2) that prove them."""
+    """Lowest and highest z in a set, (n, 2), and the multipliers (n, 2) that prove them."""
 
     ends: np.ndarray
     multipliers: np.ndarray
@@ -135,7 +136,7 @@ class Shape:
 
     @classmethod
     def of_matrix(cls, P: np.ndarray, J: np.ndarray, degree: int) -> Shape:
-        """z'P z in coordinates in which V' of z' = J z is diagonal."""
+        """Return V = z'P z in coordinates in which V' of z' = J z is diagonal."""
         T = np.linalg.inv(np.linalg.cholesky(P)).T
         S = T.T @ P @ J @ T
         M = np.linalg.inv(T @ np.linalg.eigh(S + S.T)[1])
@@ -144,7 +145,7 @@ class Shape:
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
-        """V of a statement, its level 1, as one of a higher degree where requested."""
+        """Return V of a statement, scaled to level 1, with monomials up to a degree."""
         powers = [powers for _, powers in piece.W.terms]
         basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
         coefficients = np.zeros(len(basis.powers))
@@ -159,20 +160,20 @@ class Shape:
 
     @cached_property
     def N(self) -> np.ndarray:
-        """(n, n), z = N y."""
+        """N (n, n) with z = N y."""
         return np.linalg.inv(self.M)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """(N,), of deviations (N, n)."""
+        """Return V (N,) at deviations (N, n)."""
         return np.asarray(self.basis.at(z @ self.M.T) @ self.coefficients)
 
     def gradients(self, z: np.ndarray) -> np.ndarray:
-        """(N, n), ∂V/∂z."""
+        """Return ∂V/∂z (N, n) at deviations (N, n)."""
         slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
         return np.asarray(slopes @ self.M)
 
     def linear_decay(self, J: np.ndarray) -> np.ndarray:
-        """(n, n), symmetric: -V' is y'D y up to second order where z' = J z."""
+        """Return the symmetric D (n, n) with -V' = y'D y to second order where z' = J z."""
         n = self.basis.n
         square = np.zeros((n, n))
         for index in np.flatnonzero(self.basis.degrees == 2):
@@ -183,8 +184,8 @@ class Shape:
         return np.asarray(-(slope + slope.T))
 
     def slow(self, J: np.ndarray) -> np.ndarray:
-        """(n, n), T: with y = T s, -V' is |s|² up to second order where z' = J z. Even rays s are
-        near the directions in which V decreases slowly."""
+        """Return T (n, n) with -V' = |s|² to second order for y = T s and z' = J z. Uniform rays s
+        are dense near the directions in which V decreases slowly."""
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
@@ -206,7 +207,7 @@ class Shape:
         return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
-        """(N,), the first share of rays y (N, n) at which V reaches a level."""
+        """Return the first share (N,) of rays y (N, n) at which V reaches a level."""
         values = self.basis.at(rays) * self.coefficients
         degrees = np.unique(self.basis.degrees)
         parts = [values[:, self.basis.degrees == degree].sum(axis=1) for degree in degrees]
@@ -225,12 +226,12 @@ class Shape:
         return np.asarray(high)
 
     def edge_points(self, count: int) -> np.ndarray:
-        """(count, n), y where V = 1."""
+        """Return points y (count, n) where V = 1."""
         rays = _unit(np.random.default_rng(2).normal(size=(count, self.basis.n)))
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """The n-th root of the volume of the set over that of the unit ball."""
+        """The n-th root of the ratio of the volume of the set to that of the unit ball."""
         n = self.basis.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
@@ -238,7 +239,7 @@ class Shape:
     def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
         """Return the bound of the level, up to a highest one.
 
-        quick: with a tenth of the samples and fewer turns"""
+        quick: with 10 % of the samples and fewer iterations"""
 
         slow = self.slow(samples.J)
         to_slow = np.linalg.solve(slow, self.M)
@@ -266,7 +267,7 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """The lowest level at which a margin of 0 or less was found, and the place z (n,).
+        """Return the lowest level at which a margin of 0 or less was found, and the point z (n,).
 
         margins: z (N, n) -> (N,); count: of rays; slow: T of `slow`"""
         n = self.basis.n
@@ -326,7 +327,7 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """z of the set that is farthest in a direction (n,) of y."""
+        """Return the z of the set that is farthest in a direction (n,) of y."""
         n = self.basis.n
         generator = np.random.default_rng(4)
         rays = _unit(generator.normal(size=(_RAYS, n)))
@@ -381,8 +382,8 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """A V that falls at and about a place z (n,) too, its set hardly smaller, or None without
-        one."""
+        """Return a V that also decreases at and near a point z (n,), with a set hardly smaller, or
+        None."""
         self._add(place)
         found = self._good(1.0)
         if found is None or found.size() < _KEPT * self.shape.size():
@@ -391,12 +392,12 @@ class Growth:
         return found
 
     def _add(self, place: np.ndarray) -> None:
-        """Add rows at and about a place z (n,)."""
+        """Add rows at and near a point z (n,)."""
         near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
         self._refuted = np.concatenate([self._refuted, place[None], place + near])
 
     def grown(self) -> Shape | None:
-        """A V whose set is larger than that of the last one, or None where none is found."""
+        """Return a V with a larger set than the last, or None if none is found."""
         while self._growths:
             found = self._good(self._growths[0] ** 2)
             if found is not None and found.size() > _GAIN * self.shape.size():
@@ -411,8 +412,8 @@ class Growth:
         self._growths = _GROWTHS
 
     def _good(self, level: float) -> Shape | None:
-        """Return the largest good set of fits up to a level; the obstacle of one fit is a row of
-        the next."""
+        """Return the largest admissible set of fits up to a level; the obstacle of one fit is a row
+        of the next."""
         best = None
         largest = 0.0
         for _ in range(_FITS):
@@ -437,7 +438,8 @@ class Growth:
         return best
 
     def _fitted(self, level: float) -> Shape | None:
-        """The V of least mean with V >= 1 where the last one reaches a level, V' < 0 before."""
+        """Return the V of least mean with V >= 1 where the last V reaches a level, and V' < 0 below
+        it."""
         last = self.shape.in_cube()
         basis = last.basis
         checked = int(_CHECKED * max(self._samples.share, 0.1))
@@ -479,8 +481,8 @@ class Growth:
         return shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
-        """(K, k), the coefficients of which V is a sum. Above degree 2 the quadratic part only
-        changes its size: near 0 samples of a stiff loop are too few to choose it."""
+        """Return basis vectors (K, k) of the coefficients of V. Above degree 2 the quadratic part
+        is only scaled, because samples near 0 of a stiff loop are too few to choose it."""
         if shape.basis.degree == 2:
             return np.eye(len(shape.coefficients))
         is_square = shape.basis.degrees == 2
@@ -488,12 +490,12 @@ class Growth:
         return np.column_stack([square, np.eye(len(square))[:, ~is_square]])
 
     def _edge(self, shape: Shape, level: float, count: int) -> np.ndarray:
-        """(count, n), y at a level."""
+        """Return points y (count, n) at a level."""
         rays = _unit(self._random.normal(size=(count, shape.basis.n)))
         return np.asarray(rays * shape.edges(rays, level)[:, None])
 
     def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
-        """(count, n), y up to a level."""
+        """Return points y (count, n) up to a level."""
         n = shape.basis.n
         rays = self._random.normal(size=(count, n))
         rays[: count // 2] = rays[: count // 2] @ shape.slow(self._samples.J).T
@@ -504,7 +506,8 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, K) and (N,): a V falls where it is at most 1 if its rows are at least the sides.
+        """Return rows (N, K) and sides (N,) of linear inequalities under which a V decreases where
+        V <= 1.
 
         The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the decay of the first
         V in the linear loop; beyond a limit they are V."""
@@ -516,20 +519,20 @@ class Growth:
         return np.where(beyond[:, None], monomials, rows), np.where(beyond, 1.02, _DECAY + k)
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """(N, K), -V' of each monomial at z (N, n) over the decay of the first V."""
+        """Return -V' of each monomial at z (N, n), relative to the decay of the first V, (N, K)."""
         first = z @ self._first_M.T
         decay = np.einsum("ki,ij,kj->k", first, self._decay, first)
         slopes = last.basis.slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
 
     def _slow(self, shape: Shape) -> np.ndarray:
-        """(N, n), directions z in which V falls too little in the linear loop, few of them."""
+        """Return a few directions z (N, n) in which V decreases too little in the linear loop."""
         T = self._first_M @ shape.N
         decay = shape.linear_decay(self._samples.J)
         values, directions = scipy.linalg.eigh(decay, T.T @ self._decay @ T)
         return np.asarray((shape.N @ directions[:, values < 0.5 * _DECAY]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
-        """(N, K), the rows of `_rows` near 0 in directions z (N, n)."""
+        """Return the rows of `_rows` near 0 in directions z (N, n), (N, K)."""
         rows = self._decays(last, z, z @ self._samples.J.T)
         return np.where(last.basis.degrees == 2, rows, 0.0)
