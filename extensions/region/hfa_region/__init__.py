@@ -1,1 +1,1 @@
-"""From which states a nonlinear loop with saturated inputs returns to its trim: proved, checked."""
+"""Proved regions of attraction of nonlinear loops with saturated inputs."""

@@ -1,4 +1,4 @@
-"""The fields of a statement about a region, and the treatment of each."""
+"""Fields of a statement about a region, and their treatment by checker, digest and report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cuts through a proved set."""
+"""Figures of sections through a proved set."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _FLOWN = 40
 
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
-    """Return sections of the set where all deviations but two are 0, for the first pairs of states:
-    the proved set, the level where V' >= 0 was found first, the level of the nearest initial
-    condition that does not converge, and the first such one on each of some rays. Angles are in
-    degrees.
+    """Return a figure of sections in which all deviations but two are 0, for the first pairs of
+    states. Each shows the proved set, the lowest level with V' >= 0, the level of the nearest
+    initial condition that does not converge, and the first such condition on each of some rays.
+    Angles are in degrees.
 
     box: (n,), largest deviations at which a critic is compared, in the units of the states"""
     from matplotlib.figure import Figure
@@ -123,7 +123,7 @@ def _draw_box(axes: Axes, x: float, y: float) -> None:
 def _cut(
     V: PolynomialFunction, level: float, T: np.ndarray, i: int, j: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The edge of {V <= level} where all deviations but i and j are 0."""
+    """Return the boundary of {V <= level} where all deviations but i and j are 0."""
     rays = _rays(T, i, j, _RAYS)
     shares = V.edge(rays, level)
     shares[~np.isfinite(shares)] = np.nan
@@ -131,7 +131,7 @@ def _cut(
 
 
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
-    """(count, n), rays in the plane of two deviations, twice as long as the set reaches."""
+    """Return rays (count, n) in the plane of two deviations, twice as long as the set's radius."""
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     rays = np.zeros((count, len(T)))
     extents = 2.0 * np.linalg.norm(T, axis=1)

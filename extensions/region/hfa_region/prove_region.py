@@ -34,8 +34,8 @@ def prove_region(
     degree: highest degree of V
     progress: called with the current step
 
-    NoSolutionError where no region is proved; BadInputError where the equations cannot be enclosed,
-    or K is of another shape.
+    Raises NoSolutionError if no region is proved, and BadInputError if the equations cannot be
+    enclosed or K has another shape.
 
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP

@@ -1,4 +1,4 @@
-"""A region in words, tables and data."""
+"""Reports of regions: text, tables and data."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
-    """Return the difference of the user's K from the printed one, in words."""
+    """Return a note on the difference between the user's K and the printed one."""
     if "policy" in not_given or not statement.loop.inputs:
         return ()
     return (
@@ -155,7 +155,7 @@ def _sentence(statement: RegionStatement) -> str:
 
 
 def _sizes(statement: RegionStatement) -> str:
-    """The bounds of all disturbances, in words."""
+    """Return the bounds of all disturbances as text."""
     model = statement.loop.model
     sizes = statement.loop.disturbances.items()
     return " and ".join(f"|{name}| <= {model.describe(name, size)}" for name, size in sizes)
@@ -206,12 +206,12 @@ def _extents(
 
 
 def _V(statement: RegionStatement) -> str:
-    """V, all of its terms to six digits."""
+    """Return V with all of its terms to six digits."""
     return f"V(z) = {polynomial_in_words(statement.terms, statement.loop.states)}"
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
-    """A level and the deviations there, or None where nothing was found."""
+    """Return a level and the deviations there, or None if nothing was found."""
     level, place = found
     if place is None:
         return None

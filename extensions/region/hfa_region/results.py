@@ -1,4 +1,4 @@
-"""A proved set as data: what `hfa prove region --json` prints."""
+"""Data of proved sets, as printed by `hfa prove region --json`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hfa_support.reporting.results import Matrix, Result
 
 
 class Place(NamedTuple):
-    """A level of V, and a deviation from the trim on it, by state."""
+    """A level of V, and a state deviation from the trim at that level."""
 
     V: float
     z: Mapping[str, float]
@@ -45,7 +45,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def prover(self) -> str:
-        """squares: sums of squares."""
+        """Method of the proof: `squares`, sums of squares."""
         return "squares"
 
     @property
@@ -55,12 +55,12 @@ class ProvedSet(ProvedResult):
 
     @property
     def K(self) -> Matrix:
-        """(m, n), gain of u = sat(u0 - K z + q(z))."""
+        """Gain K (m, n) of u = sat(u0 - K z + q(z))."""
         return self.statement.loop.K
 
     @property
     def policy(self) -> Mapping[str, Sequence[Any]]:
-        """Input -> q, a list of [coefficient, exponents]; inputs without have q = 0."""
+        """Input -> q as a list of [coefficient, exponents]; other inputs have q = 0."""
         return self.statement.loop.policy
 
     @property
@@ -70,13 +70,13 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> how far the set reaches from the trim, or less; a box that holds the set, most
-        of which is not in it."""
+        """State -> upper bound of the set's deviation from the trim; most of this box is outside
+        the set."""
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
     def terms(self) -> Sequence[Any]:
-        """V = Σ coefficient z^exponents, a list of [coefficient, exponents]."""
+        """Terms of V = Σ coefficient z^exponents, a list of [coefficient, exponents]."""
         return self.statement.terms
 
     @property
@@ -86,7 +86,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """(n, n), of V = z'P z, or None for a higher degree."""
+        """P (n, n) of V = z'P z, or None for a higher degree."""
         if self.degree > 2:
             return None
         n = len(self.states)
@@ -106,8 +106,8 @@ class FoundSet(ProvedSet):
     decrease_fails_at: the lowest V at which V' >= 0 was found, or None where none was.
     leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit;
         None where none does.
-    lost_at: the lowest V of one whose trajectory diverges; None where none does. Trajectories that
-        neither return nor diverge in the time count as neither.
+    lost_at: the lowest V of an initial condition whose trajectory diverges; None where none does.
+        Trajectories that neither converge nor diverge within the time are not counted.
     limits_that_bind: signals whose limits the set touches, nearly.
     """
 
@@ -149,7 +149,7 @@ class CheckedSet(ProvedSet):
     """A set that a certificate proves.
 
     written: version, command and date in the file, which nothing verifies.
-    not_given: what of the subject no option gave, so that it was not compared.
+    not_given: parts of the subject that no option gave, so that they were not compared.
     """
 
     schema = "hfa.region-check/1"

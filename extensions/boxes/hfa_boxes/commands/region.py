@@ -155,7 +155,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
 
 
 def _subject(loop: Loop, policy: str | Gain) -> list[Any]:
-    """Return the identity of a loop."""
+    """Return the entries that identify a loop: parameters, trim, inputs and policy."""
     stated = policy.content() if isinstance(policy, Gain) else policy
     return [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), stated]
 

@@ -1,1 +1,1 @@
-"""The checker of a region: it uses only numbers of the search."""
+"""Checker of a region, which uses only numbers of the search."""

@@ -1,4 +1,4 @@
-"""The file of a proved region: its statement is read, and proved again."""
+"""Certificate file of a proved region: written, read and proved again."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None
 ) -> tuple[RegionStatement, RegionWitness]:
-    """Return statement and witness of a certificate's content; Malformed names an invalid entry."""
+    """Return statement and witness of a certificate's content. Raises Malformed, which names an
+    invalid entry."""
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
@@ -70,5 +71,5 @@ def read_content(
 def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. The digest does not cover the run."""
+    """Write a certificate; its digest does not cover `origin`."""
     write_sealed(path, KIND, statement.content(), witness, origin)

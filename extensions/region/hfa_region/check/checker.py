@@ -1,4 +1,4 @@
-"""Checks a region: reads its statement and its witness, and proves the statement in balls.
+"""Checker of a region, which proves the statement in ball arithmetic from its witness.
 
 The theorem. S = {V <= rho} is compact: it lies in the open unit ball of y. On each part of S, where
 every input is free or at a limit, V' < 0 except at the equilibrium; the parts cover S. The rates
@@ -45,7 +45,8 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 def check_region(
     statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
-    """Number of parts on which V' < 0 is proved. Raises Rejected unless the statement is proved."""
+    """Return the number of parts on which V' < 0 is proved. Raises Rejected unless the statement is
+    proved."""
     loop = RegionLoop(statement, witness.T, witness.order)
     one = Polynomial.constant(arb(1))
     length = power_of_length(loop.n, 2)
@@ -91,7 +92,8 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
 
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the constraints of a part: not negative exactly where its inputs are as stated."""
+    """Return the constraints of a part, which are not negative exactly where its inputs are as
+    stated."""
     constraints = {}
     for name in loop.statement.loop.inputs:
         what = inputs.get(name, ANY)

@@ -1,4 +1,4 @@
-"""Extents of a proved set, computed from V, rho and the ball."""
+"""Extents of a proved set, computed from V, rho and the unit ball."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _PRECISION = 192
 
 @ctx.workprec(_PRECISION)
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Lowest and highest deviation of each state in a set that is proved, rounded outward.
+    """Return the lowest and highest deviation of each state in a proved set, rounded outward.
 
-    statement: of V of degree 2 the deviations are those of the ellipsoid, ±sqrt(rho P⁻¹_ii),
-        whatever it states; of a higher degree those that are proved, and within the ball
+    statement: for V of degree 2 the extents are those of the ellipsoid, ±sqrt(rho P⁻¹_ii), computed
+        anew; for a higher degree the stated ones, which are proved, within the ball
     T: (n, n), the set lies in the unit ball of y, z = T y
     """
     states = statement.loop.states
@@ -43,5 +43,5 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
 
 
 def _above(ball: arb) -> float:
-    """A double above a ball."""
+    """Return a double that is at least every number of a ball."""
     return float(np.nextafter(float(ball.upper()), np.inf))

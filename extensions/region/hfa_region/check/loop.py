@@ -1,5 +1,5 @@
-"""The loop of a statement about its equilibrium, which is enclosed: V', the parts of the set that
-its saturated inputs and its disturbances make, and all limits, in coordinates y with z = T y."""
+"""Closed loop of a statement in coordinates y, z = T y: enclosed equilibrium, V', limits, and the
+parts of the set where inputs are free or saturated and disturbances at an end."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ _Term = tuple[arb, tuple[int, ...]]
 
 
 class Equilibrium:
-    """Equilibrium of the loop without disturbances: F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) =
-    0.
+    """Enclosed equilibrium without disturbances, F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
 
     x: (n,), balls
     u: (m,), balls, strictly between the limits
@@ -65,11 +64,11 @@ class Equilibrium:
         return below, above
 
     def deviations(self, x: Sequence[arb]) -> list[arb]:
-        """x - x0."""
+        """Return the deviations x - x0."""
         return [value - at for value, at in zip(x, self._x0, strict=True)]
 
     def _inputs(self, x: Sequence[arb]) -> list[arb]:
-        """u0 - K (x - x0) + q(x - x0)."""
+        """Return the inputs u0 - K (x - x0) + q(x - x0)."""
         away = self.deviations(x)
         linear = (self._K * arb_mat([[value] for value in away])).entries()
         inputs = []
@@ -78,7 +77,7 @@ class Equilibrium:
         return inputs
 
     def _gains(self, x: Sequence[arb]) -> arb_mat:
-        """-∂u/∂x = K - ∂q/∂x."""
+        """Return the local gain -∂u/∂x = K - ∂q/∂x."""
         away = self.deviations(x)
         slopes = []
         for terms in self._policy:
@@ -86,7 +85,7 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """The one equilibrium near x0. Raises Rejected unless it is proved to be there."""
+        """Enclosure of the unique equilibrium near x0. Raises Rejected unless it is proved."""
         n = len(self._x0)
         x = list(self._x0)
         for _ in range(_STEPS):
@@ -99,12 +98,12 @@ class Equilibrium:
         return [value + offset for value, offset in zip(x, offsets, strict=True)]
 
     def _residual(self, x: Sequence[arb]) -> arb_mat:
-        """F, a column."""
+        """Return F(x) as a column."""
         (rates,) = self._rates(x, self._inputs(x), [])
         return arb_mat([[rate] for rate in rates])
 
     def _jacobian(self, x: Sequence[arb]) -> arb_mat:
-        """F' = f_x + f_u ∂u/∂x."""
+        """Return F' = f_x + f_u ∂u/∂x."""
         by_state, by_input = self._slopes(x, self._inputs(x))
         n = len(self._x0)
         m = len(self._u0)
@@ -148,7 +147,7 @@ class RegionLoop:
 
     @cached_property
     def _V(self) -> list[_Term]:
-        """The terms of V / rho."""
+        """Terms of V / rho."""
         terms = _exact_terms(self.statement.terms)
         return [(factor / exact(self.statement.rho), exponents) for factor, exponents in terms]
 
@@ -158,18 +157,18 @@ class RegionLoop:
 
     @cached_property
     def V(self) -> Polynomial:
-        """V(T y) / rho."""
+        """V(T y) / rho as a polynomial in y."""
         return self._substitution.sum(self._V)
 
     @cached_property
     def gradient(self) -> list[Taylor]:
-        """∂V/∂z_i at z = T y, over rho."""
+        """∂V/∂z_i / rho at z = T y, for each i."""
         slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
         return [self._taylor(slope) for slope in slopes]
 
     @cached_property
     def _commands(self) -> list[Polynomial]:
-        """-K (x - x0) + q(x - x0) less its value at the equilibrium, of each input."""
+        """Command -K (x - x0) + q(x - x0) minus its value at the equilibrium, for each input."""
         loop = self.statement.loop
         away = self.equilibrium.deviations(self.equilibrium.x)
         shifted = [Polynomial.constant(at) + self.deviation(i) for i, at in enumerate(away)]
@@ -182,15 +181,15 @@ class RegionLoop:
         return commands
 
     def deviation(self, index: int) -> Polynomial:
-        """z_i = Σ T_ij y_j."""
+        """Return the deviation z_i = Σ T_ij y_j."""
         return Polynomial.linear(self.T.table()[index])
 
     def reach(self, index: int) -> arb:
-        """Largest |z_i| on the unit ball."""
+        """Return the largest |z_i| on the unit ball."""
         return norm(self.T.table()[index]).upper()
 
     def command(self, index: int) -> Polynomial:
-        """u_j - u_e of an input that is free."""
+        """Return u_j - u_e of a free input."""
         return self._commands[index]
 
     def reaches(self, name: str) -> tuple[bool, bool]:
@@ -204,7 +203,8 @@ class RegionLoop:
         )
 
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
-        """1 - command / room below and above: positive where a limit of the input does not bind."""
+        """Return 1 - command / room below and above, positive where that input limit does not
+        bind."""
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)
         one = Polynomial.constant(arb(1))
@@ -213,7 +213,8 @@ class RegionLoop:
         return below, above
 
     def decrease(self, part: Mapping[str, str]) -> Taylor:
-        """-V' / rho where each input is free or at its limit and each disturbance at its end.
+        """Return -V' / rho where each input is free or at its limit and each disturbance at its
+        end.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
 
@@ -225,7 +226,8 @@ class RegionLoop:
         return total
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
-        """z' where each input is free or at its limit and each disturbance at its end. Raises
+        """Return z' where each input is free or at its limit and each disturbance at its end.
+        Raises
         Rejected where an output may leave its limits under any disturbance."""
         key = tuple(part.values())
         if key not in self._rates:
@@ -244,7 +246,7 @@ class RegionLoop:
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
     ) -> tuple[list[Taylor], list[Taylor]]:
-        """Rates and limited outputs on the unit ball."""
+        """Return rates and limited outputs on the unit ball."""
         x = [
             self._taylor(Polynomial.constant(at) + self.deviation(i))
             for i, at in enumerate(self.equilibrium.x)
@@ -276,9 +278,9 @@ class RegionLoop:
 
 
 class _Substitution:
-    """Monomials of z as polynomials in y, each made once.
+    """Monomials of z as polynomials in y, each computed once.
 
-    variables: each z_i
+    variables: each z_i as a polynomial in y
     """
 
     def __init__(self, variables: Sequence[Polynomial]) -> None:
@@ -286,14 +288,14 @@ class _Substitution:
         self._known: dict[Key, Polynomial] = {0: Polynomial.constant(arb(1))}
 
     def sum(self, terms: Sequence[_Term]) -> Polynomial:
-        """Σ coefficient z^exponents."""
+        """Return Σ coefficient z^exponents."""
         total = Polynomial([{}])
         for coefficient, exponents in terms:
             total += self(exponents).scaled(coefficient)
         return total
 
     def __call__(self, exponents: Sequence[int]) -> Polynomial:
-        """z^exponents."""
+        """Return z^exponents as a polynomial in y."""
         key = key_of(exponents)
         if key not in self._known:
             last = max(i for i, power in enumerate(exponents) if power)
@@ -303,12 +305,12 @@ class _Substitution:
 
 
 def _exact_terms(terms: Terms) -> list[_Term]:
-    """The terms of a statement as balls."""
+    """Return the terms of a statement as balls."""
     return [(exact(coefficient), exponents) for coefficient, exponents in terms]
 
 
 def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
-    """The terms of the slope in one variable."""
+    """Return the terms of the derivative by one variable."""
     slopes = []
     for coefficient, exponents in terms:
         power = exponents[index]
@@ -319,7 +321,7 @@ def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
 
 
 def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
-    """Σ coefficient z^exponents."""
+    """Return Σ coefficient z^exponents."""
     total = arb(0)
     for coefficient, exponents in terms:
         product = coefficient
@@ -331,7 +333,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """A rate that is known to be 0 at the equilibrium."""
+    """Return a rate with its constant term set to 0, its value at the equilibrium."""
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
@@ -341,8 +343,8 @@ def _is_invertible(T: arb_mat) -> bool:
 
 
 def refuse_curved(loop: SaturatedLoop) -> None:
-    """Raise BadInputError where a rate is not affine in the disturbances: their ends would not be
-    the worst."""
+    """Raise BadInputError if a rate is not affine in the disturbances, because their ends would not
+    be the worst case."""
     if not loop.disturbances:
         return
     function = _function(loop, outputs=False)
@@ -357,7 +359,7 @@ def refuse_curved(loop: SaturatedLoop) -> None:
 
 
 def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
-    """(x, u, w) -> the rates, and the limited outputs; w: of the stated disturbances."""
+    """Return the function (x, u, w) -> rates and limited outputs. w: the stated disturbances."""
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
     w = ca.SX.sym("w", len(loop.disturbances))
@@ -368,7 +370,7 @@ def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
 
 
 def _slopes(loop: SaturatedLoop) -> ca.Function:
-    """(x, u) -> f_x, f_u of the moving states."""
+    """Return the function (x, u) -> Jacobians f_x, f_u of the moving states."""
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
     rates, _ = loop.rates_at(x, u)

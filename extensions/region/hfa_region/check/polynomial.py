@@ -17,12 +17,12 @@ Key = int
 
 
 def key_of(exponents: Sequence[int]) -> Key:
-    """The key of y_1^α_1 .. y_n^α_n."""
+    """Return the key of y_1^α_1 .. y_n^α_n."""
     return sum(exponent << (_BITS * i) for i, exponent in enumerate(exponents))
 
 
 def exponents_of(key: Key) -> list[int]:
-    """The exponents of a key, without zeros at the end."""
+    """Return the exponents of a key, without zeros at the end."""
     exponents = []
     while key:
         exponents.append(key & (2**_BITS - 1))
@@ -32,7 +32,7 @@ def exponents_of(key: Key) -> list[int]:
 
 @lru_cache(maxsize=64)
 def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
-    """The keys of all monomials of degree low to high, by degree."""
+    """Return the keys of all monomials of degree low to high, sorted by degree."""
     keys = []
     for degree in range(low, high + 1):
         for chosen in combinations_with_replacement(range(variables), degree):
@@ -42,7 +42,8 @@ def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
 
 @cache
 def _weight(key: Key) -> fmpq:
-    """α! / |α|!: the weight of a squared coefficient in the norm of a homogeneous polynomial."""
+    """Return α! / |α|!, the weight of a squared coefficient in the norm of a homogeneous
+    polynomial."""
     exponents = exponents_of(key)
     product = 1
     for exponent in exponents:
@@ -51,24 +52,25 @@ def _weight(key: Key) -> fmpq:
 
 
 class Polynomial:
-    """Σ c_α y^α; parts[k] has the coefficients of degree k by key, missing ones are exactly 0."""
+    """Polynomial Σ c_α y^α; parts[k] maps keys to the coefficients of degree k, omitted if exactly
+    0."""
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:
         self.parts = parts
 
     @classmethod
     def constant(cls, value: arb) -> Polynomial:
-        """A number."""
+        """Return the constant polynomial of a number."""
         return cls([{0: value}])
 
     @classmethod
     def linear(cls, slopes: Sequence[arb]) -> Polynomial:
-        """Σ slope_i y_i."""
+        """Return Σ slope_i y_i."""
         return cls([{}, {1 << (_BITS * i): slope for i, slope in enumerate(slopes)}])
 
     @classmethod
     def of_terms(cls, terms: Iterator[tuple[Key, int, arb]]) -> Polynomial:
-        """The sum of coefficients, each with its key and degree."""
+        """Return the polynomial of terms (key, degree, coefficient)."""
         parts: list[dict[Key, arb]] = []
         for key, degree, coefficient in terms:
             while len(parts) <= degree:
@@ -83,7 +85,7 @@ class Polynomial:
         return len(self.parts) - 1
 
     def terms(self) -> Iterator[tuple[Key, int, arb]]:
-        """Key, degree and coefficient of every term."""
+        """Yield key, degree and coefficient of every term."""
         for degree, part in enumerate(self.parts):
             for key, coefficient in part.items():
                 yield key, degree, coefficient
@@ -105,13 +107,13 @@ class Polynomial:
         return self + -other
 
     def scaled(self, factor: arb) -> Polynomial:
-        """The polynomial times a number."""
+        """Return the polynomial times a number."""
         return Polynomial(
             [{key: factor * value for key, value in part.items()} for part in self.parts]
         )
 
     def times(self, other: Polynomial, highest: int | None = None) -> Polynomial:
-        """The product, or its terms up to a degree."""
+        """Return the product, or its terms up to a degree."""
         degree = self.degree + other.degree
         if highest is not None:
             degree = min(degree, highest)
@@ -143,7 +145,7 @@ class Polynomial:
 
 @lru_cache(maxsize=64)
 def power_of_length(variables: int, degree: int) -> Polynomial:
-    """|y|^degree for an even degree."""
+    """Return |y|^degree for an even degree."""
     half = degree // 2
     part = {}
     for key in monomials(variables, half, half):

@@ -1,4 +1,4 @@
-"""Proofs that a polynomial is positive where others are not negative: sums of squares, in balls.
+"""Sum-of-squares proofs that a polynomial is positive where others are not negative, in balls.
 
     target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
 
@@ -26,7 +26,7 @@ _HIGHEST = 12
 
 @dataclass(frozen=True, eq=False)
 class Square:
-    """m'Q m, m all monomials of degree low to high, in the order of `monomials`.
+    """Square form m'Q m, with m all monomials of degree low to high in the order of `monomials`.
 
     Q: symmetric
     """
@@ -37,7 +37,7 @@ class Square:
 
     @classmethod
     def read(cls, entries: Fields, variables: int) -> Square:
-        """The entries `degrees` and `gram`; others may follow."""
+        """Read the entries `degrees` and `gram`; others may follow."""
         low, high = entries.pair("degrees", least=0.0)
         require(low == int(low) and high == int(high) <= _HIGHEST, entries.where, [low, high])
         size = len(monomials(variables, int(low), int(high)))
@@ -49,7 +49,7 @@ class Square:
             raise Rejected(f"{what}: a Gram matrix is not proved positive definite")
 
     def polynomial(self, variables: int) -> Polynomial:
-        """m'Q m."""
+        """Return m'Q m as a polynomial."""
         keys = monomials(variables, self.low, self.high)
         degrees = _degrees(variables, self.low, self.high)
         rows = self.Q.tolist()
@@ -116,8 +116,8 @@ def check_positive(
 
 
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
-    """Raise Rejected unless residual = m'Q̃ m for a Q̃ near Q that is positive definite: a term
-    that the squares do not have must be exactly 0, not a ball about 0."""
+    """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q. A term without a
+    product of two monomials of m must be exactly 0."""
     keys = monomials(variables, main.low, main.high)
     size = len(keys)
     places: dict[Key, list[tuple[int, int]]] = {}
@@ -141,7 +141,7 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
 
 
 def _degrees(variables: int, low: int, high: int) -> list[int]:
-    """The degree of each of `monomials`."""
+    """Return the degree of each of `monomials`."""
     degrees: list[int] = []
     for degree in range(low, high + 1):
         degrees += [degree] * len(monomials(variables, degree, degree))

@@ -27,16 +27,16 @@ HIGHEST_POLICY = 5
 
 @dataclass(frozen=True, eq=False)
 class SaturatedLoop(Plant):
-    """x' = f(x, u, w), u = sat(u0 - K (x - x0) + q(x - x0)): a model, a policy and where both are
-    about.
+    """Closed loop of a model and a policy about a trim: x' = f(x, u, w), u = sat(u0 - K (x - x0) +
+    q(x - x0)).
 
-    Between the limits of an input it is saturated; these are the model's. A state or an output
-    stays between its limits, which are not wider than the model's.
+    Inputs are saturated at the model's limits. Limits of states and outputs are not wider than the
+    model's.
 
     K: (m, n), in the order of the inputs and the moving states
-    policy: input -> q, terms of degree 2 to `HIGHEST_POLICY`; an input without has q = 0
-    disturbances: disturbance of the model -> d > 0: any measurable w(t) with |w(t)| <= d; the
-        others are 0. The rates are affine in those that are named
+    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; other inputs have q = 0
+    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d; the
+        others are 0. The rates are affine in the named ones
     """
 
     K: np.ndarray
@@ -51,12 +51,12 @@ class SaturatedLoop(Plant):
 
 @dataclass(frozen=True, eq=False)
 class RegionStatement:
-    """Every trajectory of the loop that begins in {V(z) <= rho} exists for all time, stays there
-    and within all limits, and converges to the equilibrium; z: deviations from that. Of a loop with
-    disturbances it is not claimed that it converges.
+    """Statement that every trajectory of the loop that begins in {V(z) <= rho} exists for all time,
+    stays there and within all limits, and converges to the equilibrium; z are deviations from it.
+    With disturbances, convergence is not claimed.
 
     The equilibrium is the one within `SAME_TRIM` of x0, in nominal values of the states.
-    loop: the model with its saturated inputs
+    loop: the model with its policy and saturated inputs
     terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
     extents: moving state -> lowest and highest deviation in the set, or beyond
@@ -69,12 +69,12 @@ class RegionStatement:
 
     @classmethod
     def read(cls, content: Any, own: Model | None) -> RegionStatement:
-        """The statement of a certificate.
+        """Return the statement of a certificate.
 
-        content: of its entry `statement`
+        content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
 
-        Malformed names the first wrong entry; BadInputError another model.
+        Raises Malformed for the first wrong entry, and BadInputError for another model.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -117,7 +117,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
-    """Largest absolute value of each stated disturbance, in the order of the model."""
+    """Read the largest absolute value of each stated disturbance, in the order of the model."""
     sizes = entries.numbers("disturbances", tuple(model.disturbances))
     for name, size in sizes.items():
         require(size > 0.0, f"disturbances: {name}", size)

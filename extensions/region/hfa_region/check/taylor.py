@@ -18,13 +18,14 @@ from hfa_region.check.polynomial import Polynomial, power_of_length
 
 
 class Taylor:
-    """A function g with |g(y) - polynomial(y)| <= remainder |y|^(order + 1) at every |y| <= 1.
+    """Enclosure of a function g by |g(y) - polynomial(y)| <= remainder |y|^(order + 1) for |y| <=
+    1.
 
     order: D, the highest degree of the polynomial
     polynomial: its coefficients, balls
     remainder: a number that is not negative
 
-    In sums and products a number or a ball counts as a constant. `BallFunction` runs on these."""
+    Numbers and balls in sums and products are constants. `BallFunction` accepts these objects."""
 
     def __init__(self, order: int, polynomial: Polynomial, remainder: arb) -> None:
         self.order = order
@@ -32,7 +33,7 @@ class Taylor:
         self.remainder = remainder
 
     def _of(self, value: Any) -> Taylor:
-        """A Taylor polynomial itself; any other value as the constant."""
+        """Return a Taylor polynomial unchanged, and any other value as a constant."""
         if isinstance(value, Taylor):
             return value
         return Taylor(self.order, Polynomial.constant(arb(value)), arb(0))
@@ -81,12 +82,12 @@ class Taylor:
 
     @property
     def center(self) -> arb:
-        """The value at y = 0."""
+        """Value at y = 0."""
         parts = self.polynomial.parts
         return parts[0].get(0, arb(0)) if parts else arb(0)
 
     def reach(self) -> arb:
-        """m with |g(y) - g(0)| <= m |y|, at every |y| <= 1."""
+        """A bound m with |g(y) - g(0)| <= m |y| for |y| <= 1."""
         return (sum(self.polynomial.norms()[1:], arb(0)) + self.remainder).upper()
 
     def range(self) -> arb:
@@ -94,9 +95,10 @@ class Taylor:
         return self.center + arb(0, 1) * self.reach()
 
     def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
-        """f(c + δ) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D, ξ in the range, |δ| <= m |y|.
+        """Return f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D, ξ in the range, |δ| <= m
+        |y|.
 
-        Undecided where f is not smooth on all of the range."""
+        The result is undecided if f is not smooth on the whole range."""
         order = self.order
         near = function(arb_series([self.center, 1], prec=order + 1))
         far = function(arb_series([self.range(), 1], prec=order + 2))
@@ -112,7 +114,7 @@ class Taylor:
         return Taylor(order, total.polynomial, (total.remainder + rest).upper())
 
     def lowest(self, variables: int, degree: int) -> Polynomial:
-        """A polynomial of an even degree, at most order + 1, below g at every |y| <= 1.
+        """Return a polynomial of an even degree, at most order + 1, that is below g for |y| <= 1.
 
         A term of a higher degree k is at least -norm |y|^k >= -norm |y|^degree."""
         if degree % 2 or degree > self.order + 1:

@@ -1,4 +1,4 @@
-"""The evidence for a region. A wrong entry makes a check fail; no entry is part of the claim."""
+"""Evidence for a region. A wrong entry makes the check fail; no entry is part of the claim."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _HIGHEST_ORDER = 12
 class Part:
     """Part of the set: each input free or at a limit, each disturbance at an end.
 
-    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; where
-        there is nothing of the set also `ANY`
+    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; for parts
+        outside the set also `ANY`
     evidence: that V' < 0 there, or that the set has no such part
     """
 
@@ -43,11 +43,11 @@ class RegionWitness:
 
     T: (n, n)
     order: of the Taylor polynomials
-    inside: {V <= rho} lies in the open unit ball
-    parts: V' < 0 on each; under disturbances where V = rho
-    empty: parts outside the set
-    extents: state -> evidence of its lowest and of its highest deviation; without it the unit ball
-        is within the extent
+    inside: evidence that {V <= rho} lies in the open unit ball
+    parts: evidence that V' < 0 on each part; with disturbances, where V = rho
+    empty: parts outside the set, with evidence
+    extents: state -> evidence of its lowest and highest deviation; without an entry the unit ball
+        lies within the extent
     """
 
     T: np.ndarray
@@ -59,7 +59,7 @@ class RegionWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: RegionStatement) -> RegionWitness:
-        """Sizes are those of the statement."""
+        """Read a witness with matrices of the statement's sizes."""
         loop = statement.loop
         n = len(loop.states)
         T = entries.array("T", n, n)

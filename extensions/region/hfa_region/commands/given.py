@@ -1,4 +1,4 @@
-"""The user's data for the certificate of a region, in the form of its statement."""
+"""The user's data, in the form of a region's statement, for comparison with its certificate."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return path of an entry -> value from the user's options.
+    """Return entry path -> value from the user's options.
 
-    statement: which was proved
+    statement: the proved statement
     request: options of the command
 
-    BadInputError or TrimError where the options do not define a loop.
+    Raises BadInputError or TrimError if the options do not define a loop.
     """
     if isinstance(request.at, tuple):
         request = at_one_value(request)
@@ -57,12 +57,12 @@ def given_for(
 def given_on_boxes(
     statement: BoxStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return path of an entry -> value from the user's options, for a region proved on boxes.
+    """Return entry path -> value from the user's options, for a region proved on boxes.
 
-    statement: which was proved, with the coefficients of its policy
+    statement: the proved statement, with the coefficients of its policy
     request: options of the command
 
-    BadInputError or TrimError where the options do not define a loop.
+    Raises BadInputError or TrimError if the options do not define a loop.
     """
     given: dict[str, Given] = {}
     at_a_trim = request.own or request.at is not None
@@ -93,7 +93,7 @@ def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> boo
 def _given_aircraft(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """The model, its parameters, and its limits about the stated trim."""
+    """Return the entries of the user's model, parameters, and limits about the stated trim."""
     model = request.flown_aircraft()
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -109,7 +109,7 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """A comparison of limits: those of inputs the same, others not wider."""
+    """Return a comparison of limits: input limits must be equal, others not wider."""
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {name: _ends(pair) for name, pair in stated.items()}
@@ -124,7 +124,8 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """The trim that the options name, within `SAME_TRIM` of each nominal value."""
+    """Return the entry of the trim that the options name, compared within `SAME_TRIM` nominal
+    values."""
     model: Model = request.flown_aircraft()
     point = request.operating_point(model)
     option = aircraft_option(request)
@@ -139,7 +140,7 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return K, and the nonlinear part of the policy."""
+    """Return the entries of K and of the nonlinear part of the policy."""
     from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)

@@ -32,8 +32,8 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return why boxes prove the region of a polynomial policy better than sums of squares, or ""
-    where they do not."""
+    """Return the reason to prove the region of a polynomial policy on boxes, or "" for sums of
+    squares."""
     from hfa_region.check.loop import Equilibrium
 
     if request.disturbance or request.picture is not None:
@@ -53,10 +53,10 @@ def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
 def prove_gain_on_boxes(
     request: RegionRequest, linear: LinearModel, gain: Gain, P: np.ndarray | None, reason: str
 ) -> int:
-    """Prove the region of a polynomial policy; the exit code.
+    """Prove the region of a polynomial policy and return the exit code.
 
-    P: of the game or the critic, or None without one
-    reason: as of `better_on_boxes`
+    P: (n, n), matrix of the game or critic, or None
+    reason: result of `better_on_boxes`
     """
     request.refuse(_OF_SQUARES, "is of --prover squares; leave it out")
     words = "that of the game" if request.weights is None else str(request.weights)
@@ -66,7 +66,7 @@ def prove_gain_on_boxes(
 
 
 def prove_on_boxes(request: RegionRequest) -> int:
-    """Prove the region of a network or a deployment file; the exit code."""
+    """Prove the region of a network or a deployment file and return the exit code."""
     from controller.riccati.gare import solve_game
 
     request.refuse(_OF_SQUARES, "does not go with a network or --policy; leave it out")
@@ -80,13 +80,13 @@ def prove_on_boxes(request: RegionRequest) -> int:
 
 
 def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region that is proved on boxes; the exit code."""
+    """Verify the certificate of a region that is proved on boxes and return the exit code."""
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
 
 
 def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a polynomial policy; the exit code."""
+    """Verify the certificate of a polynomial policy and return the exit code."""
     from hfa.output import ProgressLine, show
     from hfa_boxes.check.checker import check_certificate
     from hfa_boxes.fields import FIELDS
@@ -103,7 +103,7 @@ def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Pa
 
 
 def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]:
-    """The linear model at the trim, the policy of --weights or --policy, and the game."""
+    """Return the linear model at the trim, the policy of --weights or --policy, and the game."""
     from controller.critic.critic_file import critic_in
 
     if request.policy is not None:
@@ -120,7 +120,7 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
 
 
 def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
-    """A deployment file whose action is computed and applied at every instant."""
+    """Return the policy of a deployment file, computed and applied continuously in time."""
     deployment = Deployment.load(path)
     timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s)"
     return ProvedPolicy(
@@ -131,12 +131,12 @@ def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
 
 
 def continuous(deployed: Deployed) -> ca.Function:
-    """(z, trim) -> deviations of all inputs from the trim, before the limits of the aircraft.
+    """Return the function (z, trim) -> deviations of all inputs from the trim, unsaturated.
 
     z: deviations of the moving states; trim: all states, the inputs and the parameters
 
-    Raises BadInputError where an observation or a map takes an input, which the policy itself
-    moves.
+    Raises BadInputError if an observation or a map depends on an input, because the policy itself
+    moves it.
     """
     model = deployed.model
     n, m = len(model.states), len(model.inputs)
@@ -156,8 +156,8 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """BadInputError naming the first observation or map that depends on an input, and for a policy
-    that takes several samples."""
+    """Raise BadInputError for an observation or a map that depends on an input, and for a policy of
+    several samples."""
     if deployed.past:
         raise BadInputError("timing.history: a proof needs a policy of one sample; leave it out")
     entries = {

@@ -1,4 +1,4 @@
-"""The policy of a critic as polynomials, which a statement names."""
+"""Policy of a critic as polynomials, the form of a region's statement."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ _SAME = 1e-9
 
 
 def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
-    """Input -> the terms of degree 2 and more of the policy; inputs without such terms are omitted.
+    """Return input -> terms of the policy of degree 2 and more; inputs without such terms are
+    omitted.
 
-    critic: whose policy is a polynomial of degree `HIGHEST_POLICY` at most, 0 at z = 0
+    critic: its policy is a polynomial of degree at most `HIGHEST_POLICY` that is 0 at z = 0
     inputs: names, in the order of the game
 
     Raises BadInputError for another policy.
@@ -50,7 +51,7 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
 
 def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """The polynomial of Taylor at 0, to degree `HIGHEST_POLICY`: ∂^α u / α! z^α."""
+    """Return Taylor's polynomial at 0 to degree `HIGHEST_POLICY`, terms ∂^α u / α! z^α."""
     n = z.numel()
     slopes = {(0,) * n: u}
     found: dict[tuple[int, ...], ca.SX] = {}
@@ -96,7 +97,7 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """The linear model at the trim, K, P of the game where it has been solved, and the nonlinear
+    """Return the linear model at the trim, K, P of the game if it was solved, and the nonlinear
     part of the policy."""
     if request.basis is not None and request.weights is None:
         raise BadInputError("--basis belongs to W in --weights; add --weights or leave it out")

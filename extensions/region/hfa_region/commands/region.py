@@ -33,7 +33,7 @@ _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
 
 
 def _size(model: Model, name: str, text: str) -> float:
-    """The largest absolute value of a disturbance, in the unit of the model."""
+    """Return the largest absolute value of a disturbance, in the unit of the model."""
     refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
     positive(text)
     return quantity(model, name, text)
@@ -122,7 +122,8 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region, for `hfa prove --check` too; the exit code."""
+    """Verify the certificate of a region, also for `hfa prove --check`, and return the exit
+    code."""
     from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
     from hfa_region.commands.given import given_for
@@ -149,7 +150,7 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
 
 
 def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region that is proved on boxes; the exit code."""
+    """Verify the certificate of a region that is proved on boxes and return the exit code."""
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
@@ -211,8 +212,8 @@ def _prove(request: RegionRequest) -> int:
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
-    """The deviations at which `hfa verify` compares a critic with the exact one, or None without
-    one."""
+    """Return the box of deviations in which `hfa verify` compares critics, or None if there is
+    none."""
     from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
 
@@ -223,7 +224,7 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
     """Return V of the certificate of an earlier run, verified, its proved level 1. Raises
-    BadInputError where it is of another loop."""
+    BadInputError if it is about another loop."""
     if not request.resume:
         return None
     from hfa_region.check.certificate import check_certificate
@@ -240,6 +241,6 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
 
 
 def _subject(loop: SaturatedLoop) -> str:
-    """Return the identity of a loop."""
+    """Return the JSON text that identifies a loop: parameters, trim, inputs and policy."""
     parts: list[Any] = [dict(loop.parameters), dict(loop.trim), dict(loop.inputs), loop.K.tolist()]
     return json.dumps([*parts, dict(loop.policy)])

@@ -1,4 +1,5 @@
-"""V as a polynomial in the deviations, in numbers: values, slopes, the ellipsoid about a set."""
+"""V as a polynomial in the deviations, in doubles: values, gradients, the ellipsoid around a
+set."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ Term = tuple[float, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class PolynomialFunction:
-    """V(z) = Σ coefficient z^exponents.
+    """Polynomial V(z) = Σ coefficient z^exponents.
 
     coefficients: (k,)
     exponents: (k, n)
@@ -30,7 +31,7 @@ class PolynomialFunction:
 
     @classmethod
     def quadratic(cls, P: np.ndarray) -> PolynomialFunction:
-        """z'P z."""
+        """Return V = z'P z."""
         n = len(P)
         rows, columns = np.triu_indices(n)
         exponents = np.eye(n, dtype=int)[rows] + np.eye(n, dtype=int)[columns]
@@ -39,7 +40,7 @@ class PolynomialFunction:
 
     @classmethod
     def of_terms(cls, terms: Sequence[Term]) -> PolynomialFunction:
-        """The function of a statement."""
+        """Return the polynomial of a statement's terms."""
         return cls(
             np.array([coefficient for coefficient, _ in terms]),
             np.array([exponents for _, exponents in terms]),
@@ -57,7 +58,7 @@ class PolynomialFunction:
         return int(self.exponents.sum(axis=1).max())
 
     def matrix(self) -> np.ndarray:
-        """P of its quadratic part."""
+        """Matrix P of the quadratic part of V."""
         n = self.exponents.shape[1]
         P = np.zeros((n, n))
         for coefficient, powers in zip(self.coefficients, self.exponents, strict=True):
@@ -68,20 +69,20 @@ class PolynomialFunction:
         return P
 
     def coordinates(self) -> np.ndarray:
-        """T, (n, n), z = T y: the unit ball of y is {z'P z <= 1.5²}, P the quadratic part of V, a
-        little larger than {V <= 1}."""
+        """T (n, n) with z = T y: the unit ball of y is {z'P z <= 1.5²}, with P the quadratic part
+        of V, a little larger than {V <= 1}."""
         return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
 
     def scaled(self, factor: float) -> PolynomialFunction:
-        """V times a number."""
+        """Return V times a number."""
         return PolynomialFunction(self.coefficients * factor, self.exponents)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """V of many deviations (N, n)."""
+        """Return V (N,) at deviations (N, n)."""
         return np.asarray(_powers(z, self.exponents) @ self.coefficients)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """∂V/∂z of many deviations, (N, n)."""
+        """Return ∂V/∂z (N, n) at deviations (N, n)."""
         slopes = np.empty_like(z)
         for i in range(z.shape[1]):
             powers = self.exponents[:, i]
@@ -92,7 +93,7 @@ class PolynomialFunction:
         return slopes
 
     def substituted(self, M: np.ndarray) -> PolynomialFunction:
-        """V(M y) as a polynomial in y."""
+        """Return V(M y) as a polynomial in y."""
         known: dict[tuple[int, ...], dict[tuple[int, ...], float]] = {}
         total: dict[tuple[int, ...], float] = {}
         for coefficient, powers in self.terms:
@@ -101,7 +102,8 @@ class PolynomialFunction:
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
     def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
-        """The first share of each ray (N, n) at which V reaches a level, or inf where it does not.
+        """Return the first share of each ray (N, n) at which V reaches a level, or inf where it
+        does not.
 
         The coefficients of V along a ray are those of a polynomial in the share."""
         degrees = self.exponents.sum(axis=1)
@@ -124,7 +126,7 @@ class PolynomialFunction:
 
 
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
-    """Points of {V = level}, first along rays from the trim, in coordinates y, z = T y."""
+    """Return points of {V = level}, the first on rays from the trim, in coordinates y, z = T y."""
     generator = np.random.default_rng(seed)
     directions = generator.normal(size=(_DIRECTIONS, len(T)))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -134,7 +136,7 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 
 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
-    """P of the smallest {y'P y <= 1} that holds the points (N, n), nearly.
+    """Return P of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N, n).
 
     The weights of the points of largest determinant (Khachiyan, Mathematics of Operations Research
     21 (1996) 307), scaled so that no point lies outside."""
@@ -156,7 +158,7 @@ def ellipsoid(points: np.ndarray) -> np.ndarray:
 
 
 def _powers(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """(N, k), each monomial of each row."""
+    """Return the monomials (N, k) of the rows (N, n)."""
     result = np.ones((len(z), len(exponents)))
     for i in range(z.shape[1]):
         highest = int(exponents[:, i].max(initial=0))
@@ -170,7 +172,7 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """(M y)^powers; `known` keeps the results."""
+    """Return (M y)^powers; `known` stores the results."""
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:

@@ -1,10 +1,11 @@
-"""Semidefinite problems in many entries and few equations, by an interior point method.
+"""Interior point method for semidefinite problems with many entries and few equations.
 
     minimize c'f subject in each group to E f + Σ_k A_k(Q_k) = b, every Q_k positive semidefinite
 
 A sum of squares of four states and degree 8 has 495 equations and 5,000 entries; the equations of
 one identity meet those of another in f alone. A general solver (Clarabel 0.11) factors a matrix of
-the entries; this one of the equations, group by group: 10 to 25 times less time. Direction: C.
+the size of the entries. This one factors matrices of the size of the equations, group by group, in
+10 to 25 times less time. Direction: C.
 Helmberg, F. Rendl, R. Vanderbei, H. Wolkowicz, SIAM J. Optim. 6 (1996) 342; predictor and
 corrector: S. Mehrotra, SIAM J. Optim. 2 (1992) 575.
 """
@@ -34,9 +35,9 @@ _SHORTEST_STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """One Q_k of a group: the Gram matrix of monomials, times a polynomial.
+    """One matrix Q_k of a group: a Gram matrix of monomials, times a polynomial.
 
-    products: of the monomials
+    products: products of the monomials
     factor: (m, k), the share of each product in each equation
     """
 
@@ -45,17 +46,17 @@ class Matrix:
 
     @property
     def size(self) -> int:
-        """n."""
+        """Size n of the matrix."""
         return self.products.size
 
     @cached_property
     def equations(self) -> sp.csr_matrix:
-        """(m, n²), A_k: symmetric in the two indices of an entry."""
+        """A_k (m, n²), symmetric in the two indices of an entry."""
         return (self.factor @ self.products.sums).tocsr()
 
     @cached_property
     def transposed(self) -> sp.csr_matrix:
-        """(n², m)."""
+        """Transpose of the equations, (n², m)."""
         return self.equations.T.tocsr()
 
 
@@ -63,7 +64,7 @@ class Matrix:
 class Group:
     """Equations that share matrices.
 
-    E: (m, k), of the free numbers
+    E: (m, k), coefficients of the free numbers
     b: (m,)
     matrices: Q_k
     """
@@ -98,12 +99,12 @@ def minimized(
     tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
-    """The free numbers and matrices of least cost, or of one that is enough, or None where the
+    """Return the free numbers and matrices of least cost, or of a sufficient cost, or None if the
     equations are not solved.
 
     groups: of equations
     cost: (k,), c
-    enough: ends the search before the least cost is found
+    enough: (cost, bound) -> whether the search may end before the least cost
     tolerance: of every equation
     seconds: of processor time
     """
@@ -126,7 +127,7 @@ def minimized(
 
 
 class _Cone:
-    """A matrix, that of its inequality, and their steps."""
+    """A matrix Q with its dual Z, and the steps of both."""
 
     def __init__(self, matrix: Matrix, Q: float, Z: float) -> None:
         self.matrix = matrix
@@ -138,35 +139,35 @@ class _Cone:
         self.target = np.zeros_like(self.Q)
 
     def adjoint(self, y: np.ndarray) -> np.ndarray:
-        """Σ_i y_i A_i."""
+        """Return Σ_i y_i A_i."""
         n = self.matrix.size
         return np.asarray((self.matrix.transposed @ y).reshape(n, n))
 
     def factor(self) -> None:
-        """Cholesky factors of both matrices and the inverse of Z."""
+        """Compute the Cholesky factors of Q and Z, and the inverse of Z."""
         self.root_Q = np.linalg.cholesky(self.Q)
         self.root_Z = np.linalg.cholesky(self.Z)
         inverse = _solved(self.root_Z, np.eye(self.matrix.size))
         self.inverse = inverse.T @ inverse
 
     def schur(self) -> np.ndarray:
-        """(m, m), tr(A_i Z⁻¹ A_j Q)."""
+        """Return the matrix (m, m) of tr(A_i Z⁻¹ A_j Q)."""
         of_products = self.matrix.products.schur(self.Q, self.inverse)
         factor = self.matrix.factor
         return np.asarray(factor @ (factor @ of_products).T)
 
     def changed(self, dZ: np.ndarray) -> np.ndarray:
-        """-Q dZ Z⁻¹, symmetric: how Q follows Z."""
+        """Return the change of Q with Z, the symmetric part of -Q dZ Z⁻¹."""
         product = self.Q @ dZ @ self.inverse
         return np.asarray(-(product + product.T) / 2)
 
     def room(self) -> tuple[float, float]:
-        """Longest steps of Q and of Z."""
+        """Return the longest steps of Q and Z that keep them positive semidefinite."""
         return _longest(self.root_Q, self.dQ), _longest(self.root_Z, self.dZ)
 
 
 class _Part:
-    """The state of a group in the iteration: its cones, multipliers y and the residual of its
+    """State of a group in the iteration: its cones, multipliers y and residuals of the
     equations."""
 
     def __init__(self, group: Group, Q: float, Z: float) -> None:
@@ -183,7 +184,7 @@ class _Part:
             cone.slack = -cone.adjoint(self.y) - cone.Z
 
     def factor(self) -> np.ndarray:
-        """E'M⁻¹E, M the matrix of the equations."""
+        """Return E'M⁻¹E, with M the matrix of the equations."""
         M = np.zeros((len(self.y), len(self.y)))
         for cone in self.cones:
             cone.factor()
@@ -193,13 +194,13 @@ class _Part:
         return np.asarray(self.group.E.T @ self._solved_E)
 
     def solved(self, sides: np.ndarray) -> np.ndarray:
-        """M⁻¹ sides."""
+        """Return M⁻¹ sides."""
         return np.asarray(scipy.linalg.cho_solve(self._factors, sides, check_finite=False))
 
     def aim(self, product: float, *, corrected: bool) -> np.ndarray:
-        """E'M⁻¹ of the right side of the equations, for Q Z = product 1.
+        """Return E'M⁻¹ times the right side of the equations, for Q Z = product I.
 
-        corrected: with the second order of the step before"""
+        corrected: whether to include the second-order term of the last step"""
         self._side = self.missing.copy()
         for cone in self.cones:
             cone.target = product * cone.inverse - cone.Q
@@ -211,7 +212,7 @@ class _Part:
         return np.asarray(self._solved_E.T @ self._side)
 
     def direct(self, df: np.ndarray) -> None:
-        """The steps of y, Q and Z that go with that of f."""
+        """Set the steps of y, Q and Z for a step of f."""
         self.dy = self.solved(self._side - self.group.E @ df)
         for cone in self.cones:
             cone.dZ = cone.slack - cone.adjoint(self.dy)
@@ -219,7 +220,7 @@ class _Part:
 
 
 class _Search:
-    """The iteration: f, and all groups."""
+    """State of the iteration: free numbers f and all groups."""
 
     def __init__(self, groups: Sequence[Group], cost: np.ndarray, tolerance: float) -> None:
         self._cost = cost
@@ -254,7 +255,7 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """Take one step, predicted for Q Z = 0 and corrected for Q Z = σ μ 1, with μ the mean of
+        """Take one step, predicted for Q Z = 0 and corrected for Q Z = σ μ I, with μ the mean of
         the eigenvalues of Q Z and σ from the remaining gap of the prediction (Mehrotra). Return
         whether the step is long enough."""
         reduced = np.zeros((len(self.f), len(self.f)))
@@ -281,7 +282,7 @@ class _Search:
         return max(length_Q, length_Z) > _SHORTEST_STEP
 
     def _direct(self, factors: object, product: float, *, corrected: bool) -> np.ndarray:
-        """The step towards Q Z = product 1, that of f."""
+        """Set the steps towards Q Z = product I and return that of f."""
         side = -self._slope
         for part in self.parts:
             side = side + part.aim(product, corrected=corrected)
@@ -291,22 +292,21 @@ class _Search:
         return np.asarray(df)
 
     def _lengths(self, share: float) -> tuple[float, float]:
-        """Steps of all Q and of all Z, at most 1."""
+        """Return the step lengths of all Q and of all Z, at most 1."""
         rooms = np.array([cone.room() for cone in self._cones])
         to_edge = share * rooms.min(axis=0)
         return min(1.0, float(to_edge[0])), min(1.0, float(to_edge[1]))
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """The largest s with root root' + s step positive semidefinite."""
+    """Return the largest s with root root' + s step positive semidefinite."""
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least
 
 
 def _solved(root: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """root⁻¹ sides, root lower triangular.
-
-    Of LAPACK itself: SciPy's `solve_triangular` takes ten times as long around a small matrix.
+    """Return root⁻¹ sides for a lower triangular root. LAPACK is called directly, because SciPy's
+    `solve_triangular` is ten times slower for a small matrix.
     """
     return np.asarray(scipy.linalg.lapack.dtrtrs(root.T, sides, lower=0, trans=1)[0])

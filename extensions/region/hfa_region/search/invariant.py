@@ -1,4 +1,4 @@
-"""The largest set that is found to be invariant under a disturbance."""
+"""Search for the largest set that is proved invariant under disturbances."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class DisturbedPlant(Plant):
-    """The loop under the disturbance that raises a V the most.
+    """The loop under the disturbance that increases V the most.
 
     V: the function
     """
@@ -58,7 +58,7 @@ class DisturbedPlant(Plant):
 
     @cached_property
     def _winds(self) -> ca.Function:
-        """∂z'/∂w, (n, d) of one state, side by side of many."""
+        """Function z -> ∂z'/∂w (n, d), side by side for many states."""
         loop = self.loop
         z, v, states, inputs = self._symbols()
         w = ca.SX.sym("w", len(loop.disturbances))
@@ -72,7 +72,7 @@ class DisturbedPlant(Plant):
         return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """z' of many deviations (N, n)."""
+        """Return the worst z' (N, n) at deviations (N, n)."""
         count, n = z.shape
         sizes = np.array(list(self.loop.disturbances.values()))
         by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
@@ -82,10 +82,11 @@ class DisturbedPlant(Plant):
 
 
 class EdgeSearch(LevelSearch):
-    """Levels of one V on whose edge V' < 0, with every disturbance at each of its ends."""
+    """Search for levels of one V on whose boundary V' < 0 with each disturbance at either end."""
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """The parts of the inputs, each with every disturbance at its lowest and its highest."""
+        """Return the parts of the inputs, each with every disturbance at its lowest and its highest
+        value."""
         names = self.statement.loop.disturbances
         parts, empty = super()._split()
         parts_at_ends = []
@@ -95,8 +96,8 @@ class EdgeSearch(LevelSearch):
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return name and polynomial of the constraints on {V = share rho}: V / rho - share and its
-        negative."""
+        """Return names and polynomials of the constraints of {V = share rho}: V / rho - share and
+        its negative."""
         edge = self.V_terms + ONE.scaled(-share)
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
 
@@ -134,15 +135,15 @@ def invariant_region(
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A V of which V' < 0 was sampled on a level.
+    """A V with V' < 0 at the samples of a level.
 
     V: the function
-    origin: V in words
+    origin: description of V
     plant: under the worst disturbance
-    T: coordinates in which its sets are measured
+    T: coordinates, z = T y, in which its sets are measured
     level: the largest where V' < 0 and the limits hold
     size: of its set
-    beyond: the next level, and a state on it with V' >= 0; inf and None without one
+    beyond: the next level and a state on it with V' >= 0, or inf and None
     """
 
     V: PolynomialFunction
@@ -155,7 +156,7 @@ class _Candidate:
 
 
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
-    """V of the loop without disturbance, and Lyapunov matrices of the loop, of a size near it."""
+    """Return V of the loop without disturbance, and Lyapunov matrices of similar size."""
     yield region.origin, region.V.scaled(1.0 / region.rho)
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
     for P in lyapunov_matrices(region.plant, _CANDIDATES):
@@ -164,7 +165,7 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
 
 
 def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
-    """Each V that has a level with V' < 0 where it was sampled."""
+    """Return each V that has a level with V' < 0 at all samples."""
     for origin, V in _functions(region):
         plant = DisturbedPlant(loop, V)
         T = V.coordinates()
@@ -181,8 +182,8 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """The largest level on which V' < 0 where it was sampled, and one a little above on which it is
-    not so: between one of `_LEVELS` and the next above."""
+    """Return the largest level with V' < 0 at all samples, and a slightly larger level without, by
+    bisection between `low` and the next of `_LEVELS`."""
     above = low * float(_LEVELS[0] / _LEVELS[1])
     for _ in range(_FINER):
         middle = float(np.sqrt(low * above))
@@ -196,8 +197,8 @@ def _bisected(
 def _falls(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Return whether V' < 0 and the limits hold where a level was sampled; where V' is largest, if
-    it is not negative there."""
+    """Return whether V' < 0 and the limits hold at the samples of a level, and the state of the
+    largest V' if it is not negative."""
     points = edge_points(V, T, level) @ T.T
     if not len(points):
         return False, None
@@ -210,7 +211,7 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """The largest level of a V that is found and passes the check, or None where none does."""
+    """Return the largest level of a V that passes the check, or None."""
     n = len(candidate.T)
     degree = candidate.V.degree
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
@@ -237,7 +238,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
 def _at(
     loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
 ) -> ProvedLevel | None:
-    """A share of the sampled level, where it is proved."""
+    """Return the proof of a share of the sampled level, or None."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)
     if held is None:

@@ -1,4 +1,4 @@
-"""The largest level of a given V that is proved, with its evidence."""
+"""Search for the largest proved level of a given V, with its evidence."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Setting:
     order: of the Taylor polynomials
     half: highest degree of the monomials of the Gram matrices of V'
     degree: highest degree that V may have
-    seconds: processor time that must be left for it
+    seconds: processor time that must be left for the attempt
     """
 
     order: int
@@ -59,7 +59,7 @@ class ProvedLevel:
 
     statement: V and rho
     witness: in the form of a certificate
-    parts: where inputs are free or at a limit
+    parts: parts of the set, where inputs are free or at a limit
     """
 
     statement: RegionStatement
@@ -68,17 +68,17 @@ class ProvedLevel:
 
 
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
-    """T with {z'P z <= rho} in the unit ball of y, z = T y, and hardly larger."""
+    """Return T, z = T y, with {z'P z <= rho} just inside the unit ball of y."""
     L = np.linalg.cholesky(P)
     return np.asarray(np.sqrt(rho) * np.linalg.inv(L).T * (1.0 + _SLACK))
 
 
 class LevelSearch:
-    """Levels of one V in one ball.
+    """Search for proved levels of one V in one ball.
 
     loop: the saturated loop
     V: the function
-    rho: level whose set the ball holds
+    rho: level whose set lies in the ball
     T: coordinates of the ball
     setting: degrees
     """
@@ -108,11 +108,12 @@ class LevelSearch:
         self._decreases: dict[tuple[str, ...], Taylor] = {}
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """The parts on which V' < 0 is shown, and the sets of parts that are shown to be empty."""
+        """Return the parts on which V' < 0 is to be proved, and the sets of parts to be proved
+        empty."""
         return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
-        """A lower bound of -V' on a part."""
+        """Return a lower bound of -V' on a part."""
         key = tuple(part.values())
         if key not in self._targets:
             lowest = self._decrease_of(part).lowest(self.ball.n, 2 * self.setting.half)
@@ -120,14 +121,15 @@ class LevelSearch:
         return self._targets[key]
 
     def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
-        """-V' on a part, made once."""
+        """Return -V' on a part, computed once."""
         key = tuple(part.values())
         if key not in self._decreases:
             self._decreases[key] = self.ball.decrease(part)
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the part of the lower bound of -V' for the remainder, of the highest degree."""
+        """Return the term of highest degree in the lower bound of -V', which covers the
+        remainder."""
         degree = 2 * self.setting.half
         whole = self._decrease_of(part)
         norms = whole.polynomial.norms()
@@ -137,8 +139,7 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Evidence that V' < 0 on a part where `_level_constraints` hold, or None where none is
-        found.
+        """Return evidence that V' < 0 on a part where `_level_constraints` hold, or None.
 
         share: of rho, the level
         enough: a margin with which the solver may stop"""
@@ -159,7 +160,7 @@ class LevelSearch:
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Each part of {V <= rho} with the evidence that V' < 0 on it, or None where a part has
+        """Return each part of {V <= rho} with evidence that V' < 0 on it, or None if a part has
         none."""
         found = []
         for part in self.parts:
@@ -170,7 +171,7 @@ class LevelSearch:
         return found
 
     def holds(self, share: float) -> bool:
-        """Return whether V' < 0 is found on every part of {V <= share rho}; the part that refused
+        """Return whether V' < 0 is found on every part of {V <= share rho}; the part that failed
         last is tried first."""
         for index, part in enumerate(self.parts):
             if self.decrease(part, share, _ENOUGH) is None:
@@ -179,7 +180,7 @@ class LevelSearch:
         return True
 
     def largest(self, known: float = 0.0) -> float:
-        """The largest share of rho that holds, by bisection, or 0 where none does.
+        """Return the largest share of rho that holds, by bisection, or 0.
 
         known: a share that holds"""
         if self.holds(1.0):
@@ -197,7 +198,7 @@ class LevelSearch:
         return low
 
     def evidence(self) -> dict[str, Any] | None:
-        """The whole witness of {V <= rho}, or None where a part is not found."""
+        """Return the whole witness of {V <= rho}, or None if a part is not found."""
         if self.proofs is None:
             return None
         parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
@@ -221,8 +222,8 @@ class LevelSearch:
         }
 
     def _extents(self) -> dict[str, Any]:
-        """Evidence of the extents of the set of a V of degree 4 or 6, measured along rays, which
-        become those of the statement; where none is found those of the ball stay."""
+        """Return evidence of extents that are measured along rays, for a V of degree 4 or 6. These
+        become the statement's extents; without evidence those of the ball remain."""
         if self.V.degree == 2:
             return {}
         points = edge_points(self.V, self.T, self.rho)
@@ -242,7 +243,7 @@ class LevelSearch:
         return found
 
     def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
-        """Evidence that a deviation lies between two values in the set."""
+        """Return evidence that a deviation lies between two values in the set, or None."""
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
         level = ONE + self.V_terms.scaled(-1.0)
@@ -260,8 +261,8 @@ class LevelSearch:
 
 
 def lowest_degree(part: Mapping[str, str]) -> int:
-    """The lowest degree of the monomials of the Gram matrices of V' on a part: 1 where every input
-    is free, since the trim is in that part and V' = 0 there, otherwise 0."""
+    """Return the lowest degree of the monomials in the Gram matrices of V' on a part: 1 if every
+    input is free, since V' = 0 at the trim in that part, otherwise 0."""
     return 1 if all(what == FREE for what in part.values()) else 0
 
 
@@ -294,8 +295,8 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 def limits_within(
     ball: RegionLoop, part: Mapping[str, str], low: int, half: int
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
-    """The limits of a part's inputs, each with the degrees of its multiplier: from low, and no
-    product above degree 2 half. A limit of too high a degree is left out."""
+    """Return the limits of a part's inputs, each with the degrees of its multiplier, from low up to
+    products of degree 2 half. A limit of too high a degree is left out."""
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
         highest = half - (polynomial.degree + 1) // 2
@@ -305,15 +306,15 @@ def limits_within(
 
 
 def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polynomial]:
-    """The limits of a part's inputs that are linear in y."""
+    """Return the limits of a part's inputs that are linear in y."""
     limits = limits_of(ball, part)
     return {name: polynomial for name, polynomial in limits.items() if polynomial.degree == 1}
 
 
 def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
-    """Return whether a point of the unit ball is in a part, as far as its limits are linear: the
-    shortest y with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least
-    Squares Problems, chapter 23)."""
+    """Return whether a point of the unit ball meets the linear limits of a part: the shortest y
+    with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems,
+    chapter 23)."""
     rows = []
     sides = []
     for polynomial in _linear_limits(ball, done).values():
@@ -351,8 +352,8 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """The Gram matrices of `positive`, whose arguments these are, or None where there are none, or
-    their margin is below `MARGIN`."""
+    """Return the Gram matrices of `positive`, with its arguments, or None if it fails or its margin
+    is below `MARGIN`."""
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None
@@ -360,18 +361,18 @@ def _evidence(
 
 
 def _within(variables: int) -> Terms:
-    """1 - |y|²."""
+    """Return 1 - |y|²."""
     return ONE + _length(variables).scaled(-1.0)
 
 
 def _length(variables: int) -> Terms:
-    """|y|²."""
+    """Return |y|²."""
     keys = np.array([2 * 16**i for i in range(variables)], dtype=np.int64)
     return Terms(keys, np.ones(variables))
 
 
 def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
-    """Evidence that {V <= 1} lies in the open unit ball, or None where none is found.
+    """Return evidence that {V <= 1} lies in the open unit ball, or None.
 
     V: over rho, in y
     degree: of V
@@ -385,8 +386,7 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 
 
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
-    """T with {V <= rho} in the unit ball of y, z = T y, proved in floating point, or None where
-    none is found.
+    """Return T, z = T y, with {V <= rho} in the unit ball of y by a floating-point proof, or None.
 
     V: the function
     rho: its level
@@ -410,11 +410,11 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
 def proved_level(
     loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
-    """The largest level of V up to rho that is found and passes the check, or None where none does.
+    """Return the largest level of V up to rho that passes the check, or None.
 
     loop: the saturated loop
     V: the function
-    rho: no larger level is tried
+    rho: largest level to be tried
     setting: degrees
     T: coordinates in which {V <= rho} can be measured
     """
@@ -444,7 +444,7 @@ def proved_level(
 
 
 def accepted(tried: LevelSearch) -> ProvedLevel | None:
-    """The level with its evidence where the check accepts it."""
+    """Return the level with its evidence if the check accepts it, else None."""
     evidence = tried.evidence()
     if evidence is None:
         return None

@@ -1,4 +1,4 @@
-"""The saturated loop in numbers: rates of many states at once, samples and simulations."""
+"""The saturated loop in doubles: rates of many states at once, samples and simulations."""
 
 from __future__ import annotations
 
@@ -53,22 +53,22 @@ def saturated_loop(
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """The loop in deviations z from its trim.
+    """Evaluation of the loop in deviations z from its trim.
 
-    loop: with its limits
+    loop: the loop with its limits
     """
 
     loop: SaturatedLoop
 
     @cached_property
     def nominal(self) -> np.ndarray:
-        """(n,), typical sizes of the states."""
+        """Nominal sizes of the states, (n,)."""
         signals = self.loop.model.signals
         return np.array([signals[name].nominal for name in self.loop.states])
 
     @cached_property
     def input_ends(self) -> np.ndarray:
-        """(m, 2), lowest and highest command less that of the trim."""
+        """Lowest and highest input minus its trim, (m, 2)."""
         pairs = [self.loop.limits.get(name, (-np.inf, np.inf)) for name in self.loop.inputs]
         at = np.array(list(self.loop.inputs.values()))
         return np.array(pairs).reshape(-1, 2) - at[:, None]
@@ -81,13 +81,13 @@ class Plant:
 
     @cached_property
     def limited_rows(self) -> np.ndarray:
-        """(k, n), slopes of the limited signals in z; those of outputs at the trim."""
+        """Slopes of the limited signals in z (k, n), at the trim for outputs."""
         rows = np.vstack([np.eye(len(self.loop.states)), self._outputs[1]])
         return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
 
     @cached_property
     def room(self) -> np.ndarray:
-        """(k, 2), lowest and highest deviation of each limited signal."""
+        """Lowest and highest deviation of each limited signal, (k, 2)."""
         at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
         pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
         return np.array(pairs).reshape(-1, 2)
@@ -111,7 +111,7 @@ class Plant:
         return np.array(values).ravel(), np.array(slopes)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, list[Any], list[Any]]:
-        """z, the deviations of the inputs, and all states and inputs."""
+        """Symbols of z and of the input deviations, and expressions of all states and inputs."""
         loop = self.loop
         z = ca.SX.sym("z", len(loop.states))
         v = ca.SX.sym("v", len(loop.inputs))
@@ -122,7 +122,7 @@ class Plant:
         return z, v, states, [at + part for at, part in parts]
 
     def command(self, z: ca.SX) -> ca.SX:
-        """u - u0 before it is saturated, (m,)."""
+        """Return u - u0 before saturation, (m,)."""
         curved = ca.SX.zeros(len(self.loop.inputs))
         for index, name in enumerate(self.loop.inputs):
             for coefficient, exponents in self.loop.policy.get(name, ()):
@@ -131,7 +131,7 @@ class Plant:
         return curved - ca.DM(self.loop.K) @ z
 
     def saturated(self, command: ca.SX) -> ca.SX:
-        """u - u0 within the limits of the inputs."""
+        """Return u - u0 within the input limits, (m,)."""
         low = ca.DM(self.input_ends[:, 0])
         high = ca.DM(self.input_ends[:, 1])
         return ca.fmin(ca.fmax(command, low), high)
@@ -167,7 +167,7 @@ class Plant:
         return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """z' of many deviations (N, n)."""
+        """Return z' (N, n) at deviations (N, n)."""
         return self._rates(z)[0]
 
     @cached_property
@@ -180,11 +180,11 @@ class Plant:
 def first_rise(
     plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
 ) -> tuple[float, np.ndarray | None]:
-    """Return the lowest V found where V' >= 0, and the state; inf and None where none is in the
+    """Return the lowest V found with V' >= 0, and the state, or inf and None if none is in the
     ball.
 
     plant: the loop
-    V, slope: of deviations (N, n)
+    V, slope: functions of deviations (N, n)
     T: z = T y; samples lie in the unit ball of y
     quick: with 10 % of the samples
     """
@@ -218,7 +218,7 @@ def first_rise(
 
 
 def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """The smallest share of each ray (N, n) where V' >= 0 is found, refined, or inf where none."""
+    """Return the smallest share of each ray (N, n) at which V' >= 0 is found, refined, or inf."""
     count, n = rays.shape
     points = (radii[:, None, None] * rays).reshape(-1, n)
     rising = _rises(plant, slope, points).reshape(len(radii), count)
@@ -268,16 +268,16 @@ NOT_RETURNED = {
 def outcomes(
     plant: Plant, starts: np.ndarray, holds: Callable[[np.ndarray], np.ndarray], seconds: float
 ) -> np.ndarray:
-    """The `Outcome` of each of the starts (N, n), (N,).
+    """Return the `Outcome` of each initial condition, (N,).
 
     plant: the loop
-    starts: deviations
-    holds: whether each of (N, n) is in the proved set
-    seconds: how long each is followed
+    starts: (N, n), deviations from the trim
+    holds: deviations (N, n) -> whether each is in the proved set
+    seconds: longest duration of each simulation
 
-    A trajectory is followed by the classical method of Runge and Kutta until its first outcome,
-    which is looked for at every step. It diverges where a state is not finite or exceeds `_FAR`
-    nominal deviations and `_FAR_OF_STARTS` times the largest of the starts.
+    A trajectory is simulated by the classical Runge-Kutta method until its first outcome, which is
+    sought at every step. It diverges where a state is not finite or exceeds `_FAR`
+    nominal deviations and `_FAR_OF_STARTS` times the largest initial deviation.
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
     far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
@@ -305,7 +305,7 @@ def outcomes(
 
 
 def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
-    """Return the state after one step of Runge and Kutta."""
+    """Return the state after one Runge-Kutta step."""
     k1 = plant.rates(z)
     k2 = plant.rates(z + step / 2 * k1)
     k3 = plant.rates(z + step / 2 * k2)

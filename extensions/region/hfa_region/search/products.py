@@ -1,4 +1,4 @@
-"""The products of monomials in a Gram matrix, and the Schur complement of their sums."""
+"""Products of monomials in a Gram matrix, and the Schur complement of their sums."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ BASE = 16
 
 @cache
 def packed(key: int) -> int:
-    """The exponents of a key of a polynomial in one number, Σ α_i 16^i."""
+    """Return the exponents of a key packed into one number, Σ α_i 16^i."""
     return sum(power * BASE**i for i, power in enumerate(exponents_of(key)))
 
 
 @lru_cache(maxsize=64)
 def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
-    """The keys of `monomials`, in their order."""
+    """Return the packed keys of `monomials`, in their order."""
     return np.array([packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The k products of one degree, of the n monomials that take part in products of this or a
-    higher degree.
+    """The k products of one degree, with the n monomials that occur in products of this degree or
+    higher.
 
     start: first of these monomials
-    first, last: places of the products
+    first, last: indices of the products
     stacked: (k n, n), the matrices of the products below each other
     sums: (l, n²), the entries of each of the l products from the first on
     """
@@ -47,10 +47,10 @@ class _Block:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """The products of two of n monomials, m = (y^α).
+    """Products of pairs of n monomials, m = (y^α).
 
     size: n
-    keys: (k,), of the products, by degree
+    keys: (k,), packed keys of the products, by degree
     sums: (k, n²), 1 where an entry of m m' is the product
     blocks: one for each degree of the products
     """
@@ -61,7 +61,8 @@ class Products:
     blocks: Sequence[_Block]
 
     def schur(self, Q: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-        """(k, k), tr(H_i Z⁻¹ H_j Q), H_i the matrix of product i, Q and Z⁻¹ symmetric.
+        """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i, Q and
+        Z⁻¹ symmetric.
 
         The lower triangle is computed, degree by degree."""
         M = np.zeros((len(self.keys), len(self.keys)))
@@ -78,7 +79,7 @@ class Products:
 
 @lru_cache(maxsize=64)
 def products_of(variables: int, low: int, high: int) -> Products:
-    """The products of the monomials of degree low to high."""
+    """Return the products of the monomials of degree low to high."""
     own = packed_monomials(variables, low, high)
     counts = [len(monomials(variables, degree, degree)) for degree in range(low, high + 1)]
     degrees = np.repeat(np.arange(low, high + 1), counts)

@@ -1,4 +1,4 @@
-"""The largest region that is found: the best V, its largest level, and what bounds both."""
+"""Search for the largest region: the best V, its largest level, and the obstacles to both."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """The bounds of a proved set.
+    """Obstacles that bound a proved set.
 
-    rises: the lowest V where V' >= 0 was found, and the state; inf and None without one
+    rises: the lowest V found with V' >= 0, and the state, or inf and None
     starts: outcome -> the lowest V of an initial condition with it, and the state
     limits: signals whose limits the set nearly touches
     """
@@ -75,10 +75,10 @@ class Region(Reported):
 
     proved: statement and witness
     V: its function
-    origin: V in words
+    origin: description of V
     bounds: its bounds
-    plant: the loop in numbers
-    T: coordinates about the set
+    plant: the loop in doubles
+    T: coordinates, z = T y, with the set in the unit ball
     """
 
     proved: ProvedLevel
@@ -106,10 +106,10 @@ class Region(Reported):
 
 
 class RegionSearch:
-    """The search in a given time.
+    """Search for a region in a given time.
 
     loop: the saturated loop
-    P: of the game, tried first
+    P: (n, n), matrix of the game, tried first
     seconds: processor time of the search
     degree: highest degree of V
     progress: called with the current step
@@ -139,7 +139,7 @@ class RegionSearch:
         self._size = 0.0
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
-        """The largest region. Raises NoSolutionError where none is proved.
+        """Return the largest region. Raises NoSolutionError if none is proved.
 
         known: V of an earlier run, which the search continues
         """
@@ -183,15 +183,15 @@ class RegionSearch:
             self._progress(done, self._seconds, what)
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Positive definite matrices that may be a Lyapunov function of the loop."""
+        """Return positive definite matrices of candidate Lyapunov functions."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
             yield "P of the game", (self._P + self._P.T) / 2
         for P in lyapunov_matrices(self.plant, _CANDIDATES):
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
-        """The first candidate of which a level is proved, those of the largest sampled sets first,
-        or the first where no level is proved."""
+        """Return the first candidate with a proved level, in order of decreasing sampled sets, or
+        the first candidate if none has one."""
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
             if self._prove(V, 1.0, origin, self._settings[0]):
@@ -199,8 +199,8 @@ class RegionSearch:
         return candidates[0][1]
 
     def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
-        """Return size of the sampled set, V with its level 1, and its description, of each
-        candidate, the largest first."""
+        """Return for each candidate the size of its sampled set, V with level 1, and its
+        description, the largest first."""
         found = []
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
@@ -212,7 +212,7 @@ class RegionSearch:
         return sorted(found, key=lambda candidate: -candidate[0])
 
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
-        """The largest level of z'P z within the limits, and T of its ball."""
+        """Return the largest level of z'P z within the limits, and T of its ball."""
         inverse = np.linalg.inv(P)
         rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
         nearest = np.min(np.abs(self.plant.room), axis=1)
@@ -222,13 +222,13 @@ class RegionSearch:
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
     def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
-        """Prove the largest level up to rho and keep it where its set is the largest; its size, 0
-        where nothing is proved."""
+        """Prove the largest level up to rho, keep it if its set is the largest so far, and return
+        its size, or 0."""
         self._tell(f"proving {origin}")
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
-        """Keep a proved level of V where its set is the largest; its size, 0 without one."""
+        """Keep a proved level of V if its set is the largest so far, and return its size, or 0."""
         if proved is None:
             return 0.0
         size = measured(V, proved.statement.rho, V.coordinates())
@@ -241,7 +241,7 @@ class RegionSearch:
         return size
 
     def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
-        """V after turns of multipliers and V, its level 1, proved."""
+        """Return V, scaled to its proved level 1, after alternating steps of multipliers and V."""
         turn = self._turn(V, setting)
         if turn is None:
             return V
@@ -262,8 +262,7 @@ class RegionSearch:
         return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
-        """V with its level 1, or one a little below, that holds in floating point, or None where
-        none is found.
+        """Return V at level 1 or a little below with a floating-point proof, or None.
 
         least: size that the set must exceed"""
         begin = time.process_time()
@@ -286,8 +285,8 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """Return a level above 1 that may be proved: within the limits, V' < 0 where it is
-        sampled."""
+        """Return a level above 1 that may be proved: within the limits, with V' < 0 at all
+        samples."""
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
@@ -319,12 +318,12 @@ class RegionSearch:
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A V whose level 1 holds in floating point.
+    """A V whose level 1 holds by a floating-point proof.
 
     V: the function, its level 1
-    search: in the ball that holds it
-    size: of its set
-    seconds: processor time it took
+    search: the search in a ball around its set
+    size: size of its set
+    seconds: processor time of the step
     """
 
     V: PolynomialFunction
@@ -334,8 +333,8 @@ class _Turn:
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """P > 0, (n, n), with A'P + P A = -diag(w²), A of the linear loop, for weights w, (n,):
-    first 1 over the nominal values, then each entry of that times 0.1 to 10."""
+    """Return P > 0 (n, n) with A'P + P A = -diag(w²), A of the linear loop, for several weights w
+    (n,): first 1 / nominal, then with each entry multiplied by 0.1 to 10."""
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
     for index in range(count):
@@ -355,7 +354,7 @@ def bounds_of(
     T: np.ndarray,
     rises: tuple[float, np.ndarray | None],
 ) -> Bounds:
-    """Return the bounds of {V <= rho} from simulations that begin on rays from the trim.
+    """Return the obstacles around {V <= rho} from simulations that begin on rays from the trim.
 
     T: z = T y, the set in the unit ball of y
     rises: the lowest V where V' >= 0 was found, and the state
@@ -377,12 +376,12 @@ def bounds_of(
 def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
-    """`LEFT` and `LOST` -> (k, n), about the first start on each ray that leaves the limits or does
-    not converge, of rays that have one; `UNKNOWN` -> those of which nothing is known in the time.
+    """Return `LEFT` and `LOST` -> (k, n), approximately the first initial condition on each ray
+    that leaves the limits or diverges, and `UNKNOWN` -> those without an outcome in the time.
 
     V, rho: of the proved set
     T: z = T y, the set in the unit ball of y
-    rays: (N, n), about to the edge of the set
+    rays: (N, n), with ends near the boundary of the set
     """
     rates = np.linalg.eigvals(plant.closed_matrix).real
     seconds = _TIMES / float(np.min(np.abs(rates)))
@@ -415,12 +414,12 @@ def gone_starts(
 def _first_lost(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays with a start that does not converge, and the shares between which it lies.
+    """Return the rays with an initial condition that does not converge, and the shares around it.
 
     rays: (N, n)
-    low: (N,), shares that return
+    low: (N,), shares that converge
     shells: (k, N), increasing shares
-    gone: (k, N), which are lost
+    gone: (k, N), flags of those that do not converge
     """
     hit = gone.any(axis=0)
     first = gone.argmax(axis=0)[hit]
@@ -430,9 +429,9 @@ def _first_lost(
 
 
 def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
-    """The n-th root of the volume of {V <= rho} over that of the unit ball.
+    """Return the n-th root of the ratio of the volume of {V <= rho} to that of the unit ball.
 
-    T: z = T y, coordinates in which its edge is sampled
+    T: coordinates, z = T y, in which its boundary is sampled
     """
     n = len(T)
     points = edge_points(V, T, rho)
@@ -443,8 +442,8 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """Return the settings of the search by the number of states and the highest degree of V, for
-    about a minute."""
+    """Return settings of the search for a number of states and a highest degree of V, for about a
+    minute."""
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:

@@ -1,8 +1,9 @@
-"""A better V: with the multipliers of the level fixed, the V whose mean over the set is smallest.
+"""Step to a better V: with fixed multipliers of the level, the V of smallest mean over the set.
 
-V and multipliers take turns (Jarvis-Wloszek, Lyapunov based analysis and controller synthesis for
-polynomial systems using sum-of-squares optimization, 2003); each turn keeps the set of the last one
-nearly and reaches farther where V' < 0 allows it.
+V and multipliers are optimized alternately (Jarvis-Wloszek, Lyapunov based analysis and controller
+synthesis for
+polynomial systems using sum-of-squares optimization, 2003); each step nearly keeps the last set and
+extends it where V' < 0 permits.
 """
 
 from __future__ import annotations
@@ -29,18 +30,18 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """A V, its level 1, whose set is larger than that of the search, or None where none is found.
+    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
 
-    search: of the V at hand, whose level holds
+    search: the search with the present V, whose level holds
     rows: (k, n), slopes of the signals that have limits
     room: (k, 2), lowest and highest deviation of each
-    reach: how far beyond the ball the set of the next V may reach, above 1
+    reach: largest radius of the next set, relative to the ball, above 1
     """
     return _Step(search, reach).solved(rows, room)
 
 
 class _Step:
-    """One problem for V = Σ θ_α y^α in the coordinates of a search."""
+    """Semidefinite problem for V = Σ θ_α y^α in the coordinates of a search."""
 
     def __init__(self, search: LevelSearch, reach: float) -> None:
         self.search = search
@@ -54,7 +55,7 @@ class _Step:
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
-        """The next V in z, its level 1."""
+        """Return the next V in z, scaled to level 1, or None."""
         proofs = self.search.proofs
         if proofs is None:
             return None
@@ -73,7 +74,8 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """-V' - σ (1 - V) - .. is a sum of squares, σ that of the evidence of the V at hand."""
+        """Require that -V' - σ (1 - V) - .. is a sum of squares, with σ from the evidence of the
+        present V."""
         search = self.search
         half = search.setting.half
         problem = self.problem
@@ -103,7 +105,7 @@ class _Step:
             problem.subtract(identity, *degrees, limit)
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
-        """Keys and coefficients (n, k) of y' = T⁻¹ z' up to a degree."""
+        """Return keys and coefficients (n, k) of y' = T⁻¹ z' up to a degree."""
         polynomials = [Terms.of(rate.polynomial) for rate in self.search.ball.rates(part)]
         keys = np.unique(np.concatenate([terms.keys for terms in polynomials]))
         keys = keys[_degrees(keys) < highest]
@@ -114,7 +116,7 @@ class _Step:
         return keys, np.linalg.solve(self.search.T, values)
 
     def _positive(self) -> None:
-        """V - least |y|² is a sum of squares."""
+        """Require that V - least |y|² is a sum of squares."""
         problem = self.problem
         length = Terms.of(power_of_length(self.n, 2))
         identity = problem.identity(length.scaled(-_LEAST))
@@ -122,7 +124,7 @@ class _Step:
         problem.subtract(identity, 1, self.search.setting.degree // 2)
 
     def _bounded(self, beyond: Terms, degree: int) -> None:
-        """V > 1 wherever a polynomial of degree 2, negative at 0, is not negative."""
+        """Require V > 1 wherever a polynomial of degree 2, negative at 0, is not negative."""
         problem = self.problem
         half = self.search.setting.degree // 2
         identity: Identity = problem.identity(Terms(np.zeros(1, dtype=np.int64), -np.ones(1)))
@@ -131,7 +133,8 @@ class _Step:
         problem.subtract(identity, 0, half - degree, beyond)
 
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
-        """(s - low) (s - high) / |low high| in y, s = row z, with a single end taken twice."""
+        """Return (s - low) (s - high) / |low high| in y, with s = row z; a single finite end is
+        used twice."""
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
         slopes = row @ self.search.T
@@ -143,15 +146,14 @@ class _Step:
 
 
 def _ball(n: int, radius: float) -> PolynomialFunction:
-    """|y|² / radius² - 1."""
+    """Return |y|² / radius² - 1."""
     exponents = np.concatenate([2 * np.eye(n, dtype=int), np.zeros((1, n), dtype=int)])
     return PolynomialFunction(np.array([radius**-2.0] * n + [-1.0]), exponents)
 
 
 def _means(exponents: np.ndarray) -> np.ndarray:
-    """The mean of each monomial over the unit ball of y.
-
-    n / (n + k) of that over the sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k even."""
+    """Return the mean of each monomial over the unit ball of y: n / (n + k) times that over the
+    sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k even."""
     n = exponents.shape[1]
     means = []
     for powers in exponents.tolist():
@@ -166,7 +168,7 @@ def _means(exponents: np.ndarray) -> np.ndarray:
 
 
 def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
-    """m'Q m."""
+    """Return m'Q m."""
     keys = packed_monomials(n, low, high)
     sums = (keys[:, None] + keys[None, :]).ravel()
     known, place = np.unique(sums, return_inverse=True)
@@ -180,7 +182,7 @@ def _padded(exponents: list[int], n: int) -> list[int]:
 
 
 def _degrees(keys: np.ndarray) -> np.ndarray:
-    """The degrees of packed keys."""
+    """Return the degrees of packed keys."""
     total = np.zeros_like(keys)
     rest = keys.copy()
     while np.any(rest):

@@ -1,4 +1,4 @@
-"""Sums of squares in floating point: problems in Gram matrices and free numbers."""
+"""Sum-of-squares problems in floating point, in Gram matrices and free numbers."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _NEAR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Σ coefficient y^exponents in doubles.
+    """Polynomial Σ coefficient y^exponents in doubles.
 
-    keys: exponents in one number, Σ α_i 16^i
+    keys: exponents packed into one number, Σ α_i 16^i
     values: coefficients
     """
 
@@ -36,7 +36,7 @@ class Terms:
 
     @classmethod
     def of(cls, polynomial: Polynomial) -> Terms:
-        """The midpoints of a polynomial of balls."""
+        """Return the midpoints of a polynomial of balls."""
         keys = []
         values = []
         for key, _, coefficient in polynomial.terms():
@@ -46,7 +46,7 @@ class Terms:
 
     @classmethod
     def packed(cls, V: PolynomialFunction) -> Terms:
-        """A polynomial of exponents in rows."""
+        """Return a polynomial from exponents in rows."""
         base = BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
         return cls(V.exponents.astype(np.int64) @ base, V.coefficients)
 
@@ -55,12 +55,12 @@ class Terms:
         return Terms(keys, np.concatenate([self.values, other.values]))
 
     def scaled(self, factor: float) -> Terms:
-        """The polynomial times a number."""
+        """Return the polynomial times a number."""
         return Terms(self.keys, self.values * factor)
 
     @property
     def size(self) -> float:
-        """The largest absolute value of a coefficient."""
+        """Largest absolute value of a coefficient."""
         return float(np.max(np.abs(self.values), initial=0.0))
 
 
@@ -70,7 +70,7 @@ ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """One matrix of a problem, positive definite with the margin.
+    """One Gram matrix of a problem, positive definite with the margin.
 
     low, high: degrees of its monomials
     size: number of them
@@ -88,7 +88,7 @@ class Gram:
 class Identity:
     """Coefficients of a polynomial that must be 0: constants + Σ value x_column - Σ m'Q m factor.
 
-    number: of the identity in its problem
+    number: index of the identity in its problem
     keys, columns, values: parallel, of the free unknowns
     constants: the constant terms
     grams: each with its factor
@@ -115,19 +115,20 @@ class Squares:
         self._costs: dict[int, float] = {}
 
     def free(self, count: int) -> np.ndarray:
-        """Columns of new unknowns of any sign."""
+        """Add free unknowns of any sign and return their columns."""
         start = self._count
         self._count += count
         return np.arange(start, self._count)
 
     def identity(self, target: Terms) -> Identity:
-        """target + .. = 0, to which others are added."""
+        """Add the identity target + .. = 0, to which terms can be added, and return it."""
         identity = Identity(len(self._identities), constants=[target])
         self._identities.append(identity)
         return identity
 
     def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
-        """Add -m'Q m factor to an identity, Q new, m the monomials of degree low to high."""
+        """Add -m'Q m factor to an identity, with a new Q and the monomials m of degree low to
+        high."""
         size = len(monomials(self.variables, low, high))
         gram = Gram(low, high, size, identity.number, len(identity.grams))
         identity.grams.append((gram, factor))
@@ -149,10 +150,10 @@ class Squares:
     def solve(
         self, margin: float | None = None, seconds: float = np.inf, enough: float | None = None
     ) -> Solution | None:
-        """The best unknowns, or None where the solver finds none.
+        """Return the optimal unknowns, or None if the solver finds none.
 
-        margin: that of the Gram matrices, instead of the largest; then the least cost is found to
-            `_NEAR` of it
+        margin: fixed margin of the Gram matrices, instead of the largest; the least cost is then
+            found to `_NEAR`
         seconds: longest processor time
         enough: a margin that suffices; where it cannot be reached, any margin is returned
         """
@@ -181,7 +182,7 @@ class Squares:
         return Solution(x, point.matrices)
 
     def _group(self, identity: Identity) -> Group:
-        """The equations of an identity, one a monomial."""
+        """Return the equations of an identity, one for each monomial."""
         constant = identity.constants[0]
         for more in identity.constants[1:]:
             constant = constant + more
@@ -212,13 +213,13 @@ class Squares:
 
 
 def _with_margin(group: Group, margin: float) -> Group:
-    """The equations with the first unknown given."""
+    """Return the equations with the first unknown, the margin, fixed."""
     return Group(group.E[:, 1:], group.b - margin * group.E[:, 0], group.matrices)
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Unknowns of a problem.
+    """Solution of a problem.
 
     x: the free ones
     matrices: those of each identity, without the margin
@@ -245,8 +246,8 @@ def positive(
     variables: int,
     enough: float | None = None,
 ) -> tuple[float, dict[str, Any]] | None:
-    """The margin with which a target is a sum of squares where the constraints are not negative,
-    and the Gram matrices, or None where the solver fails.
+    """Return the margin with which a target is a sum of squares where the constraints are not
+    negative, and the Gram matrices, or None if the solver fails.
 
     target: polynomial
     constraints: name, polynomial and the degrees of the monomials of its multiplier
