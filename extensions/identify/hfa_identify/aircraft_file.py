@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def aircraft_text(found: Identified) -> str:
-    """The TOML text of an aircraft with the estimates as its parameters, with their bands.
+    """Return the TOML text of an aircraft with the estimates as its parameters, with their bands.
 
     Raises BadInputError where the model was not loaded from a file that can be named."""
     source = found.model.extras.source[0]

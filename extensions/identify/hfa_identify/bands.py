@@ -30,7 +30,7 @@ _GONE = 1e-3
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
-    """(p, p) Cramér-Rao bound: the inverse of the information. It holds for white residuals.
+    """Return the (p, p) Cramér-Rao bound, the inverse of the information, for white residuals.
 
     The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
     them. A parameter that no sample depends on has the variance inf, as has one whose information
@@ -42,19 +42,19 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """N / (N - unknowns): the factor by which fitted residuals are smaller than the noise."""
+    """Return N / (N - unknowns), the ratio of the noise variance to that of fitted residuals."""
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> int:
-    """Parameters and the states at the starts that the records show."""
+    """Return the number of parameters and of initial states that the records determine."""
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))
 
 
 def covariance(fit: Fit) -> np.ndarray:
-    """(p, p) covariance of the parameters with the residuals' own autocorrelation:
+    """Return the (p, p) covariance of the parameters with the residuals' own autocorrelation:
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
@@ -106,8 +106,8 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
 
 
 def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
-    """(k,) of each record: number of unknowns that its samples of each quantity determine, the
-    trace of S D S' R⁻¹, with that of the initial condition."""
+    """Return for each record (k,) numbers of unknowns that its samples of each quantity determine:
+    the trace of S D S' R⁻¹, initial condition included."""
     p = len(fit.theta)
     D = inverse(fit.information)
     shares = []
@@ -133,7 +133,7 @@ def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarr
 
 
 def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:
-    """The autocorrelation of the noise at lags 0, 1, ..., until it is gone: that of an
+    """Return the autocorrelation of the noise at lags 0, 1, ..., until it is gone: that of an
     autoregressive process of order 0 to 4, or of white noise and slow noise of order 1 together,
     whichever has the least BIC.
 
@@ -165,7 +165,7 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
 
 
 def _unbiased(total: float, fitted: float, count: int) -> float:
-    """The sum of the coefficients of a process without the bias of its estimate."""
+    """Return the sum of the coefficients of a process, corrected for the bias of its estimate."""
     return min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
 
 
@@ -184,8 +184,8 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=4)
 def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the logarithms, (poles, shares), and inverses, (poles, shares, count), of the
-    spectra of white noise with slow noise."""
+    """Return for spectra of white noise with slow noise the means of their logarithms, (poles,
+    shares), and their inverses, (poles, shares, count)."""
     turns = np.cos(np.pi * np.arange(count) / (count - 1))
     poles = np.array(_POLES)[:, None, None]
     shares = np.array(_SHARES)[:, None]
@@ -195,7 +195,8 @@ def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
-    """The autocorrelation of an autoregressive process, up to the lag at which it is gone."""
+    """Return the autocorrelation of an autoregressive process, up to the lag at which it is
+    gone."""
     lags = np.arange(1, len(coefficients) + 1)
     turns = np.exp(-2j * np.pi * np.outer(np.arange(_LENGTH) / _LENGTH, lags))
     spectrum = 1.0 / np.abs(1.0 - turns @ coefficients) ** 2
@@ -206,8 +207,8 @@ def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
 
 
 def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """The autocorrelation at lags 0 to N - 1 of the samples that are present, each pair of them
-    weighted alike."""
+    """Return the autocorrelation at lags 0 to N - 1 of the samples that are present, each pair of
+    them weighted alike."""
     values = np.where(present, residual, 0.0)
     pairs = np.maximum(np.round(sums_of_products(present.astype(float))), 1.0)
     means = sums_of_products(values) / pairs
@@ -215,21 +216,23 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 
 def sums_of_products(values: np.ndarray) -> np.ndarray:
-    """Σ_i v_i v_(i + lag), lags 0 to N - 1."""
+    """Return Σ_i v_i v_(i + lag) of N values for lags 0 to N - 1."""
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(values, size)
     return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[: len(values)])
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """The share of the first lags whose autocorrelation lies within 95 % of white noise's."""
+    """Return the share of the first lags whose autocorrelation lies within 95 % of white
+    noise's."""
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
     return float((np.abs(correlation) < limit).mean())
 
 
 def explained(fit: Fit) -> np.ndarray:
-    """(k,) 1 - (sum of squares of residuals) / (that of the measured quantity about its mean)."""
+    """Return the (k,) coefficients of determination: 1 - (sum of squared residuals) / (sum of
+    squares of the measured quantity about its mean)."""
     parts = []
     for place in range(len(fit.noise)):
         left = varied = 0.0
@@ -245,8 +248,8 @@ def explained(fit: Fit) -> np.ndarray:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """(k,) flags of quantities that the model moves otherwise than they were measured: without this
-    motion less would be left. Large noise alone is no such motion."""
+    """Return (k,) flags of quantities whose simulated motion contradicts the measured one: their
+    residuals would be smaller without it. Large noise alone sets no flag."""
     flags = []
     for place, noise in enumerate(fit.noise):
         seen = [
@@ -260,7 +263,7 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:
-    """(p, p) correlation coefficients of estimates, 0 for those of infinite variance."""
+    """Return the (p, p) correlation coefficients of estimates, 0 for those of infinite variance."""
     variances = np.diag(covariance)
     seen = np.isfinite(variances) & (variances > 0.0)
     deviations = np.sqrt(np.where(seen, variances, 1.0))

@@ -1,4 +1,4 @@
-"""Bias, scale and delay of each column of the records, by one step from 0, with their bands."""
+"""Bias, scale and delay of each column of the records with bands, estimated by one step from 0."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _DIFFERENCE = 1e-7
 class ColumnError(Result):
     """An error of a column that the search did not free, estimated by one step from 0.
 
-    value: its estimate, or None where parameters make up for any such error.
+    value: its estimate, or None if parameters compensate any such error.
     half: half-width of its 95 % band; None likewise.
-    unit: of both.
-    moves: the parameter that this half-width moves most, in its own bands.
-    bands: by how many of its half-widths, or None without end.
-    shift: by how many the estimated error moves any parameter.
+    unit: unit of both.
+    moves: the parameter that an error of this half-width shifts most, relative to its band.
+    bands: that shift in half-widths of the parameter's band, or None if unbounded.
+    shift: largest shift of a parameter by the estimated error, in half-widths of its band.
     """
 
     value: float | None
@@ -48,24 +48,24 @@ class ColumnError(Result):
 
     @property
     def is_assumed(self) -> bool:
-        """Return whether the bands assume that it is 0: within its own band it moves an estimate
-        beyond that estimate's, or without end."""
+        """True if the bands assume that the error is 0: within its own band it shifts an estimate
+        beyond that estimate's band, or without bound."""
         return self.bands is None or self.bands > 1.0
 
     @property
     def clear(self) -> float:
-        """The estimate divided by its standard deviation."""
+        """Absolute value of the estimate divided by its standard deviation."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
-    """Name of an error, as bias_alpha -> its estimate.
+    """Return name of an error, such as bias_alpha -> its estimate.
 
     half: (p,) half-widths of the bands of white residuals
 
     With information M and score g of the parameters θ and of one error c:
-    c = s / m, s = g_c - M_cθ M_θθ⁻¹ g_θ, m = M_cc - M_cθ M_θθ⁻¹ M_θc. The variance of s is that of
-    residuals without the error, with their autocorrelation: a bias is no slow noise.
+    c = s / m, s = g_c - M_cθ M_θθ⁻¹ g_θ, m = M_cc - M_cθ M_θθ⁻¹ M_θc. The variance of s is computed
+    from residuals without the error and their autocorrelation, because a bias is not slow noise.
     """
     responses = search.responses
     known = {
@@ -116,23 +116,24 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
-    """(c, d) sums over samples and quantities of the products of (N, k, c) and (N, k, d) of each
-    record."""
+    """Return the (c, d) sums over samples and quantities of the products of (N, k, c) and (N, k, d)
+    of each record."""
     pairs = zip(one, other, strict=True)
     return np.asarray(sum(np.tensordot(*pair, ((0, 1), (0, 1))) for pair in pairs))
 
 
 def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """(N, k, errors) derivatives of the measured quantities of a record by errors of columns."""
+    """Return the (N, k, errors) derivatives of the measured quantities of a record by errors of
+    columns."""
     return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
-    """(N, k) derivative of the measured quantities of a record by an error of a column.
+    """Return the (N, k) derivative of the measured quantities of a record by an error of a column.
 
-    The record without an error c has the column less c d: d is 1 for a bias, the column itself for
-    a scale, less its slope for a delay. An input, and in turbulence any column, moves what is
-    simulated."""
+    Correcting an error c subtracts c d from the column: d is 1 for a bias, the column itself for a
+        scale, and minus its slope for a delay. A change of an input, and in turbulence of any
+        column, also changes the simulation."""
     responses = search.responses
     record = search.records[number]
     y = fit.responses[number].y
@@ -163,7 +164,7 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
 
 
 def _variance(fit: Fit, effects: list[np.ndarray], value: float, fitted: list[np.ndarray]) -> float:
-    """The variance of the score of one error, without the residuals that it explains.
+    """Return the variance of the score of one error, without the residuals that it explains.
 
     effects: (N, k) of each record, of the error with the parameters moved along. value: its
     estimate. fitted: (k,) of each record, number of unknowns that its samples determine."""

@@ -1,4 +1,4 @@
-"""`hfa.identify`: the unknowns of a model from flight records, with the findings against them."""
+"""`hfa.identify`: identification of a model's parameters from flight records."""
 
 from __future__ import annotations
 
@@ -60,26 +60,26 @@ def identify(
     columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
-    """The parameters of a model that make its response to the inputs of flight records most likely
-    (output error, maximum likelihood, white Gaussian noise of unknown variance; filter error in
-    turbulence).
+    """Identify the parameters of a model from flight records, by output error or, in turbulence,
+    filter error with maximum likelihood and white Gaussian noise of unknown variance.
 
     model: with the values at which the search begins.
-    records: of one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
+    records: one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
         units: time (s), every input, measured states or outputs, NaN where a sample is missing.
-    free: names of parameters, or patterns: "Cm_*". An error of a column is an unknown too, as
-        bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) + bias.
-    given: parameters that stay as they are though a pattern fits them, or name -> other value.
-    hold: inputs without a column, and unmeasured states at the start -> value.
-    inputs: "linear" or "steps" between their samples; those of a computer are steps.
-    validate: records that are kept out, on which Theil's coefficient is computed.
-    turbulence: whether the air moved (filter error): speed, alpha and beta of the records are those
-        through the air, as of pitot tubes and vanes.
-    columns: TOML file that states where the columns are in the logs of PX4 (.ulg) among records.
-    plan: whether to compare manoeuvres that narrow the bands further.
+    free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
+        as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
+        bias.
+    given: parameters that keep their values although a pattern fits them, or name -> other value.
+    hold: input without a column, or unmeasured state at the start -> value.
+    inputs: "linear" or "steps" between samples; commands of a flight computer are steps.
+    validate: records that are not fitted, on which Theil's coefficient is computed.
+    turbulence: whether the air moved (filter error). Speed, alpha and beta of the records are then
+        relative to the air, as measured by pitot tubes and vanes.
+    columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
+    plan: whether to compare further manoeuvres by how much they narrow the bands.
 
-    Raises BadInputError where a record or a name is wrong. Raises NoSolutionError where nothing
-    moves in the records, or the simulation diverges.
+    Raises BadInputError if a record or a name is wrong, and NoSolutionError if nothing moves in the
+    records or the simulation diverges.
 
     >>> import hfa
     >>> found = hfa.identify(model, "flight.csv", ["Cm_q"])  # doctest: +SKIP
@@ -96,7 +96,9 @@ def identify(
     refuse_unknown("inputs are", inputs, INPUTS)
     logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
     if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
-        raise BadInputError("columns are of logs of PX4 (.ulg), and there is none; leave them out")
+        raise BadInputError(
+            "columns belongs to PX4 logs (.ulg), and no record is one; leave it out"
+        )
     read = _as_records(model, listed, held, inputs, columns)
     kept_out = _as_records(model, validate, held, inputs, columns)
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
@@ -134,7 +136,7 @@ def identify(
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
-    """The model with the given values, and the names of all given parameters."""
+    """Return the model with the given values, and the names of all given parameters."""
     names = tuple(given)
     for name in names:
         refuse_unknown(f"{model.name} has no parameter", name, tuple(model.parameters))
@@ -153,7 +155,7 @@ def _as_records(
     inputs: str,
     columns: str | Path | None,
 ) -> list[Record]:
-    """Return the records of a caller's arguments."""
+    """Return records from paths, dictionaries or `Record` objects."""
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
@@ -167,9 +169,10 @@ def _as_records(
 def _free_names(
     model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
 ) -> tuple[str, ...]:
-    """The unknowns that names and patterns mean.
+    """Return the names of the unknowns that match names and patterns.
 
-    Raises BadInputError where there are none, or one is no parameter and no error of a column."""
+    Raises BadInputError if there are none, or one is neither a parameter nor an error of a
+    column."""
     if isinstance(free, str) or not free:
         raise BadInputError("free names no parameters; give a list of at least one")
     errors = sensor_errors(model, (*model.inputs, *measured))
@@ -190,8 +193,8 @@ def _free_names(
 
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Theil's inequality coefficient by quantity, on records that were kept out:
-    rms(z - y) / (rms(z) + rms(y)), their starts alone being fitted."""
+    """Return Theil's inequality coefficient by quantity on records that were not fitted, except for
+    their initial conditions: rms(z - y) / (rms(z) + rms(y))."""
     if not records:
         return {}
     responses = search.responses.calm
@@ -222,7 +225,7 @@ def _identified(
     theils: Mapping[str, float],
     progress: Callable[[float, float], None] | None,
 ) -> Identified:
-    """The result of a fit.
+    """Return the result of a fit.
 
     other: a second minimum that explains the records as well."""
     responses = search.responses
@@ -290,7 +293,7 @@ def _identified(
 
 
 def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
-    """State that turbulence moves -> standard deviation of its random change in 1 s, where the
+    """Return state that turbulence moves -> standard deviation of its random change in 1 s, if the
     records determine it."""
     if not isinstance(responses, Predictions):
         return {}
@@ -304,13 +307,13 @@ def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
 
 
 def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
-    """The largest factor by which the correction for coloured residuals widened a band."""
+    """Return the largest ratio of a corrected band to the band for white residuals."""
     seen = np.isfinite(white) & (white > 0.0)
     return float(np.max(corrected[seen] / white[seen], initial=1.0))
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Pairs of estimates with a large correlation."""
+    """Return the pairs of estimates with a large correlation."""
     table = correlations(C)
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):
@@ -321,7 +324,8 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
 def _quantities(
     responses: Responses, fit: Fit, theils: Mapping[str, float]
 ) -> dict[str, FittedQuantity]:
-    """Return the fit of each measured quantity. theils: coefficients on records kept out."""
+    """Return the fit of each measured quantity. theils: coefficients on records that were not
+    fitted."""
     parts = explained(fit)
     found = {}
     for place, name in enumerate(responses.measured):

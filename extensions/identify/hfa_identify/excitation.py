@@ -1,5 +1,5 @@
-"""Records without motion, and the state or input that multiplies a parameter and did not move in
-the records, which therefore do not determine the parameter."""
+"""Detection of records without motion, and of parameters that the records do not determine because
+the state or input they multiply did not move."""
 
 from __future__ import annotations
 
@@ -47,13 +47,14 @@ def _is_noise(record: Record) -> bool:
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
-    """Parameter that the records do not determine -> the state or input that it multiplies and that
-    did not move, or "" where that moved."""
+    """Return undetermined parameter -> the state or input that it multiplies if that did not move,
+    else ""."""
     return {name: _still(search, name) for name in parameters}
 
 
 def _still(search: Search, name: str) -> str:
-    """The state or input of largest ∂²f/∂θ∂(x, u), where it did not move in any record."""
+    """Return the state or input of largest ∂²f/∂θ∂(x, u) if it did not move in any record, else
+    ""."""
     model = search.responses.calm.model
     x, u, p = model.layout.symbols("x", "u", "p")
     vectors = [components(x), components(u), components(p)]

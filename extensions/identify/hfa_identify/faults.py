@@ -1,5 +1,5 @@
-"""Faults of records that explain residuals: outliers, late or scaled sensors, wrong signs and
-units of columns."""
+"""Search for faults of records that explain residuals: outliers, delayed or scaled sensors, wrong
+signs and units of columns."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def faults_of(
     errors: Mapping[str, ColumnError],
     progress: Callable[[float, float], None] | None,
 ) -> Iterator[str]:
-    """The faults of the records that explain residuals of a fit.
+    """Yield the faults of the records that explain residuals of a fit.
 
     errors: of the columns, by one step from 0
     """
@@ -126,9 +126,9 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 
 def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
-    """Return the bias, scale or delay of a column that explains residuals and is obvious, or moves
-    an estimate by a third of its band, or "" without one. Of two that explain them alike the second
-    is named too. Inputs that change otherwise between samples are no delay.
+    """Return a sentence on the bias, scale or delay of a column that explains residuals and is
+    obvious or shifts an estimate by a third of its band, or "". A second error that explains them
+    equally well is named too. Another interpolation of the inputs is not reported as a delay.
 
     errors: of the columns, by one step from 0
     """
@@ -180,7 +180,7 @@ def _with_value(search: Search, name: str, value: float) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether an error is smaller than what its column reaches: a bias beyond it, or a scale
+    """Return whether an error is smaller than the range of its column. A larger bias, or a scale
     that more than halves or doubles, indicates motion that the model lacks."""
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
@@ -225,7 +225,7 @@ class _Undone:
     other: str = ""
 
     def on(self, model: Model, record: Record) -> Record:
-        """The record without the fault."""
+        """Return the record without the fault."""
         columns = columns_of(model, record)
         values = columns[self.column]
         if self.other:
@@ -278,8 +278,8 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """The faults that fit best once they are undone, by a few steps in some short windows, each
-    with the search on the corrected records, and unknowns (p,) at which it begins."""
+    """Return the faults whose correction fits best after a few steps in some short windows, each
+    with the search on the corrected records and its initial unknowns (p,)."""
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
     candidates: list[tuple[_Undone, Search]] = []
@@ -320,8 +320,8 @@ def _tried(
 
 
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
-    """Return whether a fit is poor, moved parameters far from their values before, or leaves an
-    obvious error of scale that no sensor has."""
+    """Return whether a fit is poor, moves parameters far from their initial values, or leaves an
+    error of scale too large for a sensor."""
     half = BAND * np.sqrt(np.diag(white_covariance(fit)))
     nearest = np.clip(search.begin, fit.theta - half, fit.theta + half)
     far = _change(search, nearest, _USUAL_CHANGE) > _LARGE_CHANGE**2
@@ -332,8 +332,8 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 
 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
-    """Σ (|ln| - usual)² of parameters over their values before, where |ln| is larger; a change of
-    sign counts as a factor of 100."""
+    """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values; a
+    change of sign counts as a ratio of 100."""
     total = 0.0
     # Turbulence and noise of sensors come first, where they are unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
@@ -347,7 +347,7 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 
 
 def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
-    """L in the units of the uncorrected record."""
+    """Return L of a fit of corrected records in the units of the uncorrected record."""
     if undone.column not in search.responses.measured:
         return fit.likelihood
     place = search.responses.measured.index(undone.column)

@@ -43,9 +43,8 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class GainSlopes:
-    """Derivatives of a gain by the unknowns.
-
-    K: (n, k, p). whiten: (k, k, p). logarithms: (k, p), of ln D.
+    """Derivatives of a gain by the unknowns. K: (n, k, p). whiten: (k, k, p). logarithms: (k, p),
+    derivatives of ln D.
     """
 
     K: np.ndarray
@@ -60,9 +59,8 @@ Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 def gain_with_slopes(
     matrices: Matrices, theta: np.ndarray, sizes: np.ndarray, interval: float
 ) -> tuple[Gain, GainSlopes]:
-    """Return the gain and its derivatives, by central differences.
-
-    theta: (p,) unknowns. sizes: (p,) their sizes. interval: between samples, s.
+    """Return the gain and its derivatives, by central differences. theta: (p,) unknowns. sizes:
+    (p,) their sizes. interval: time between samples, s.
 
     Raises FloatingPointError where the gain is not a number.
     """
@@ -88,7 +86,7 @@ def gain_with_slopes(
 def _steady(
     A: np.ndarray, C: np.ndarray, W: np.ndarray, R: np.ndarray, interval: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """K, T⁻¹ and the diagonal of D of N filters."""
+    """Return K, T⁻¹ and the diagonal of D of N filters."""
     Phi, Q = _discrete(A, W, interval)
     P = _predicted_covariance(Phi, C, Q, R)
     P_C = P @ C.transpose(0, 2, 1)
@@ -103,7 +101,7 @@ def _steady(
 
 
 def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """Φ and Q between two samples: those of a short time by series of third order, doubled."""
+    """Return Φ and Q between two samples, by doubling third-order series of a short interval."""
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
     h = interval / 2.0**doublings
@@ -127,8 +125,8 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """P after 2^12 samples from P = 0, by doubling: it exists also where a state that no sensor
-    shows drifts."""
+    """Return P after 2^12 samples from P = 0, by doubling. It also exists if an unobservable state
+    drifts."""
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])
     H = Q

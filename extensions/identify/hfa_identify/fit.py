@@ -1,4 +1,4 @@
-"""Maximum likelihood of output error: parameters, starts and noise of records.
+"""Maximum likelihood estimation by output error: parameters, initial states and noise of records.
 
 With residuals v = z - y(θ, x₀) and a noise variance r of each measured quantity, the likelihood is
 largest where
@@ -6,8 +6,8 @@ largest where
     L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
 
 is least; the sum over quantities, r = Σ v² / N. Where the unknowns state r (turbulence), the first
-term is ½ Σ (N ln r + Σ v² / r - N). The second term keeps starts that no sample
-determines near their guess, here for measured states. Gauss-Newton steps with the exact
+term is ½ Σ (N ln r + Σ v² / r - N). The second term, here for measured states, keeps initial states
+that no sample determines near their guess. Gauss-Newton steps with the exact
 sensitivities are damped by Levenberg's rule where they do not lower L. The starts of each record
 are eliminated from the normal equations.
 
@@ -47,7 +47,7 @@ _TRIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """The normal equations of one record: of the parameters, of the start, and between them.
+    """Normal equations of one record for the parameters and the initial state.
 
     M: (p, p). B: (p, n). A: (n, n). g: (p,) and h: (n,), the right-hand sides.
     """
@@ -104,13 +104,13 @@ class Fit:
 
     @cached_property
     def projected(self) -> tuple[np.ndarray, ...]:
-        """(N, k, p) of each record, sensitivities without the part that another initial condition
+        """Sensitivities (N, k, p) of each record, without the part that another initial condition
         explains."""
         p = len(self.theta)
         return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
 
     def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """(N, k, c) of each record, sensitivities (N, k, c) without the part that another initial
+        """Return for each record sensitivities (N, k, c) without the part that another initial
         condition explains."""
         p = len(self.theta)
         beyond = []
@@ -130,11 +130,11 @@ class Fit:
 
 
 class OutputError:
-    """Fits the free parameters of a model to records.
+    """Fit of the free parameters of a model to records.
 
-    bounds: (p, 2). guesses: (n,) starts of the records.
-    by_motion: whether the noise of each quantity has the variance of the quantity itself, so that
-        none is taken for noise far from the minimum.
+    bounds: (p, 2). guesses: (n,) initial states of the records.
+    by_motion: whether the noise variance of each quantity is that of its motion, so that far from
+        the minimum no motion is treated as noise.
     """
 
     def __init__(
@@ -168,12 +168,13 @@ class OutputError:
         small: float = SMALL,
         most_steps: int = MOST_STEPS,
     ) -> Fit:
-        """The parameters and starts of least L, from these.
+        """Return the fit with the parameters and initial states of least L, searched from the given
+        ones.
 
-        small: the search ends where a step is this part of the standard deviations
-        most_steps: or after this number
+        small: the search ends when a step is below this fraction of the standard deviations
+        most_steps: largest number of steps
 
-        Raises FloatingPointError where the simulation diverges from them."""
+        Raises FloatingPointError if the simulation diverges from the given ones."""
         found = self.at(theta, tuple(starts), 0)
         level = 0
         for step in range(1, most_steps + 1):
@@ -191,8 +192,8 @@ class OutputError:
         return found
 
     def _lowered(self, found: Fit, first: int, step: int) -> tuple[int, Fit | None]:
-        """The number of the first trial, from one on, whose step does not raise L, and the fit
-        after it, or None where each step does."""
+        """Return the number of the first trial whose step does not raise L, and the fit after it,
+        or None if every step does."""
         for level in range(first, len(_TRIALS)):
             try:
                 theta, starts = self._moved(found, *_TRIALS[level])
@@ -207,14 +208,14 @@ class OutputError:
     def _moved(
         self, found: Fit, damping: float, part: float
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Parameters, within their bounds, and starts after a part of a step."""
+        """Return parameters, within their bounds, and initial states after a fraction of a step."""
         change, moves = self._solved(found, damping)
         theta = np.clip(found.theta + part * change, self.bounds[:, 0], self.bounds[:, 1])
         starts = [start + part * move for start, move in zip(found.starts, moves, strict=True)]
         return theta, tuple(starts)
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """The fit with these parameters and starts, not known to be converged.
+        """Return the fit with these parameters and starts, not known to be converged.
 
         Raises FloatingPointError where the simulation diverges."""
         simulated = self._simulated(theta, starts)
@@ -222,13 +223,13 @@ class OutputError:
         return self._fitted(simulated, theta, starts, likelihood, steps)
 
     def likelihood(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
-        """L with these parameters and starts.
+        """Return L with these parameters and initial states.
 
         Raises FloatingPointError where the simulation diverges."""
         return self._likelihood_of(self._simulated(theta, starts), theta, starts)
 
     def _simulated(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> list[Simulation]:
-        """The simulations of the records."""
+        """Return the simulations of the records."""
         return [
             self.responses.simulated(record, start, theta)
             for record, start in zip(self.records, starts, strict=True)
@@ -237,7 +238,7 @@ class OutputError:
     def _likelihood_of(
         self, simulated: Sequence[Simulation], theta: np.ndarray, starts: Sequence[np.ndarray]
     ) -> float:
-        """L of simulations.
+        """Return L of simulations.
 
         Raises FloatingPointError where it is not a number."""
         residuals = self._residuals([each.y for each in simulated])
@@ -255,7 +256,7 @@ class OutputError:
         likelihood: float,
         steps: int,
     ) -> Fit:
-        """The fit of simulations with this L: their sensitivities and normal equations."""
+        """Return the fit of simulations with this L: their sensitivities and normal equations."""
         responses = tuple(Response(each.y, self.responses.slopes(each)) for each in simulated)
         residuals = self._residuals([response.y for response in responses])
         noise = self._noise(residuals, theta)
@@ -266,14 +267,15 @@ class OutputError:
         )  # fmt: skip
 
     def _residuals(self, simulated: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """Measured less simulated quantities of each record, 0 where a sample is missing."""
+        """Return measured minus simulated quantities of each record, 0 where a sample is
+        missing."""
         return tuple(
             np.where(flags, table - y, 0.0)
             for flags, table, y in zip(self._present, self._measured, simulated, strict=True)
         )
 
     def _motion(self) -> np.ndarray:
-        """(k,) variances of the measured quantities within the records."""
+        """Return the (k,) variances of the measured quantities within the records."""
         total = np.zeros(len(self._least))
         for flags, table in zip(self._present, self._measured, strict=True):
             mean = table.sum(axis=0) / np.maximum(flags.sum(axis=0), 1)
@@ -281,7 +283,8 @@ class OutputError:
         return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
 
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """(k,) the variances that are fixed, that the unknowns state, or the likeliest."""
+        """Return (k,) noise variances: fixed, given by the unknowns, or estimated from the
+        residuals."""
         if self._fixed is not None:
             return self._fixed
         known = self.responses.variances(theta)
@@ -293,7 +296,7 @@ class OutputError:
     def _likelihood(
         self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]
     ) -> float:
-        """L with these variances."""
+        """Return L with these variances."""
         squares = sum((each**2).sum(axis=0) for each in residuals)
         total = 0.5 * float(np.sum(self._counts * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
@@ -308,7 +311,7 @@ class OutputError:
         starts: Sequence[np.ndarray],
         noise: np.ndarray,
     ) -> tuple[Normal, ...]:
-        """The normal equations of all records."""
+        """Return the normal equations of all records."""
         normals = []
         known = self.responses.variances(theta)
         for number, response in enumerate(responses):
@@ -327,7 +330,7 @@ class OutputError:
         noise: np.ndarray,
         slopes: np.ndarray,
     ) -> Normal:
-        """The normal equations of a record whose variances depend on the unknowns.
+        """Return the normal equations of a record whose variances depend on the unknowns.
 
         slopes: (k, p) of the logarithms of the variances."""
         counts = self._present[number].sum(axis=0)
@@ -346,9 +349,10 @@ class OutputError:
         noise: np.ndarray,
         pull: np.ndarray,
     ) -> Normal:
-        """The normal equations of a record. pull: (n,) of its start to the guess.
+        """Return the normal equations of a record. pull: (n,) gradient that draws its initial state
+        to the guess.
 
-        Raises FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError if they are not finite."""
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
@@ -374,7 +378,7 @@ class OutputError:
         return normal.information
 
     def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
-        """The step of the parameters and those of the starts.
+        """Return the step of the parameters and the steps of the initial states.
 
         A parameter at its bound stays there where the step leads outward. A parameter that the
         records do not determine within its bounds keeps its value."""
@@ -407,7 +411,7 @@ class OutputError:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of a symmetric matrix with rows of different sizes."""
+    """Return the inverse of a symmetric matrix whose rows differ in magnitude."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -415,7 +419,7 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:
-    """(n,) inverse variances of the start of a record before any sample is seen."""
+    """Return the (n,) inverse variances of the start of a record before any sample is seen."""
     sizes = []
     for name, signal in model.states.items():
         if name in record.measured:
@@ -429,7 +433,7 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The least-squares solution, with rows and columns of the same size."""
+    """Return the least-squares solution after scaling rows and columns to equal magnitude."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -441,7 +445,7 @@ _TOGETHER = 64
 
 
 def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """oneᵀ other of tables with many rows and few columns, by one thread."""
+    """Return oneᵀ other for tables with many rows and few columns, by one thread."""
     whole = len(one) // _TOGETHER * _TOGETHER
     blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])
     others = other[:whole].reshape(-1, _TOGETHER, other.shape[1])

@@ -1,4 +1,4 @@
-"""The result of an identification: estimates with bands, and the findings against them."""
+"""Result of an identification: estimates with bands, and findings."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Estimate(Result):
     value: its estimate.
     low: lower end of its 95 % band.
     high: upper end of its 95 % band.
-    start: its value before.
-    unit: of all four.
+    start: its initial value.
+    unit: unit of all four.
     """
 
     value: float
@@ -60,8 +60,8 @@ class FittedQuantity(Result):
     noise: standard deviation of its residuals.
     white: share of the first 25 lags at which the autocorrelation of its residuals is that of
         white noise, 0.95 where they are white.
-    theil: Theil's inequality coefficient on the records that were kept out, or None without any.
-    unit: of the noise.
+    theil: Theil's inequality coefficient on records that were not fitted, or None without any.
+    unit: unit of the noise.
     """
 
     fit: float
@@ -83,17 +83,17 @@ class Identified(Result, Reported):
     coloured: largest factor by which the correction widened a band.
     correlated: pairs of estimates that are correlated by more than 0.9, with the coefficient.
     undetermined: parameter that the records do not determine -> the state or input that it
-        multiplies, where that did not move; "" otherwise.
+        multiplies if that did not move, else "".
     at_bounds: parameters that end at a limit of the model.
-    unexplained: quantities that the model moves otherwise than they were measured.
+    unexplained: quantities whose simulated motion contradicts the measured one.
     column_errors: name of a bias, scale or delay that is not free -> its estimate by one step.
-    faults: of the records, which explain residuals: sentences.
+    faults: sentences on faults of the records that explain residuals.
     other_minimum: name -> estimate at a second minimum that explains the records as well.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
         where they agree.
     turbulence: state that turbulence moves -> standard deviation of its random change in 1 s.
     converged: whether the search ended at a maximum of the likelihood.
-    steps: of Gauss and Newton.
+    steps: number of Gauss-Newton steps.
     plan: manoeuvres that would narrow the bands further, the best first.
     """
 
@@ -128,12 +128,12 @@ class Identified(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if no finding speaks against the estimates."""
+        """True if there are no findings."""
         return not list(self.findings)
 
     @property
     def findings(self) -> Iterator[str]:
-        """Yield the findings against the estimates, worst first."""
+        """The findings, worst first."""
         yield from self.faults
         if self.undetermined:
             yield self._not_determined()
@@ -162,14 +162,16 @@ class Identified(Result, Reported):
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
 
     def _not_determined(self) -> str:
-        """The first parameter that the records do not determine, why, and the number of others."""
+        """Finding on the first parameter that the records do not determine, with the reason and the
+        number of others."""
         name, still = next(iter(self.undetermined.items()))
         why = f" ({still} did not move)" if still else ""
         more = len(self.undetermined) - 1
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """The estimate that moves most to the other minimum, in bands, and its value there."""
+        """Return the estimate that differs most at the other minimum, relative to its band, and its
+        value there."""
 
         def moved(name: str) -> float:
             each = self.parameters[name]
@@ -180,7 +182,8 @@ class Identified(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """The verdict and at most two findings, or errors of columns that parameters absorb."""
+        """The verdict and at most two findings, or a remark on errors of columns that parameters
+        absorb."""
         stated = self._stated
         if stated:
             return f"FAIL: {'; '.join(stated)}"
@@ -195,22 +198,22 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings of the first line: the two worst, or one where the line is too long. Others
-        follow from faults of the records."""
+        """The findings of the first line: the two worst, or one if the line is too long. Faults of
+        the records come alone, because other findings follow from them."""
         findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"{self._subject}: FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]
 
     @property
     def _subject(self) -> str:
-        """The begin of the title."""
+        """Beginning of the title."""
         return f"Identification, {self.model.title}"
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
-        """Aircraft whose parameters are drawn from the estimates' normal distribution, within the
+        """Return aircraft with parameters drawn from the estimates' normal distribution, within the
         model's limits.
 
-        count: of aircraft. seed: of the draws.
+        count: number of aircraft. seed: seed of the draws.
 
         Raises NoSolutionError where the records do not determine every parameter.
         """
@@ -277,7 +280,7 @@ class Identified(Result, Reported):
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
 
     def _turbulence(self) -> str:
-        """The turbulence in words."""
+        """Return a sentence on the turbulence."""
         changes = []
         for name, size in self.turbulence.items():
             unit = self.model.unit(name) if name in self.model.states else "rad"
@@ -288,7 +291,8 @@ class Identified(Result, Reported):
         )
 
     def _assumed(self) -> list[str]:
-        """A sentence on the errors of columns that the records do not tell from parameters."""
+        """Return a sentence on the errors of columns that the records cannot distinguish from
+        parameters."""
         columns: dict[str, list[str]] = {}
         for name, each in self.column_errors.items():
             kind, _, column = name.partition("_")
@@ -302,7 +306,7 @@ class Identified(Result, Reported):
         return [wrapped(text, _WIDTH)]
 
     def _columns(self) -> list[Any]:
-        """A table of delays, and of errors of columns that the bands assume to be 0."""
+        """Return a table of delays, and of errors of columns that the bands assume to be 0."""
         rows = []
         for name, each in self.column_errors.items():
             if not (name.startswith("delay") or each.is_assumed):

@@ -1,4 +1,4 @@
-"""The picture of an identification: measured and fitted quantities, and their residuals."""
+"""Figure of an identification: measured and fitted quantities, and their residuals."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ _CHANCE = 1e-4
 
 
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
-    """Another minimum that explains the records as well as the fit, or better, or None where no
-    search from far off finds one."""
+    """Return another minimum that explains the records at least as well as the fit, or None if no
+    search from distant values finds one."""
     if not fit.converged:
         return None
     others = (_searched(search, fit, *begin) for begin in _far_begins(search, fit))
@@ -46,7 +46,7 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
 
 
 def _opposite(search: Search, fit: Fit) -> np.ndarray:
-    """Return (p,) the opposite side of the estimates, 2 θ - θ_before, within the limits."""
+    """Return (p,) values beyond the estimates, 2 θ - θ_before, within the limits."""
     opposite = 2.0 * fit.theta - search.begin
     first = search.responses.turbulent
     opposite[:first] = fit.theta[:first]
@@ -55,9 +55,9 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return (p,) estimates with another value of one parameter, near which a second minimum may
-    be, the likeliest first: where the rates along the fit are alike, or else the opposite sign
-    where L falls again from the value 0 to it."""
+    """Return (p,) estimates with another value of one parameter near which a second minimum may
+    lie, the likeliest first: where the rates along the fit are similar, or else with the opposite
+    sign if L decreases from the value 0 to it."""
     least = search.level(fit.theta, fit.starts)
     flown = [
         search.responses.simulated(record, start, fit.theta)
@@ -89,8 +89,8 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield the multiples of an estimate, other than 1, at which a difference d has a minimum
-    beyond a larger d, and its part of that."""
+    """Yield each multiple of an estimate, other than 1, at which a difference d has a minimum
+    beyond a larger d, with the ratio of the two."""
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
     found = int(np.argmin(np.abs(multiples - 1.0)))
@@ -122,8 +122,8 @@ def _is_apart(one: Fit, other: Fit, first: int) -> bool:
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:
-    """The unknown on which parts of the records disagree most, "" where they agree within their
-    bands, corrected for coloured residuals.
+    """Return the unknown on which parts of the records disagree most, or "" if they agree within
+    their bands, corrected for coloured residuals.
 
     Parts are the records, or the halves of one record. With scores g of a part and of the others,
     informations M, M' and the covariances V, V' of the scores, the difference

@@ -1,4 +1,4 @@
-"""Parameters of an aircraft that are known up to a normal distribution."""
+"""Uncertain parameters of an aircraft with a normal distribution."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ParameterSpread:
 
     values: name -> p_i.
     covariance: (n, n) C, in their order and units.
-    of_logarithms: p_i exp(z_i) with z of the covariance C_ij / (p_i p_j), in place of p_i + z_i.
+    of_logarithms: draw p_i exp(z_i) with z of covariance C_ij / (p_i p_j), instead of p_i + z_i.
     """
 
     values: Mapping[str, float]
@@ -24,7 +24,7 @@ class ParameterSpread:
     of_logarithms: bool = False
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """(count, n) random samples, equal for equal seeds."""
+        """Return the (count, n) random samples, equal for equal seeds."""
         center = np.array(list(self.values.values()))
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
         sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
@@ -35,7 +35,7 @@ class ParameterSpread:
         return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)
 
     def aircraft(self, model: Model, count: int, seed: int) -> list[Model]:
-        """Models with drawn values of these parameters, within the limits of the model."""
+        """Return models with drawn values of these parameters, within the limits of the model."""
         signals = [model.parameters[name] for name in self.values]
         ends = np.array([(signal.min, signal.max) for signal in signals]).T
         rows = np.clip(self.draws(count, seed), *ends).tolist()

@@ -1,5 +1,5 @@
-"""The next manoeuvre: which of doublet, 3-2-1-1 and multisine on which input narrows the widest
-band most, by the information of the model."""
+"""Planning of the next manoeuvre: the doublet, 3-2-1-1 or multisine on one input that narrows the
+widest band most, by the Fisher information of the model."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Manoeuvre(Result):
     """A manoeuvre about the trim of the identified aircraft, and the bands after it.
 
     kind: "doublet", "3-2-1-1" or "multisine".
-    input: that moves.
-    amplitude: of the input, the largest within the limits of the model of a few that were tried.
-    unit: of the amplitude.
-    seconds: duration of the unit of doublet and 3-2-1-1; of the multisine its whole duration.
+    input: the input that moves.
+    amplitude: amplitude of the input, the largest of a few within the limits of the model.
+    unit: unit of the amplitude.
+    seconds: duration of the unit step of a doublet or 3-2-1-1, or of the whole multisine.
     widest: parameter with the widest band afterwards, as a part of its value.
     before: half-width of its band now, percent of its value.
-    after: the same with this manoeuvre in addition.
+    after: that half-width with this manoeuvre in addition, percent.
     """
 
     kind: str
@@ -58,11 +58,11 @@ class Manoeuvre(Result):
 
 
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
-    """The best manoeuvres, those of the narrowest widest band first.
+    """Return the best manoeuvres, sorted by their widest band, the narrowest first.
 
     model: the identified aircraft. coloured: factor by which coloured residuals widen bands.
 
-    The sensors, their noise and their rate are those of the records. Starts are unknown.
+    The sensors, their noise and their rate are those of the records. Initial states are unknown.
     """
     known = fit.information / coloured**2
     before = _relative_bands(search, fit, known)
@@ -101,7 +101,7 @@ def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.nda
 def _candidates(
     search: Search, fit: Fit, model: Model
 ) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
-    """Kind, input, amplitude, duration and information of manoeuvres within the limits."""
+    """Yield kind, input, amplitude, duration and information of manoeuvres within the limits."""
     point = find_operating_point(model)
     start = np.array(point.states)
     trim = np.array(point.inputs)
@@ -145,7 +145,7 @@ def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
 
 
 def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Kind, duration and shape, between -1 and 1."""
+    """Yield kind, duration and shape, between -1 and 1, of manoeuvres."""
     for unit in _UNITS:
         yield "doublet", unit, _steps(time, unit, (1, 1))
         yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))

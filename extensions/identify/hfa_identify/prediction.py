@@ -1,8 +1,8 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
-White noise moves the speed and the flow angles through the air, and turns the air
-(`rotating_air.py`): gusts are random walks, as those of Dryden are over less than their scale
-length. With a steady gain K (`filter_gain.py`) the states are corrected at each sample,
+White noise moves the speed and the flow angles through the air, and rotates the air
+(`rotating_air.py`). Gusts are random walks, which approximate Dryden's below their scale length.
+With a steady gain K (`filter_gain.py`) the states are corrected at each sample,
 x + K (z - y), and advance to the next as in `response.py`. The unknowns begin with the logarithms
 of the turbulence and of the sensors' noise.
 """
@@ -39,9 +39,9 @@ _WIDEST = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Where the gain of the filter is computed, and where the search begins.
+    """Condition at which the filter gain is computed and the search begins.
 
-    state: (n,). inputs: (m,). interval: between samples, s.
+    state: (n,). inputs: (m,). interval: time between samples, s.
     turbulence: state -> standard deviation of its random change in 1 s.
     noise: measured quantity -> standard deviation of its sensor's noise.
     """
@@ -83,7 +83,7 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """The standard deviation of white noise with the second differences of a column."""
+    """Return the standard deviation of the white noise with the second differences of a column."""
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))
@@ -94,11 +94,11 @@ def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Prediction(Simulation):
-    """A record as the model predicts it from sample to sample.
+    """One-step predictions of a record by the model.
 
-    y: (N, k) the measured quantities, each predicted from all samples before and from those at the
-        same time of the columns before it.
-    innovations: (N, k) measured less predicted from the samples before, 0 where none is measured.
+    y: (N, k) measured quantities, each predicted from all earlier samples and from preceding
+        columns at the same time.
+    innovations: (N, k) measured minus predicted from earlier samples, 0 where none is measured.
     present: (N, k) 1 where a sample is measured, else 0.
     """
 
@@ -107,10 +107,10 @@ class Prediction(Simulation):
 
 
 class Predictions(Responses):
-    """Predicts records from sample to sample, with a steady gain.
+    """Predictor of records from sample to sample, with a steady gain.
 
     free: names of parameters and errors of sensors. The unknowns are the turbulence, the noise of
-        the sensors, the lag of the air's rotation, and these.
+        the sensors, the lag of the air's rotation, and the free ones.
     """
 
     # A controller feeds gusts to inputs: the next sample of an input depends on the innovation.
@@ -140,12 +140,12 @@ class Predictions(Responses):
 
     @property
     def turbulent(self) -> int:
-        """Number of the first unknowns that are turbulence and noise of sensors."""
+        """Number of leading unknowns that describe turbulence and sensor noise."""
         return self._turbulent
 
     @cached_property
     def calm(self) -> Responses:
-        """The simulation of calm air, with the other unknowns."""
+        """Simulation in calm air, with the other unknowns."""
         return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
@@ -154,8 +154,8 @@ class Predictions(Responses):
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether an error of a sensor can be an unknown: a measured quantity is not
-        late."""
+        """Return whether an error of a sensor can be an unknown; delays of measured quantities
+        cannot."""
         return error.kind != "delay" or error.column in self.model.inputs
 
     def compile(self) -> None:
@@ -179,12 +179,13 @@ class Predictions(Responses):
     # The gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Variances (k,) of the predictions' errors, and slopes (k, p) of their logarithms."""
+        """Return the (k,) variances of the prediction errors, and (k, p) slopes of their
+        logarithms."""
         gain, slopes = self._gain(theta)
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """The gain and its slopes by the unknowns. Those of the last unknowns are kept."""
+        """Return the gain and its slopes by the unknowns; the last result is cached."""
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
@@ -196,8 +197,8 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """A (N, n, n), C (N, k, n), power of the turbulence (N, n) and variances of the sensors
-        (N, k) for rows of unknowns (N, p)."""
+        """Return A (N, n, n), C (N, k, n), turbulence power (N, n) and sensor variances (N, k) for
+        rows of unknowns (N, p)."""
         n, p, k = self.sizes
         count = len(theta)
         states = np.zeros((count, n))
@@ -216,7 +217,7 @@ class Predictions(Responses):
     # The predictions.
 
     def _correction(self) -> ca.Function:
-        """(x, inputs, θ, z, present, K) -> corrected x, and z - y."""
+        """Return the function (x, inputs, θ, z, present, K) -> corrected x, and z - y."""
         n, _, k = self.sizes
         x = ca.SX.sym("x", n)
         u = ca.SX.sym("u", self._step.numel_in(1))
@@ -253,9 +254,9 @@ class Predictions(Responses):
         return one.mapaccum(intervals)
 
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Prediction:
-        """The predictions of a record from a start (n,) with unknowns (p,).
+        """Return the predictions of a record from a start (n,) with unknowns (p,).
 
-        Raises FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError if they are not finite."""
         gain, _ = self._gain(theta)
         count = self.steps_between(record, start, theta)
         driven, rest = self._driven(record, theta)
@@ -295,9 +296,9 @@ class Predictions(Responses):
         )
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
-        """(N, k, p + n) sensitivities dy/d(θ, x₀) of predictions.
+        """Return the (N, k, p + n) sensitivities dy/d(θ, x₀) of predictions.
 
-        Raises FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError if they are not finite."""
         assert isinstance(simulated, Prediction)
         n, p, k = self.sizes
         driven, rest = self._driven(simulated.record, simulated.theta)
@@ -334,8 +335,8 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """(s, n) 1 for each state that a white noise moves: the one that it is named after, and the
-    rotation of the air that follows from it."""
+    """Return an (s, n) table of 1 for each state that a white noise moves: the state of its name
+    and the rotation of the air that follows."""
     states = list(model.states)
     moves = np.zeros((len(sources), len(states)))
     for row, name in zip(moves, sources, strict=True):
@@ -347,7 +348,8 @@ def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
 
 
 def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:
-    """(N, n, n + p) slopes over `count` steps each, from those of the steps."""
+    """Return the (N, n, n + p) slopes over intervals of `count` steps, from the slopes of the
+    steps."""
     n = change.shape[1]
     total = change[::count]
     for step in range(1, count):

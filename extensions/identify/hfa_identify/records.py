@@ -33,14 +33,14 @@ _FAR = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A manoeuvre.
+    """Flight record of one manoeuvre.
 
-    name: of the record, its file.
+    name: name of the record, such as its file.
     time: (N,) s, increasing; steps may differ.
     inputs: (N, m) in the order and units of the model's inputs.
     measured: state or output -> (N,) in the model's unit, NaN where a sample is missing.
-    has_steps: whether inputs stay at a sample until the next, as those of a computer do; otherwise
-        they are linear in between.
+    has_steps: whether inputs hold each sample until the next, like those of a flight computer;
+        otherwise they are linear between samples.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Record:
         return replace(self, time=self.time[starts], inputs=self.inputs[starts], measured=measured)
 
     def part(self, first: int, stop: int) -> Record:
-        """The samples from one number to before another."""
+        """Return the samples `first` to `stop` - 1."""
         rows = slice(first, stop)
         measured = {name: values[rows] for name, values in self.measured.items()}
         return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
@@ -101,19 +101,19 @@ def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]
 
 
 def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return (N, m), also without any column."""
+    """Return the columns as (N, m), also for m = 0."""
     return np.column_stack([np.empty((len(time), 0)), *columns])
 
 
 def record_of(
     model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
 ) -> Record:
-    """The record of arrays by name in the model's units: "time" (s), every input, and at least one
-    state or output.
+    """Return a record from arrays by name in the model's units: "time" (s), every input, and at
+    least one state or output.
 
     columns: name -> (N,). held: input without a column -> its constant value.
 
-    BadInputError names the column and its fault.
+    Raises BadInputError with the column and its fault.
     """
     for column in columns:
         known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -126,7 +126,8 @@ def record_of(
     for column, values in arrays.items():
         if len(values) != len(time):
             raise BadInputError(
-                f"{name}: {column} has {len(values)} samples and time {len(time)}; give both alike"
+                f"{name}: {column} has {len(values)} samples and time has {len(time)}; "
+                "give equal numbers"
             )
     missing = [each for each in model.inputs if each not in arrays and each not in held]
     if missing:
@@ -148,13 +149,14 @@ def record_of(
 def read_record(
     path: str | Path, model: Model, held: Mapping[str, float], table: str | Path | None = None
 ) -> Record:
-    """The record of a CSV, .npz, .mat or .ulg file.
+    """Return the record of a CSV, .npz, .mat or .ulg file.
 
     A CSV file has a first row of names, each with or without its unit: "alpha [deg]"; an empty cell
-    is a missing sample. Without a unit a column is in the model's, angles in radians.
-    held: input without a column -> its constant value. table: of the columns of a .ulg file.
+    is a missing sample. A column without a unit is in the model's unit, angles in radians.
+    held: input without a column -> its constant value. table: TOML file of the columns of a .ulg
+        file.
 
-    BadInputError names the file and its fault.
+    Raises BadInputError with the file and its fault.
     """
     try:
         file = regular_file(path)
@@ -171,7 +173,7 @@ def read_record(
 
 
 def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
-    """The columns of a CSV file in the model's units."""
+    """Return the columns of a CSV file in the model's units."""
     try:
         rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -223,7 +225,7 @@ def _head(path: Path, cell: str, model: Model) -> tuple[str, float]:
 
 
 def _cell(path: Path, number: int, name: str, cell: str) -> float:
-    """The number in a cell, NaN in an empty one."""
+    """Return the number in a cell, NaN in an empty one."""
     if not cell.strip():
         return math.nan
     try:
@@ -235,7 +237,7 @@ def _cell(path: Path, number: int, name: str, cell: str) -> float:
 
 
 def _numbers(record: str, name: str, values: Any) -> np.ndarray:
-    """A column as numbers."""
+    """Return a column as an array of numbers."""
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -281,7 +283,8 @@ def _check_measured(
     seen = values[np.isfinite(values)]
     if len(seen) < FEWEST:
         raise BadInputError(
-            f"{name}: {column} has {len(seen)} values; give at least {FEWEST}, or no such column"
+            f"{name}: {column} has {len(seen)} values; give at least {FEWEST}, "
+            "or leave the column out"
         )
     if np.ptp(seen) == 0.0:
         raise BadInputError(
@@ -317,8 +320,8 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
 
 
 def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return (N,) flags of values so far beyond the limits of a signal that they have another
-    unit."""
+    """Return (N,) flags of values so far beyond the limits of a signal that their unit must be
+    wrong."""
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)
     if not 0.0 < half < math.inf:
@@ -334,7 +337,7 @@ def is_near_limits(model: Model, record: Record) -> bool:
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
-    """The places of the first and the last of most equal values in succession."""
+    """Return the indices of the first and last value in the longest run of equal values."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
     edges = np.concatenate([[-1], changes, [len(values) - 1]])
     longest = int(np.diff(edges).argmax())
@@ -342,6 +345,6 @@ def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    """The values that are present, or one 0 where there are no values."""
+    """Return the values that are present, or a single 0 if there are none."""
     seen = values[np.isfinite(values)]
     return seen if len(seen) else np.zeros(1)

@@ -42,15 +42,15 @@ _FAR_TOO_LONG = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A record as the model flies it.
+    """Simulation of a record by the model.
 
-    record: gives the times and the inputs.
+    record: the record with the times and the inputs.
     theta: (p,) the unknowns θ.
     y: (N, k) the measured quantities.
     at_samples: (N, n) states.
-    begins: (steps, n) states at the start of the steps of integration.
-    inputs: (steps, m) at the begin and at the end of its steps.
-    durations: (steps,) of the steps, s.
+    begins: (steps, n) states at the start of the integration steps.
+    inputs: (steps, m) at the start and at the end of the steps.
+    durations: (steps,) durations of the steps, s.
     count: of steps between two samples.
     """
 
@@ -76,11 +76,11 @@ class Response:
 
 
 class Responses:
-    """Simulates a model that has free parameters.
+    """Simulation of a model with free parameters.
 
-    model: gives the values of the others.
+    model: the model with the values of the other parameters.
     free: names of the unknowns θ, parameters and errors of sensors.
-    measured: states and outputs that records have.
+    measured: states and outputs in the records.
     """
 
     #: Whether the slope of a late input is that about a sample, or that before it.
@@ -146,7 +146,7 @@ class Responses:
 
     @property
     def turbulent(self) -> int:
-        """Number of the first unknowns that are powers of turbulence and of sensors' noise."""
+        """Number of leading unknowns that are powers of turbulence and sensor noise."""
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:
@@ -158,8 +158,8 @@ class Responses:
         return True
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Variances (k,) of the residuals, and slopes (k, p) of their logarithms, or None where
-        they are unknown."""
+        """Return the (k,) variances of the residuals and (k, p) slopes of their logarithms, or None
+        if unknown."""
         return None
 
     @cached_property
@@ -175,7 +175,7 @@ class Responses:
     # Errors of sensors.
 
     def _delays(self, columns: list[str]) -> dict[int, int]:
-        """Place of a column -> place of its delay in θ."""
+        """Return index of a column -> index of its delay in θ."""
         return {
             columns.index(error.column): self.free.index(name)
             for name, error in self._errors.items()
@@ -185,7 +185,7 @@ class Responses:
     def _true_inputs(
         self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
     ) -> list[ca.SX]:
-        """Inputs without bias, scale and (to first order) delay."""
+        """Return the inputs corrected for bias, scale and, to first order, delay."""
         true = []
         for place, name in enumerate(self.model.inputs):
             value = recorded[place]
@@ -196,7 +196,7 @@ class Responses:
         return true
 
     def _recorded(self, true: list[ca.SX], symbols: dict[str, ca.SX]) -> ca.SX:
-        """Measured quantities with bias and scale."""
+        """Return the measured quantities with bias and scale."""
         rows = [
             (1.0 + self._symbol("scale", name, symbols)) * value
             + self._symbol("bias", name, symbols)
@@ -210,8 +210,8 @@ class Responses:
         return symbols[name] if name in self._errors else 0.0
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The inputs of a record, (N, m), earlier by their delays, and θ without these delays.
-        Where one has a delay, (N, 2m): the slopes of the inputs follow."""
+        """Return the inputs of a record, (N, m), shifted by their delays, and θ without these
+        delays. If one has a delay the slopes of the inputs follow, (N, 2m)."""
         if not self._late_inputs:
             return record.inputs, theta
         inputs = record.inputs.copy()
@@ -225,8 +225,8 @@ class Responses:
         return np.hstack([inputs, slopes]), rest
 
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
-        """(N,) slopes of an input over one interval between samples, about times (N,) or before
-        them."""
+        """Return the (N,) slopes of an input over one interval between samples, around or before
+        times (N,)."""
         interval = float(np.median(np.diff(record.time)))
         ends = times + 0.5 * interval if self._looks_ahead else times
         recorded = record.inputs[:, column]
@@ -235,7 +235,7 @@ class Responses:
         return rise / interval
 
     def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The measured quantities (N, k) with their delays."""
+        """Return the measured quantities (N, k) with their delays."""
         from scipy.interpolate import CubicSpline
 
         later = y.copy()
@@ -271,19 +271,22 @@ class Responses:
             )
 
     def steps_between(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Steps of integration between two samples, as the fastest mode at the start requires."""
+        """Return the number of integration steps between two samples that the fastest mode at the
+        start requires."""
         longest = float(np.diff(record.time).max())
         steps = math.ceil(longest * self._fastest(record, start, theta) / _STEP)
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Samples in the longest step of integration that the fastest mode at the start permits."""
+        """Return the number of samples in the longest integration step that the fastest mode at the
+        start permits."""
         usual = float(np.median(np.diff(record.time)))
         fastest = self._fastest(record, start, theta)
         return max(1, int(_ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Largest magnitude of an eigenvalue at the start, 1/s, or 0 where it is not a number."""
+        """Return the largest magnitude of an eigenvalue at the start, 1/s, or 0 if it is not a
+        number."""
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest)
         slope = slopes[0, :, : len(start)]
@@ -292,7 +295,7 @@ class Responses:
         return float(np.abs(np.linalg.eigvals(slope)).max())
 
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
-        """The record from a start (n,) with unknowns (p,).
+        """Return the simulation of a record from an initial state (n,) with unknowns (p,).
 
         Raises FloatingPointError where the simulation leaves the finite numbers."""
         count = self.steps_between(record, start, theta)
@@ -308,7 +311,7 @@ class Responses:
         return Simulation(record, theta, y, states[::count], states[:-1], inputs, durations, count)
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
-        """(N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
+        """Return the (N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
 
         Raises FloatingPointError where they leave the finite numbers."""
         n, p, k = self.sizes
@@ -337,7 +340,7 @@ class Responses:
         return total
 
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
-        """The response from a start (n,) with unknowns (p,).
+        """Return the response from a start (n,) with unknowns (p,).
 
         Raises FloatingPointError where the simulation leaves the finite numbers."""
         simulated = self.simulated(record, start, theta)
@@ -351,7 +354,7 @@ class Responses:
         durations: np.ndarray,
         theta: np.ndarray,
     ) -> np.ndarray:
-        """States (steps + 1, n) of a grid of integration (`grid`)."""
+        """Return the states (steps + 1, n) on an integration grid (`grid`)."""
         advance = self._advance(len(durations))
         unknowns = np.tile(theta, len(durations))
         (moved,) = advance.at(start, before.ravel(), after.ravel(), unknowns, durations)
@@ -367,8 +370,8 @@ class Responses:
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """(steps, n, n + p) slopes of the states after a part of the steps by those before and by
-        θ."""
+        """Return the (steps, n, n + p) slopes of the states after each of some steps by those
+        before it and by θ."""
         n, p, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
         durations = simulated.durations[part]
@@ -391,7 +394,7 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n) rates and their (N, n, n + p) slopes by states and parameters.
+        """Return the (N, n) rates and their (N, n, n + p) slopes by states and parameters.
 
         states: (N, n). inputs: (N, m)."""
         n, p, _ = self.sizes
@@ -399,8 +402,8 @@ class Responses:
         return rates, slopes.reshape(-1, n, n + p)
 
     def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:
-        """(V,) sums of the squares of the changes of rates and measured quantities, in their
-        nominal sizes, at some states of a simulation, with other values (V,) of an unknown."""
+        """Return (V,) sums of squared changes of rates and measured quantities, in nominal sizes,
+        at some states of a simulation, for other values (V,) of an unknown."""
         driven, rest = self._driven(simulated.record, simulated.theta)
         rows = np.linspace(0, len(driven) - 1, _LOOKED_AT).astype(int)
         thetas = np.tile(rest, (len(values) + 1, 1))
@@ -416,7 +419,7 @@ class Responses:
             return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """(N, k) the measured quantities without delays.
+        """Return the (N, k) measured quantities without delays.
 
         states: (N, n). inputs: (N, m)."""
         return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
@@ -424,7 +427,7 @@ class Responses:
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """(N, k, n + p) slopes of the measured quantities by states and parameters.
+        """Return the (N, k, n + p) slopes of the measured quantities by states and parameters.
 
         states: (N, n). inputs: (N, m)."""
         n, p, k = self.sizes
@@ -433,14 +436,14 @@ class Responses:
 
 
 def _earlier(record: Record, delay: float) -> np.ndarray:
-    """(N,) the times of a record less a delay, within the record."""
+    """Return (N,) times of a record minus a delay, limited to the record."""
     return np.clip(record.time - delay, record.time[0], record.time[-1])
 
 
 def _runge_kutta(
     f: ca.Function, x: ca.SX, u: ca.SX, after: ca.SX, theta: ca.SX, duration: ca.SX
 ) -> ca.SX:
-    """The state after one step of the classical Runge-Kutta method."""
+    """Return the state after one step of the classical Runge-Kutta method."""
     middle = 0.5 * (u + after)
     k1 = f(x, u, theta)
     k2 = f(x + 0.5 * duration * k1, middle, theta)
@@ -452,8 +455,8 @@ def _runge_kutta(
 def grid(
     record: Record, driven: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inputs (steps, m) at the begin and at the end of the steps of integration, and the
-    durations (steps,) of these, s. count: of steps between two samples. driven: (N, m) inputs."""
+    """Return the inputs (steps, m) at the start and at the end of the integration steps, and the
+    durations (steps,), s. count: steps between two samples. driven: (N, m) inputs."""
     durations = np.repeat(np.diff(record.time) / count, count)
     if record.has_steps:
         held = np.repeat(driven[:-1], count, axis=0)
@@ -466,11 +469,11 @@ def grid(
 
 
 def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
-    """(N + 1, n, p + n) sensitivities of the states by θ and x₀ before a part of the steps, and
-    after every `count`-th step of it.
+    """Return the (N + 1, n, p + n) sensitivities of the states by θ and x₀ before a sequence of
+    steps and after every `count`-th step.
 
-    change: (steps, n, n + p), slopes of the states after a step by those before and by θ
-    S: (n, p + n), before the part
+    change: (steps, n, n + p), slopes of the states after a step by those before it and by θ
+    S: (n, p + n), sensitivities before the sequence
     """
     n = change.shape[1]
     p = change.shape[2] - n
@@ -481,7 +484,7 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
 
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
-    """(N, n, p + n) of S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
+    """Return (N, n, p + n), S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
 
     by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ.
 

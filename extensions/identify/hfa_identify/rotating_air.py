@@ -1,4 +1,4 @@
-"""Rates of rotation of the air of gusts, as further states of a model.
+"""Rotation rates of the air in gusts, as further states of a model.
 
 A gust that differs between nose and tail, or between the wing tips, turns the air about the
 aircraft. With the white noise n that moves alpha, the pitch rate relative to the air is
@@ -34,9 +34,9 @@ LIMITS = (0.02, 100.0)
 class Rotation:
     """A rotation of the air.
 
-    state: z, which is added to the model.
-    of: flow angle whose noise also moves z, or empty if z has its own noise.
-    sign: of z / τ in the rate relative to the air.
+    state: name of z, which is added to the model.
+    of: flow angle whose noise also moves z, or "" if z has its own noise.
+    sign: sign of z / τ in the rate relative to the air.
     lag: in units of τ.
     """
 
@@ -83,12 +83,12 @@ def in_rotating_air(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InRotatingAir:
-    """(x, u, p, w) -> rates by state, outputs by name, of a model in rotating air."""
+    """Function (x, u, p, w) -> rates by state and outputs by name, of a model in rotating air."""
 
     model: Model
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
-        """Rates and outputs."""
+        """Return rates and outputs."""
         layout = self.model.layout
         own = layout.record("p", [getattr(p, name) for name in self.model.parameters])
         states = {name: getattr(x, name) for name in self.model.states}

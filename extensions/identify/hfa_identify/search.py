@@ -23,7 +23,7 @@ _SECOND = 10
 
 
 class Search:
-    """Fits the unknowns of responses to records.
+    """Search for the unknowns of responses that fit records.
 
     held: unmeasured states at the start -> value
     """
@@ -41,12 +41,11 @@ class Search:
         self._whole = OutputError(responses, self.records, self.bounds, self.guesses)
 
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
-        """The fit of whole records, from that of short windows of them.
+        """Return the fit of whole records, begun from a fit of short windows.
 
-        In a short window no simulation diverges from a start far off. Where the fit of whole
-        records fails, the windows are fitted once more with noise like the motion.
-
-        Raises FloatingPointError where the simulation diverges all the same."""
+        In a short window no simulation diverges from distant initial values. If the fit of whole
+        records fails, the windows are fitted again with noise of the size of the motion. Raises
+        FloatingPointError if the simulation still diverges."""
         found = None
         for by_motion in (False, True):
             try:
@@ -71,10 +70,10 @@ class Search:
         by_motion: bool = False,
         most_windows: int = 0,
     ) -> Fit:
-        """The fit of short windows in calm air, with no more samples than the integration
+        """Return the fit of short windows in calm air, with no more samples than the integration
         needs.
 
-        most_windows: about so many of them, or all"""
+        most_windows: approximate largest number of windows, 0 for all"""
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
         if most_windows:
             windows = windows[:: max(1, len(windows) // most_windows)]
@@ -111,7 +110,7 @@ class Search:
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
 
     def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
-        """L of the thinned records, inf where the simulation diverges."""
+        """Return L of the thinned records, or inf if the simulation diverges."""
         try:
             return self._thin.likelihood(theta, starts)
         except FloatingPointError:
@@ -120,7 +119,7 @@ class Search:
     def thin(
         self, theta: np.ndarray, starts: Sequence[np.ndarray], most_steps: int = MOST_STEPS
     ) -> Fit:
-        """The fit of the thinned records, from values of the unknowns and starts of the records."""
+        """Return the fit of the thinned records from given unknowns and initial states."""
         return self._thin.fit(theta, starts, small=_ROUGH, most_steps=most_steps)
 
     def whole(
@@ -130,7 +129,7 @@ class Search:
         progress: Callable[[float, float], None] | None = None,
         most_steps: int = MOST_STEPS,
     ) -> Fit:
-        """The fit of whole records from values of the unknowns, and starts of the records."""
+        """Return the fit of whole records from given unknowns and initial states."""
         begin = self.guesses if starts is None else starts
         return self._whole.fit(theta, begin, progress, most_steps=most_steps)
 

@@ -2,7 +2,8 @@
 
     recorded(t) = (1 + scale) true(t - delay) + bias
 
-`bias_alpha` is the bias of the column alpha; inputs have them like measured quantities."""
+`bias_alpha` is the bias of the column alpha. Columns of inputs and of measured quantities have such
+errors."""
 
 from __future__ import annotations
 
@@ -42,6 +43,6 @@ class SensorError:
 
 
 def sensor_errors(model: Model, columns: Iterable[str]) -> dict[str, SensorError]:
-    """Name -> error, of all columns; without names that are parameters of the model."""
+    """Return name -> error for all columns, except for names that are parameters of the model."""
     errors = [SensorError(kind, column) for column in columns for kind in KINDS]
     return {each.name: each for each in errors if each.name not in model.parameters}

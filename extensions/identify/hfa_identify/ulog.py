@@ -1,4 +1,4 @@
-"""Records of PX4's logs (.ulg), read by pyulog with a table of columns.
+"""Reader of PX4 logs (.ulg), by pyulog and a table of columns.
 
 A table states for each column of the record the message and field of the log, and its conversion:
 
@@ -13,8 +13,8 @@ A table states for each column of the record the message and field of the log, a
     end = 130.0
 
 column = offset + scale field, in the unit of the model. `roll`, `pitch` and `yaw` of a message with
-a quaternion q[0] to q[3] are computed, rad. The flight is cut out in seconds from the begin of the
-log. Source of the format: PX4 user guide, "ULog file format".
+a quaternion q[0] to q[3] are computed, rad. [flight] selects a part of the log, in seconds from its
+start. Source of the format: PX4 user guide, "ULog file format".
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _MICRO = 1e-6
 
 @dataclass(frozen=True)
 class LoggedColumn:
-    """Where a column of a record is in a log: offset + scale field of one instance of a message."""
+    """Source of a record's column in a log: offset + scale field of one instance of a message."""
 
     name: str
     message: str
@@ -50,8 +50,8 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """The columns of a log: the times of the measured message with most samples, each other
-    measured sample at the nearest of them, inputs held.
+    """Return the columns of a log at the times of the measured message with the most samples; other
+    measured samples are moved to the nearest time, inputs are held.
 
     table: TOML file of the columns
 
@@ -76,9 +76,9 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
 
 
 def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedColumn]:
-    """The columns of a table.
+    """Return the columns of a table.
 
-    BadInputError names the column and its fault."""
+    Raises BadInputError with the column and its fault."""
     for key in data:
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
     rows = data.get("columns")
@@ -103,7 +103,7 @@ def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedCo
 
 
 def _log(path: Path) -> Any:
-    """The log as pyulog reads it."""
+    """Return the log as pyulog reads it."""
     try:
         from pyulog import ULog
     except ModuleNotFoundError as error:
@@ -119,7 +119,7 @@ def _log(path: Path) -> Any:
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
-    """Times, s, and values of a column in a log."""
+    """Return times, s, and values of a column in a log."""
     messages = {(each.name, each.multi_id): each.data for each in log.data_list}
     names = sorted({name for name, _ in messages})
     refuse_unknown(f"{path} has no message", column.message, names)
@@ -138,7 +138,7 @@ def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.
 
 
 def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -> np.ndarray:
-    """An angle of Euler of the quaternion of a message, rad."""
+    """Return an Euler angle, rad, from the quaternion of a message."""
     for name in ("q[0]", "q[1]", "q[2]", "q[3]"):
         refuse_unknown(f"{path}: {column.message} has no field", name, sorted(fields))
     w, x, y, z = (np.asarray(fields[f"q[{place}]"], dtype=float) for place in range(4))
@@ -150,9 +150,9 @@ def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -
 
 
 def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -> np.ndarray:
-    """The times within [flight] of a table.
+    """Return the times within [flight] of a table.
 
-    begin: of the log, s."""
+    begin: start of the log, s."""
     flight = data.get("flight", {})
     for key, value in flight.items():
         refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
@@ -167,13 +167,13 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
 
 
 def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(N,) the last value before each time, NaN before the first."""
+    """Return (N,) the last value before each time, NaN before the first."""
     place = np.searchsorted(stamps, time, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(N,) each sample at the nearest of the times, NaN at the others and outside."""
+    """Return (N,) each sample at the nearest time, NaN at all other times."""
     edges = 0.5 * (time[:-1] + time[1:])
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     inside = (stamps >= time[0] - half) & (stamps <= time[-1] + half)

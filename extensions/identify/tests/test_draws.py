@@ -162,8 +162,11 @@ def test_the_parameters_of_the_hfa_are_drawn(capsys):
     ("covariance", "message"),
     [
         ("", "has no [covariance], which --draws needs"),
-        ("[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]", "is not names of parameters"),
-        ("[covariance]\nnames = ['Cl']\nrows = [[1.0]]", "is not names of parameters"),
+        (
+            "[covariance]\nnames = ['CL_alpha']\nrows = [[1.0, 2.0]]",
+            "must have parameter names and rows",
+        ),
+        ("[covariance]\nnames = ['Cl']\nrows = [[1.0]]", "must have parameter names and rows"),
         ("[covariance]\nnames = ['CL_alpha']\nrows = [[-1.0]]", "is not a covariance"),
     ],
 )

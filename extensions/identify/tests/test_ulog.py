@@ -146,4 +146,4 @@ def test_columns_without_a_log_are_refused(folder, capsys):
     Path("columns.toml").write_text("")
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main([*words, "--columns", "columns.toml"]) == 2
-    assert "columns are of logs of PX4 (.ulg), and there is none" in capsys.readouterr().err
+    assert "columns belongs to PX4 logs (.ulg), and no record is one" in capsys.readouterr().err

@@ -39,7 +39,7 @@ class Loop(Plant):
         return self.rates_at(x, self.commands(x))
 
     def commands(self, x: ca.SX) -> ca.SX:
-        """The inputs at x, saturated."""
+        """Return the inputs at x, saturated."""
         u0 = ca.DM(list(self.inputs.values()))
         if not self.inputs:
             return ca.SX(0, 1)

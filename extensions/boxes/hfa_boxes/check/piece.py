@@ -71,7 +71,7 @@ class Polynomial(NamedTuple):
 
 
 def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
-    """The powers of a monomial divided by its variable `index`."""
+    """Return the powers of a monomial divided by its variable `index`."""
     return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
 
 

@@ -121,7 +121,7 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
-        """The largest region. Raises NoSolutionError where none is proved.
+        """Return the largest region. Raises NoSolutionError where none is proved.
 
         earlier: proved in an earlier run, which this one continues
 

@@ -231,7 +231,7 @@ class Shape:
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """The n-th root of the ratio of the volume of the set to that of the unit ball."""
+        """Return the n-th root of the ratio of the volume of the set to that of the unit ball."""
         n = self.basis.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))

@@ -22,7 +22,7 @@ RECORDS = (".csv", ".npz", ".mat", ".ulg")
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Names between commas."""
+    """Return the names in a text, separated by commas."""
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
         raise BadInputError(f"is {text!r}; give names between commas")
@@ -30,20 +30,20 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def _held(model: Model, name: str, text: str) -> float:
-    """The value of an input, or of a state at the start."""
+    """Return the value of an input, or of a state at the start."""
     refuse_unknown("names the unknown input or state", name, (*model.inputs, *model.states))
     return quantity(model, name, text)
 
 
 def _given(model: Model, name: str, text: str) -> float:
-    """The value of a parameter."""
+    """Return the value of a parameter."""
     refuse_unknown("names the unknown parameter", name, tuple(model.parameters))
     return quantity(model, name, text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentifyRequest(AircraftOptions, OutputOptions):
-    """Records of flights whose aircraft is to be identified."""
+    """Request of `hfa identify`: flight records and the parameters to be identified."""
 
     records: tuple[Path, ...] = option(
         "flight records with columns time, inputs, measured states and outputs",

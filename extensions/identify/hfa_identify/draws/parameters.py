@@ -1,4 +1,4 @@
-"""The uncertain parameters that an aircraft carries: those of a file, or those of the HFA."""
+"""Uncertain parameters of an aircraft, from its file or from the HFA's parameter set."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 
 
 def spread_of_file(path: str, model: Model) -> ParameterSpread:
-    """The parameters of a file with [covariance], in the units of its model.
+    """Return the parameters of a file with [covariance], in the units of its model.
 
     Raises BadInputError where the file has no covariance, or a wrong one."""
     data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
@@ -30,18 +30,18 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
     rows = table.get("rows", ()) if isinstance(table, Mapping) else ()
     known = isinstance(names, list) and all(name in model.parameters for name in names)
     if not names or not known or not _is_square(rows, len(names)):
-        raise BadInputError(f"{path}: [covariance] is not names of parameters and rows; {_ADVICE}")
+        raise BadInputError(f"{path}: [covariance] must have parameter names and rows; {_ADVICE}")
     matrix = np.array(rows, dtype=float)
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(_scaled(matrix)).min() < -1e-8:
-        raise BadInputError(f"{path}: [covariance] is not a covariance; {_ADVICE}")
+        raise BadInputError(f"{path}: [covariance] is not a covariance matrix; {_ADVICE}")
     values = {name: model.parameters[name].start for name in names}
     return ParameterSpread(values, matrix)
 
 
 def spread_of(request: Any) -> ParameterSpread:
-    """The uncertain parameters of the aircraft of a request, in the units of its model.
+    """Return the uncertain parameters of the aircraft of a request, in the units of its model.
 
-    Those that the request holds are left out."""
+    Parameters that the request holds are left out."""
     model = request.model
     native = model.extras.native or model
     if request.own:
@@ -63,13 +63,13 @@ def spread_of(request: Any) -> ParameterSpread:
 
 
 def spread_of_set(known: Any) -> ParameterSpread:
-    """The identified parameters of a `ParameterSet` with their covariance."""
+    """Return the identified parameters of a `ParameterSet` with their covariance."""
     values = {name: getattr(known.values, name) for name in known.identified}
     return ParameterSpread(values, known.covariance, of_logarithms=True)
 
 
 def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
-    """The parameters in SI units."""
+    """Return the spread of the parameters in SI units."""
     factors = np.array([si_factor(native.unit(name)) for name in spread.values])
     values = {
         name: value * factor
@@ -80,7 +80,7 @@ def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
 
 
 def _is_square(rows: Any, size: int) -> bool:
-    """Return whether this is a square matrix of `size` rows of finite numbers."""
+    """Return whether rows are a square matrix of `size` rows of finite numbers."""
     if not isinstance(rows, list) or len(rows) != size:
         return False
     return all(
@@ -89,6 +89,6 @@ def _is_square(rows: Any, size: int) -> bool:
 
 
 def _scaled(covariance: np.ndarray) -> np.ndarray:
-    """The matrix of correlations."""
+    """Return the matrix of correlations."""
     sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return np.asarray(covariance / sizes[:, None] / sizes)

@@ -1,4 +1,4 @@
-"""Part of `--draws N` in the reports of trim, linearize, solve and verify."""
+"""Section of `--draws N` in the reports of trim, linearize, solve and verify."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CONSTANT = 1e-9
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """The report with the spread of its subject over `request.draws` aircraft.
+    """Return the report with the spread of its subject over `request.draws` aircraft.
 
     subject: an operating point, a linear model, or (`NamedGame`, gain)
 
@@ -43,7 +43,7 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
 
 def reported(report: Report, draws: Draws) -> Report:
-    """The report with a table of bands, and a line below the first of its title."""
+    """Return a report with a table of bands, and a line on the draws after its first line."""
     rows = []
     for name, band in draws.bands.items():
         if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
@@ -61,7 +61,7 @@ def reported(report: Report, draws: Draws) -> Report:
 
 
 def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
-    """The drawn aircraft of a request."""
+    """Return the drawn aircraft of a request."""
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
     condition = request.trim_condition

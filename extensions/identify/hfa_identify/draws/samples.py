@@ -1,4 +1,4 @@
-"""The part `parameters.samples`: random samples of a `ParameterSet`."""
+"""Random samples of a `ParameterSet`, offered as the entry point `parameters.samples`."""
 
 from __future__ import annotations
 

@@ -26,12 +26,12 @@ _BAND = (2.5, 97.5)
 
 @dataclass(frozen=True)
 class Band(Result):
-    """95 % of the drawn aircraft.
+    """Band that contains 95 % of the drawn aircraft.
 
-    value: of the aircraft itself.
+    value: value of the aircraft itself.
     low: 2.5th percentile.
     high: 97.5th percentile.
-    unit: of all three.
+    unit: unit of all three.
     """
 
     value: float
@@ -51,8 +51,8 @@ class Draws(Result):
     stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
     stable_alone: number of aircraft whose linear model is stable without control, or None with a
         gain.
-    cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft, of the
-        linear models, or None without a gain.
+    cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft's linear
+        model, percent, or None without a gain.
     bands: quantity -> its band.
     unsolved: aircraft on which the game has no solution, or None without a gain.
     """
@@ -114,7 +114,7 @@ class DrawnAircraft:
     models: the aircraft.
     parameters: names of the drawn parameters.
     seed: of the draws.
-    condition: of the trims.
+    condition: trim condition of all aircraft.
     point: the trim of the aircraft itself.
     """
 
@@ -125,7 +125,7 @@ class DrawnAircraft:
     point: OperatingPoint
 
     def points(self, progress: Progress | None = None) -> list[OperatingPoint]:
-        """The trims of those that have one."""
+        """Return the trims of the aircraft that have one."""
         found = []
         for model in told(self.models, progress):
             try:
@@ -135,7 +135,7 @@ class DrawnAircraft:
         return found
 
     def trims(self, progress: Progress | None = None) -> Draws:
-        """The spread of the trim."""
+        """Return the spread of the trim."""
         points = self.points(progress)
         model = self.point.model
         names = [name for name in self.point.values if name not in self.condition.imposed]
@@ -148,7 +148,7 @@ class DrawnAircraft:
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
         """Return the spread of the modes of a linear model, and of the largest real part of its
-        eigenvalues. A mode that some aircraft lack states how many have it."""
+        eigenvalues. A mode that some aircraft lack is listed with the number that have it."""
         points = self.points(progress)
         drawn = [linearize(point.model, point) for point in points]
         own = _abscissa(linear.A)
@@ -204,7 +204,7 @@ class DrawnAircraft:
     def _draws(
         self, trimmed: int, bands: Mapping[str, Band], drawn: Sequence[LinearModel]
     ) -> Draws:
-        """The result without a gain, from the linear models of the aircraft with a trim."""
+        """Return the result without a gain, from the linear models of the aircraft with a trim."""
         stable = sum(_abscissa(each.A) < 0.0 for each in drawn)
         count = len(self.models)
         return Draws(
@@ -218,6 +218,6 @@ def _abscissa(A: np.ndarray) -> float:
 
 
 def band_of(value: float, values: Sequence[float], unit: str) -> Band:
-    """The band of drawn values."""
+    """Return the band of drawn values."""
     low, high = np.percentile(values, _BAND).tolist() if values else (np.nan, np.nan)
     return Band(float(value), low, high, unit)

@@ -87,11 +87,11 @@ class Taylor:
         return parts[0].get(0, arb(0)) if parts else arb(0)
 
     def reach(self) -> arb:
-        """A bound m with |g(y) - g(0)| <= m |y| for |y| <= 1."""
+        """Return a bound m with |g(y) - g(0)| <= m |y| for |y| <= 1."""
         return (sum(self.polynomial.norms()[1:], arb(0)) + self.remainder).upper()
 
     def range(self) -> arb:
-        """A ball that holds every value on the unit ball."""
+        """Return a ball that holds every value on the unit ball."""
         return self.center + arb(0, 1) * self.reach()
 
     def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
