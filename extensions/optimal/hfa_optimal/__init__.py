@@ -1,1 +1,1 @@
-"""The best flight found of a nonlinear aircraft from a start to its trim: proposed, then flown."""
+"""Optimal flights of a nonlinear aircraft to its trim: proposed by collocation, then simulated."""

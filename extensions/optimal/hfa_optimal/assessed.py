@@ -30,13 +30,13 @@ def best_costs(
     progress: Progress,
     certificate: Path | None = None,
 ) -> BestCosts:
-    """The flights from `count` seeded starts in the box of an assessed trim, by the policy as it is
-    deployed and by the linear optimum, over the best that were found.
+    """Return the costs of the deployed policy and of the linear optimum relative to the best
+    flights found, from `count` seeded initial conditions in the box of an assessed trim.
 
-    deployed: with the cost that it was trained for
-    certificate: of a lower bound of the cost of these flights
+    deployed: the policy with the cost that it was trained for
+    certificate: file of a lower bound of the cost of these flights
 
-    BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound` raises them."""
+    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound`."""
     point = assessed.point
     model = point.model
     Q, R = weights_at(deployed, point)
@@ -78,5 +78,5 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Ratios of the flights that end at the trim, or None if none does."""
+    """Return the cost ratios of the flights that end at the trim, or None if none does."""
     return ratios([each.over_best for each in flights if each.over_best is not None])

@@ -36,10 +36,10 @@ class PolicyFlight(Result):
 
     policy: its name.
     converges: whether it ends in the trim.
-    cost: None where it does not.
+    cost: its cost, or None if it does not converge.
     over_best: its cost over that of the best flight found.
-    departure: the first departure from the envelope: state, time, value, limit; None without one.
-    saturated: saturated inputs.
+    departure: first departure from the envelope: state, time, value, limit; None without one.
+    saturated: names of saturated inputs.
     """
 
     policy: str
@@ -56,7 +56,7 @@ class PolicyFlight(Result):
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """Return a flight compared with the cost of the best one, or None without it."""
+        """Return a flight compared with the cost of the best flight, if one was found."""
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         return PolicyFlight(
@@ -66,13 +66,13 @@ class PolicyFlight(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
-    """The best flight found from a start to a trim within limits. It was flown by the simulator, so
-    that the least cost is at most its own; that no flight costs less is not proved.
+    """The best flight found from an initial condition to a trim within limits. It was simulated, so
+    that its cost is an upper bound of the least cost. It is not proved that no flight costs less.
 
-    problem: aircraft, trim, prices and limits.
+    problem: aircraft, trim, weights and limits.
     found: the flight and the proposal that it follows.
-    others: flights of policies from the same start.
-    bracket: with the lower bound of a certificate, or None without one.
+    others: flights of policies from the same initial condition.
+    bracket: bounds of the least cost, or None without a certificate.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -105,14 +105,14 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> its deviation from the trim at the begin."""
+        """State -> its initial deviation from the trim."""
         values = self.found.proposal.start.tolist()
         pairs = zip(self.problem.states, values, strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
     def cost(self) -> float:
-        """∫ z'Qz + v'Rv dt of the flight that was flown, with the linear cost of its end."""
+        """∫ z'Qz + v'Rv dt of the simulated flight, with the linear cost of its end."""
         return self.found.flown.cost
 
     @property
@@ -122,12 +122,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of the costs on two meshes, and from different guesses."""
+        """Largest relative difference of costs on the last two meshes, and from different
+        guesses."""
         return self.found.spread
 
     @property
     def linear_cost(self) -> float:
-        """x'Px: the cost of the linear model without limits, which is not the aircraft's."""
+        """x'Px, the cost of the linear model without limits, which differs from the aircraft's."""
         start = self.found.proposal.start
         return float(start @ self.problem.P @ start)
 
@@ -143,32 +144,33 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def time(self) -> Vector:
-        """(N,), s."""
+        """Times of the flight (N,), s."""
         return self.found.flown.times
 
     @property
     def states(self) -> Matrix:
-        """(N, n), absolute, columns `state_names`."""
+        """Absolute states (N, n), columns `state_names`."""
         return with_names(self.found.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
-        """(N, m), absolute, columns `input_names`."""
+        """Absolute inputs (N, m), columns `input_names`."""
         return with_names(self.found.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest value that the flight keeps to."""
+        """State -> lowest and highest value within which the flight stays."""
         return envelope_pairs(self.problem)
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same start: first the linear optimum, clipped."""
+        """Flights of policies from the same initial condition, the saturated linear optimum
+        first."""
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
     def over_bound(self) -> float | None:
-        """The cost over the lower bound: an upper bound of the ratio to the least cost, or None
+        """Cost divided by the lower bound, an upper bound of the ratio to the least cost; None
         without a positive bound."""
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
@@ -180,8 +182,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return (self.found.linear, *self.others)
 
     def report(self) -> Report:
-        """Return the report: its cost and those of the policies, the distance of the optimizer's
-        proposal, and the limits."""
+        """Return the report: costs of the flight and of the policies, difference from the
+        optimizer's proposal, and limits."""
         rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated("best flight found", self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
@@ -204,7 +206,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """The aircraft, the initial condition and the cost."""
+        """Return the aircraft, the initial condition and the cost."""
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight found, {whose}: cost {self.cost:.6g}"
@@ -220,7 +222,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
-        """Return the known distance of the cost from the least one."""
+        """Return a sentence on the known distance of the cost from the least cost."""
         if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found; that none exists is not "
@@ -281,9 +283,9 @@ def bracket_of(
 ) -> Bracket:
     """Return the bracket of the least cost from an initial condition.
 
-    bound: proved
+    bound: the proved lower bound
     z: (n,), deviations from the trim; start: the same by name
-    cost: of the best flight found, or None where none was
+    cost: cost of the best flight found, or None without one
     """
     lower = float(bound.bound(z[None])[0])
     return Bracket(start, lower, cost, None, lower >= bound.level)
@@ -294,13 +296,13 @@ def _saturated(flight: str, names: Sequence[str]) -> str:
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """State -> lowest and highest value that a flight keeps to."""
+    """Return state -> lowest and highest value within which a flight stays."""
     pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
     return dict(zip(problem.envelope.names, pairs, strict=True))
 
 
 def limits_table(problem: FlightProblem) -> Table:
-    """The limits of states and inputs within which flights stay."""
+    """Return a table of the limits of states and inputs within which flights stay."""
     model = problem.model
     pairs: dict[str, Any] = envelope_pairs(problem)
     signals = model.inputs
@@ -332,14 +334,15 @@ def best_flight(
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
     Q, R: as `hfa.game` takes them; R of the inputs that move
-    seconds: the horizon; chosen so that the end costs less than .1 % unless given
-    inputs: those that move, the others held at the trim, or all unless given
+    seconds: the horizon; default: so long that the end costs less than .1 %
+    inputs: the inputs that move, the others held at the trim; default: all
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     start: the earlier name of `initial`, for one version
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
-    Raises BadInputError for unknown names, a start outside the limits and a horizon that is too
-    short. NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
+    Raises BadInputError for unknown names, an initial condition outside the limits and a horizon
+    that is too short. Raises NoSolutionError with the reason if no flight was found or the
+    simulation refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(

@@ -24,10 +24,10 @@ _CONDITION = 1e6
 
 
 def plant_of(problem: FlightProblem) -> Plant:
-    """The aircraft about the trim of a problem, its envelope and the limits of its inputs.
+    """Return the aircraft about the trim of a problem, with its envelope and input limits.
 
-    Raises BadInputError where rates depend on a state that the cost leaves out: a bound would hold
-    it at the trim, and flights do not.
+    Raises BadInputError if rates depend on a state that the cost leaves out, because a bound would
+    hold this state at its trim.
     """
     model = problem.model
     if problem.carried:
@@ -57,8 +57,8 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """The states, or states and inputs, in which the linear model is well conditioned: those that
-    an equilibrium is solved for."""
+    """Return indices of the unknowns of the equilibrium: states, or states and inputs, in which the
+    linear model is well conditioned."""
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])
     scaled = both / plant.nominal[:n, None] * plant.nominal[None, : both.shape[1]]
@@ -69,9 +69,9 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
 
 
 def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
-    """Path of each entry of a certificate -> that of a problem.
+    """Return path of an entry of a certificate -> its value in a problem.
 
-    weights: Q and R, as far as the user gave them
+    weights: Q and R if the user gave them
     """
     plant = plant_of(problem)
     widths = SAME_TRIM * plant.nominal
@@ -104,9 +104,9 @@ def lower_bound(
 ) -> CostStatement:
     """Return the bound that a certificate proves for the flights of a problem.
 
-    weights_from: the file that gives Q and R, or "" where options do
+    weights_from: the file that gives Q and R, or "" if options do
 
-    BadInputError or NoSolutionError where the certificate is not about these flights, or does not
+    Raises BadInputError or NoSolutionError if the certificate is about other flights, or does not
     prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):

@@ -1,4 +1,4 @@
-"""The search for a lower bound of the cost of the flights of a problem."""
+"""Search for a lower bound of the cost of the flights of a problem."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def bound_search(
     """Return the search for a lower bound of the cost of the flights of a problem, for initial
     conditions in the usual box.
 
-    degree, margin: of W
+    degree, margin: degree of W, and share of the cost that W gives away
     seconds: processor time
     save: called with the bound after each proved piece
     """

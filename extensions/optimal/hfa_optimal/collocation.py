@@ -1,4 +1,4 @@
-"""Proposals: a flight transcribed by Radau collocation, and IPOPT on it.
+"""Proposed flights: Radau collocation, solved by IPOPT.
 
 The optimizer proves nothing. Source: Betts, Practical Methods for Optimal Control, Chapter 4."""
 
@@ -53,11 +53,11 @@ FEASIBLE = 1e-6
 class Proposal(NamedTuple):
     """A flight proposed by collocation, to be confirmed by simulation.
 
-    lengths: (N,), s, of the intervals.
-    start: (k,), z at the begin.
+    lengths: (N,), s, lengths of the intervals.
+    start: (k,), initial z.
     z: (N, DEGREE, followed), deviations of the followed states at the collocation points.
     v: (N + 1, m), inputs at the ends of the intervals, linear between them.
-    cost: by the collocation's quadrature, with the linear cost of the end.
+    cost: cost by the quadrature of the collocation, with the linear cost of the end.
     tail: the linear cost of the end alone.
     feasible: whether the transcribed equations hold.
     """
@@ -72,18 +72,19 @@ class Proposal(NamedTuple):
 
     @property
     def ends(self) -> np.ndarray:
-        """(N + 1,), s, of the intervals, the begin included."""
+        """Ends of the intervals, (N + 1,), s, with the start first."""
         return np.append(0.0, np.cumsum(self.lengths))
 
     @property
     def nodes(self) -> np.ndarray:
-        """(N, 1 + DEGREE, followed), at the begin and the collocation points of each interval."""
+        """Followed states (N, 1 + DEGREE, followed) at the start and the collocation points of each
+        interval."""
         start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
         before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The followed states (N, followed) and v (N, m) at times; 0 after the end."""
+        """Return the followed states (N, followed) and v (N, m) at times, 0 after the end."""
         ends = self.ends
         count = len(self.lengths)
         interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
@@ -97,12 +98,12 @@ class Proposal(NamedTuple):
 
 
 def collocation_points() -> np.ndarray:
-    """0 and the collocation points in an interval of length 1."""
+    """Return 0 and the collocation points in an interval of length 1."""
     return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
 
 
 def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """(N, p), the Lagrange polynomials of the points at tau (N,)."""
+    """Return the Lagrange polynomials of p points at tau (N,), (N, p)."""
     columns = []
     for index, point in enumerate(points):
         others = np.delete(points, index)
@@ -111,10 +112,11 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
-    """(N,), lengths of intervals that grow geometrically and add up to a time.
+    """Return (N,), lengths of intervals that grow geometrically and add up to a time.
 
-    fastest: 1/s, of the linear loop; the first interval resolves it where the growth allows.
-    step: as of `_on_steps`."""
+    fastest: 1/s, fastest mode of the linear loop; the first interval resolves it if the growth
+        permits.
+    step: as in `_on_steps`."""
     equal = seconds / intervals
     growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
     lengths = growth ** np.linspace(0.0, 1.0, intervals)
@@ -136,10 +138,10 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 def adapted_mesh(
     proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """(N,), lengths of intervals in which a proposal is about equally smooth, judged by the leading
-    terms of its polynomials.
+    """Return (N,), lengths of intervals in which a proposal is about equally smooth, measured by
+    the leading terms of its polynomials.
 
-    step: as of `_on_steps`. weights: how much a unit of each z, (k,), and v, (m,), counts"""
+    step: as in `_on_steps`. weights: of a unit of each z, (k,), and v, (m,)"""
     of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
     leading = leading[:, : len(of_states)]
@@ -155,13 +157,14 @@ def adapted_mesh(
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
-    """Values at the points -> the leading coefficient of their polynomial."""
+    """Return the row that maps values at the points to the leading coefficient of their
+    polynomial."""
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
 
 
 def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The unknowns of a program: v at the start; for each interval z at its points and v at its
-    end.
+    """Return the unknowns of a program in order: v at the start, then for each interval z at its
+    points and v at its end.
 
     z: (N DEGREE, k). v: (N + 1, m)."""
     inner = np.hstack([z.reshape(len(v) - 1, -1), v[1:]])
@@ -169,8 +172,8 @@ def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
-    """The matrix from the unknowns of a program to (z, v) at all collocation points, one below the
-    other, of k states and m inputs."""
+    """Return the matrix from the unknowns of a program with k states and m inputs to (z, v) at all
+    collocation points, stacked."""
     inner = DEGREE * k + m
     columns = m + intervals * inner
     rows: list[int] = []
@@ -193,7 +196,8 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
 def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
     """Return the solution of IPOPT with constraints g = 0.
 
-    KeyboardInterrupt where it was interrupted: CasADi drops that, or makes another error of it."""
+    Raises KeyboardInterrupt if it was interrupted, which CasADi drops or turns into another
+    error."""
     try:
         solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
     except (RuntimeError, SystemError) as error:
@@ -206,8 +210,8 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
 
 
 class Equations(NamedTuple):
-    """The equations of an aircraft at one point and their derivatives, as a `FlightProblem` has
-    them: in CasADi's virtual machine, or as machine code."""
+    """Equations of an aircraft at one point and their derivatives, from a `FlightProblem`, in
+    CasADi's virtual machine or as machine code."""
 
     rates: ca.Function
     slopes: ca.Function
@@ -215,8 +219,9 @@ class Equations(NamedTuple):
 
     @staticmethod
     def of(problem: FlightProblem, starts: int = 1) -> Equations:
-        """The derivatives as machine code where it pays for a number of starts. CasADi derives
-        the rates itself too, which it cannot do of machine code."""
+        """Return the equations of a problem, with derivatives as machine code if it pays for a
+        number of initial conditions. The rates stay in CasADi, which cannot differentiate machine
+        code."""
         slopes, curvature = problem.slopes, problem.curvature
         if starts >= _MACHINE_CODE_STARTS:
             slopes, curvature = machine_code(slopes), machine_code(curvature)
@@ -225,10 +230,10 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """The nonlinear program of a problem with a number of intervals, compiled once.
+    """Nonlinear program of a problem with a number of intervals, compiled once.
 
-    Its Jacobian and its Hessian are put together from those of the aircraft's equations at one
-    point, which takes a quarter of the time of deriving the whole program."""
+    Its Jacobian and Hessian are assembled from those of the aircraft's equations at one point, in a
+    quarter of the time that differentiation of the whole program takes."""
 
     problem: FlightProblem
     intervals: int
@@ -245,10 +250,10 @@ class Transcription:
     ) -> Proposal:
         """Return the proposal of IPOPT from a guess.
 
-        start: (k,), z at the begin. lengths: (N,), s.
-        margin: how far inside the limits of the states it stays, as `inner_limits` takes it.
-        z: (N DEGREE, k) or of all followed states, the guess at the collocation points.
-        v: (N + 1, m), at the ends. price: factor of R."""
+        start: (k,), initial z. lengths: (N,), s.
+        margin: distance kept from the state limits, as in `inner_limits`.
+        z: (N DEGREE, k), guess at the collocation points, or of all followed states.
+        v: (N + 1, m), guess at the ends. price: factor of R."""
         problem = self.problem
         of_states, of_inputs = problem.sizes
         z = problem.padded(z)
@@ -284,7 +289,7 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """(guess, parameters, bounds) -> solution, of IPOPT."""
+        """IPOPT solver (guess, parameters, bounds) -> solution."""
         problem = self.problem
         k = len(problem.followed)
         both = k + len(problem.inputs)
@@ -345,13 +350,13 @@ class Transcription:
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """An expression that is constant, without the symbols that it was made of."""
+    """Return a constant expression without the symbols from which it was built."""
     zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
     (constant,) = ca.substitute([expression], symbols, zeros)
     return constant
 
 
 def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
-    """Dense blocks, side by side in a matrix, as the diagonal of a sparse one."""
+    """Return a sparse block-diagonal matrix of dense blocks that are side by side in a matrix."""
     pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
     return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

@@ -39,11 +39,11 @@ _FAR = 1e4
 class Flown(NamedTuple):
     """A flight and its cost.
 
-    name: of the policy.
+    name: name of the policy.
     times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
-    running_cost: until its end.
+    running_cost: cost until its end.
     tail: the linear cost of its end.
-    cost: the sum of both, or inf where it does not end in the trim.
+    cost: sum of running cost and tail, or inf if it does not end in the trim.
     departure: the state that first left the envelope, or None without one.
     saturated: names of saturated inputs.
     """
@@ -86,11 +86,11 @@ class Flown(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """The simulator of a problem: each policy is compiled once.
+    """Simulator of a problem, which compiles each policy once.
 
-    problem: the aircraft, its trim, the price and the limits.
-    count: how many starts are to come, about; it decides whether machine code pays.
-    longest_step: s, of the integration.
+    problem: the aircraft, its trim, weights and limits.
+    count: approximate number of flights, which decides whether machine code pays.
+    longest_step: s, largest step of the integration.
     """
 
     problem: FlightProblem
@@ -99,8 +99,8 @@ class Flights:
 
     @cached_property
     def step(self) -> float:
-        """The step of the integration, s, short compared with the fastest mode of the aircraft and
-        of the linear loop."""
+        """Integration step, s, short compared with the fastest mode of the aircraft and of the
+        linear loop."""
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
         modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
@@ -108,7 +108,7 @@ class Flights:
 
     @cached_property
     def tick(self) -> float:
-        """s, between two rows of held inputs."""
+        """Time between two rows of held inputs, s."""
         return STEPS * self.step
 
     @cached_property
@@ -130,7 +130,7 @@ class Flights:
         return self.compiled(self.gain_policy("linear optimum, clipped", self.problem.K))
 
     def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
-        """v = -K z, (m, k), within the limits; the other inputs are held."""
+        """Return the policy v = -K z, K (m, k), within the limits; the other inputs are held."""
         problem = self.problem
         z = ca.SX.sym("z", len(problem.states))
         u = ca.SX.zeros(len(problem.model.inputs))
@@ -138,7 +138,7 @@ class Flights:
         return self.function_policy(name, ca.Function("gain", [z], [u]))
 
     def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
-        """A policy z -> u of all inputs, within the limits."""
+        """Return a policy z -> u of all inputs, within the limits."""
         problem = self.problem
         limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
         for whole, moved in zip(limits, problem.input_limits, strict=True):
@@ -146,9 +146,9 @@ class Flights:
         return FunctionPolicy(name, function, *limits)
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
-        """The loop of a policy about the trim of the problem.
+        """Return the compiled loop of a policy about the trim of the problem.
 
-        scenario: with the ticks of the policy; those of `scenario` unless given"""
+        scenario: scenario with the ticks of the policy; default: that of `scenario`"""
         calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)
         return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
@@ -160,13 +160,13 @@ class Flights:
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
     def follow(self, proposal: Proposal, seconds: float) -> Flown:
-        """The flight that a proposal describes, with the linear policy after its end."""
+        """Return the flight that follows a proposal, with the linear policy after its end."""
         loop = self._tracking
         policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
         return self.fly(loop, proposal.start, seconds, policy)
 
     def linear(self, start: np.ndarray, seconds: float) -> Flown:
-        """The flight of the linear optimum within the limits of the inputs."""
+        """Return the flight of the linear optimum within the limits of the inputs."""
         return self.fly(self._linear, start, seconds)
 
     def fly(
@@ -174,7 +174,7 @@ class Flights:
     ) -> Flown:
         """Fly from an initial condition z, (k,); return the flight, its cost and its outcome.
 
-        policy: with other held inputs than that of the loop"""
+        policy: differs from the policy of the loop only in its held inputs"""
         problem = self.problem
         initial = np.zeros(len(problem.model.states))
         initial[problem.places] = start
@@ -191,7 +191,7 @@ class Flights:
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> Flown:
-        """A flight with its cost, to the trim of the problem."""
+        """Return a flight with its cost."""
         problem = self.problem
         trim = np.array(problem.point.states)
         z = rows.states[:, problem.places]

@@ -35,15 +35,15 @@ _INSIDE = 0.9
 
 @dataclass(frozen=True, eq=False)
 class StartFlights(Result):
-    """The flights from one start.
+    """Flights from one initial condition.
 
     start: state -> its deviation from the trim.
-    cost: of the best flight found, or None where none was.
-    reason: why none was found, or None where one was.
-    spread: of meshes and guesses, or None where none was found.
+    cost: cost of the best flight found, or None without one.
+    reason: why no flight was found, or None.
+    spread: relative difference of costs between meshes and guesses, or None without a flight.
     linear_cost: x'Px, of the linear model without limits.
-    policies: their flights.
-    bracket: with the lower bound of a certificate, or None without one.
+    policies: flights of the policies.
+    bracket: bounds of the least cost, or None without a certificate.
     """
 
     json_keys = "start cost reason spread linear_cost policies lower_bound"
@@ -71,10 +71,10 @@ class PolicySummary(Result):
     lost: flights that left the envelope or do not end in the trim.
     left: flights that left the envelope.
     converged: flights that end in the trim, within the envelope or not.
-    median: its cost over that of the best flight found, of the flights that converge; None where
+    median: median cost relative to the best flight found, over flights that converge; None where
         none does.
-    high: the 90 % quantile of these.
-    worst: the largest of these.
+    high: 90 % quantile of that ratio.
+    worst: largest value of that ratio.
     """
 
     policy: str
@@ -88,10 +88,10 @@ class PolicySummary(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StartsTable(OfProblem, Result, Reported):
-    """Best flights from many starts.
+    """Best flights from many initial conditions.
 
-    problem: aircraft, trim, prices and limits.
-    flights: one a start.
+    problem: aircraft, trim, weights and limits.
+    flights: flights from each initial condition.
     asked: number of requested initial conditions; fewer were flown where the run was interrupted.
     """
 
@@ -126,7 +126,7 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def over_bound(self) -> Sequence[float]:
-        """The cost of each flight that was found over its positive lower bound."""
+        """Cost of each flight that was found, divided by its positive lower bound."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
 
     @property
@@ -187,7 +187,7 @@ class StartsTable(OfProblem, Result, Reported):
 class WithFlights(Result):
     """The fields that `--flights N` adds to a result.
 
-    flights: of the nonlinear aircraft, compared with the best found.
+    flights: flights of the nonlinear aircraft, compared with the best found.
     """
 
     flights: StartsTable | None = None
@@ -210,8 +210,8 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """(k,), half-widths of the box of initial conditions, inside the limits: the ordinary
-    deviations of the flexible aircraft, for others those of `hfa assess`."""
+    """Return the half-widths (k,) of the initial-condition box, inside the limits: usual deviations
+    for the HFA, the box of `hfa assess` for other aircraft."""
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
     half = start_box(problem.model, problem.point) if box is None else box.half_widths
@@ -219,7 +219,7 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Half-widths inside the limits."""
+    """Return half-widths reduced to stay inside the limits."""
     lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
     return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
 
@@ -229,8 +229,7 @@ def drawn_starts(
 ) -> np.ndarray:
     """Return (count, k), initial conditions in a box; the first are the same whatever the count.
 
-    box: (k,), half-widths, made smaller where it reaches beyond the limits; the usual box unless
-        given"""
+    box: (k,), half-widths, reduced to the limits; default: the usual box"""
     rng = np.random.default_rng(seed)
     half = usual_box(problem) if box is None else _inside(problem, box)
     return half * rng.uniform(-1.0, 1.0, (count, len(problem.states)))

@@ -1,4 +1,4 @@
-"""The picture of flights from the same start; draws alone."""
+"""Figure of flights from the same initial condition."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def drawn(
 ) -> Figure:
     """Draw a panel for each state of the linear model and for each input that moves.
 
-    flights: with their names in the legend; the first is the one found."""
+    flights: flights with their names in the legend, the best one first."""
     names = [*problem.states, *problem.inputs]
     panels = figure.subplots(-(-len(names) // 3), 3, sharex=True).ravel()
     for name, axes in zip(names, panels, strict=False):
@@ -56,7 +56,7 @@ def drawn(
 
 
 def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
-    """A signal in all flights, with its limits; the view is that of the flights that converge."""
+    """Draw a signal in all flights, with its limits; the view fits the flights that converge."""
     model = problem.model
     unit = model.unit(name)
     limits = model.limits[name]

@@ -1,4 +1,4 @@
-"""Policies that fly from the same starts as the best flight, as they are deployed."""
+"""Policies, as they are deployed, for comparison with the best flight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_policy.flown import flown_card, sampled_scenario
 class Pilot(NamedTuple):
     """A policy that is compiled for flights.
 
-    name: in reports.
+    name: its name in reports.
     loop: its closed loop."""
 
     name: str
@@ -30,12 +30,12 @@ class Pilot(NamedTuple):
 
 
 def gain_pilot(flights: Flights, name: str, K: np.ndarray) -> Pilot:
-    """v = -K z, within the limits of the inputs."""
+    """Return the policy v = -K z, within the limits of the inputs."""
     return Pilot(name, flights.compiled(flights.gain_policy(name, K)))
 
 
 def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
-    """The policy of a critic, within the limits of the inputs."""
+    """Return the policy of a critic, within the limits of the inputs."""
     if critic.linear:
         return gain_pilot(flights, name, critic.K)
     policy = function_policy(name, critic.policy, flights.problem.point)
@@ -54,5 +54,5 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """Return a policy with independent ticks."""
+    """Return a policy that runs at the ticks of its own scenario."""
     return Pilot(name, flights.compiled(policy, scenario))

@@ -1,4 +1,4 @@
-"""The problem of a flight: aircraft, target, cost and limits."""
+"""Optimal control problem of a flight: aircraft, target, cost and limits."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FlightProblem:
-    """The least ∫ z'Qz + v'Rv dt of flights to a trim within limits, z and v the deviations of the
-    states of the linear model and of the moved inputs from it.
+    """Problem of the least ∫ z'Qz + v'Rv dt of flights to a trim within limits, with z and v the
+    deviations of linear-model states and moved inputs from the trim.
 
     linear: the linear model at the trim, with the moved inputs alone.
     Q: (k, k). R: (m, m).
@@ -56,7 +56,7 @@ class FlightProblem:
 
     @property
     def point(self) -> OperatingPoint:
-        """The trim that flights end at."""
+        """Trim at which flights end."""
         return self.linear.point
 
     @property
@@ -71,7 +71,7 @@ class FlightProblem:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of v: the inputs that move."""
+        """Names of v, the inputs that move."""
         return self.linear.inputs
 
     @cached_property
@@ -82,7 +82,7 @@ class FlightProblem:
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
-        """States that the linear model leaves out and on which the rates of z depend: altitude."""
+        """States outside the linear model on which the rates of z depend, such as altitude."""
         every = ca.SX.sym("x", len(self.model.states))
         vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
         every_rate, _ = self.model.layout.expressions(vectors, ())
@@ -108,7 +108,8 @@ class FlightProblem:
         return [names.index(name) for name in self.followed]
 
     def padded(self, z: np.ndarray) -> np.ndarray:
-        """z (..., k) with the carried states at their trim; followed states as they are."""
+        """Return the followed states: z (..., k) with the carried states at their trim, others
+        unchanged."""
         missing = len(self.followed) - z.shape[-1]
         return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
 
@@ -140,17 +141,17 @@ class FlightProblem:
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest deviations of the followed states in a proposal from a start: nearer
-        to the trim than those of a flight by the part `margin`, but where the start is farther.
+        """Return the lowest and highest deviations of the followed states in a proposal: the limits
+        of a flight, moved towards the trim by the fraction `margin` unless the start is beyond.
 
-        start: of the followed states"""
+        start: initial deviations of the followed states"""
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)
         return lowest, np.maximum((1.0 - margin) * highest, start)
 
     @cached_property
     def rates(self) -> ca.Function:
-        """(followed states, v) in nominal sizes -> rates of the followed states in nominal sizes;
+        """Function (followed states, v) -> rates of the followed states, all in nominal sizes;
         inputs that do not move are held at the trim."""
         of_states, of_inputs = self.sizes
         both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
@@ -172,7 +173,8 @@ class FlightProblem:
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """`rates`, of an aircraft with tables and kinks a smooth copy, for the optimizer."""
+        """Function `rates` for the optimizer, a smooth copy for an aircraft with tables or
+        kinks."""
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -187,15 +189,15 @@ class FlightProblem:
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """(followed states, v) in nominal sizes -> the derivatives of `smooth_rates`, dense."""
+        """Function (followed states, v) in nominal sizes -> dense Jacobian of `smooth_rates`."""
         at = ca.SX.sym("at", self.smooth_rates.numel_in(0))
         slopes = ca.densify(ca.jacobian(self.smooth_rates(at), at))
         return ca.Function("slopes", [at], [slopes], {"cse": True})
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """(followed states and v in nominal sizes, multipliers of their rates) -> the second
-        derivatives of the rates weighed by the multipliers, dense."""
+        """Function (followed states and v in nominal sizes, multipliers) -> dense Hessian of the
+        rates weighted by the multipliers."""
         rates = self.smooth_rates
         at = ca.SX.sym("at", rates.numel_in(0))
         multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
@@ -232,7 +234,7 @@ class FlightProblem:
         return z
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
-        """Another trim as z, (k,)."""
+        """Return another trim as z, (k,)."""
         other.refuse_other(self.model)
         off: np.ndarray = np.array(other.states) - np.array(self.point.states)
         for place, name in enumerate(self.model.states):
@@ -247,7 +249,7 @@ class FlightProblem:
         return off[self.places]
 
     def refuse_outside(self, z: np.ndarray) -> None:
-        """Raise BadInputError where a start, (k,), is not within the limits."""
+        """Raise BadInputError if an initial condition z, (k,), is not within the limits."""
         X = np.array(self.point.states)
         X[self.places] += z
         broken = self.envelope.broken(X)
@@ -257,13 +259,13 @@ class FlightProblem:
 
 
 class OfProblem:
-    """The aircraft, the trim and the weights of a result with a `problem`."""
+    """Access to aircraft, trim and weights of a result with a `problem`."""
 
     problem: FlightProblem
 
     @property
     def point(self) -> OperatingPoint:
-        """The trim that flights end in."""
+        """Trim at which flights end."""
         return self.problem.point
 
     @property
@@ -272,17 +274,17 @@ class OfProblem:
         return self.problem.model
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A state, an input or an output of the model over time, absolute, (N,)."""
+        """Return a state, an input or an output over time, absolute, (N,)."""
         return series(self, name, self.model.p)
 
     @property
     def Q(self) -> Matrix:
-        """(k, k), of the states of the linear model."""
+        """Weight of the linear-model states, (k, k)."""
         return self.problem.Q
 
     @property
     def R(self) -> Matrix:
-        """(m, m), of the inputs that move."""
+        """Weight of the inputs that move, (m, m)."""
         return self.problem.R
 
 
@@ -297,7 +299,7 @@ def flight_problem(
     """Return the problem of flights of a model to a trim.
 
     Q, R: as `hfa.game` takes them, R of the moved inputs.
-    inputs: which move, the others held at their trim, or all unless given.
+    inputs: the inputs that move, the others held at their trim; default: all.
     limits: state -> (lowest, highest) in place of the flight envelope's.
 
     Raises BadInputError for names and weights that do not fit. Raises NoSolutionError where the
@@ -318,8 +320,8 @@ def named_initial(
     initial: Mapping[str, float] | OperatingPoint | None,
     start: Mapping[str, float] | OperatingPoint | None,
 ) -> Mapping[str, float] | OperatingPoint:
-    """Return the initial condition by either of its names. Raises BadInputError without one, and
-    with both."""
+    """Return the argument `initial`, or `start` of earlier versions. Raises BadInputError unless
+    exactly one is given."""
     if (initial is None) == (start is None):
         raise BadInputError(
             "give one initial condition: initial={state: deviation from the trim}, or another trim"

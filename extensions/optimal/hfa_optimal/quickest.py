@@ -1,4 +1,4 @@
-"""The quickest flight found from a start to a trim: proposed, then flown."""
+"""Search for the quickest flight to a trim: proposed by collocation, then simulated."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
     proposal: the flight of the optimizer, which is followed.
     flown: the flight, with the linear policy after the arrival.
     meshes: intervals -> proposed time, s.
-    reserve: part of the distance to each limit that the proposal leaves to the policy.
+    reserve: fraction of the distance to each limit that the proposal leaves to the policy.
     """
 
     schema = "hfa.quickest-flight/1"
@@ -82,7 +82,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> its deviation from the trim at the begin."""
+        """State -> its initial deviation from the trim."""
         pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
@@ -103,13 +103,13 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def arrival(self) -> Mapping[str, float]:
-        """State -> its deviation from the trim at the end of the time."""
+        """State -> its deviation from the trim at the time of arrival."""
         at_end = deviations_at(self.problem, self.flown, self.seconds)
         return dict(zip(self.problem.states, at_end.tolist(), strict=True))
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that were at a limit, or at the part of it that the proposal uses."""
+        """Inputs that were at a limit, or at the fraction of it that the proposal may use."""
         lowest, highest = self.problem.input_limits
         used = 1.0 - 1.01 * self.reserve
         at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
@@ -118,26 +118,26 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def time(self) -> Vector:
-        """(N,), s."""
+        """Times of the flight (N,), s."""
         return self.flown.times
 
     @property
     def states(self) -> Matrix:
-        """(N, n), absolute, columns `state_names`."""
+        """Absolute states (N, n), columns `state_names`."""
         return with_names(self.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
-        """(N, m), absolute, columns `input_names`."""
+        """Absolute inputs (N, m), columns `input_names`."""
         return with_names(self.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest value that the flight keeps to."""
+        """State -> lowest and highest value within which the flight stays."""
         return envelope_pairs(self.problem)
 
     def report(self) -> Report:
-        """Return the report: its time, its initial and final trim, and the limits."""
+        """Return the report: time, initial condition, trim, and limits."""
         rows = []
         most = largest_deviations(self.proposal)
         for name, farthest in zip(self.problem.states, most.tolist(), strict=True):
@@ -157,7 +157,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """The aircraft, the duration and the initial condition."""
+        """Return the aircraft, the duration and the initial condition."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
         found = f"Quickest flight found, to {whose}: {self.seconds:.4g} s"
@@ -177,7 +177,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def figure(self) -> Figure:
-        """The states and inputs over time."""
+        """Return a figure of states and inputs over time."""
         from hfa_optimal.picture import drawn
         from hfa_support.reporting.figure import new_figure
 
@@ -187,18 +187,18 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
 
 def largest_deviations(proposal: Proposal) -> np.ndarray:
-    """(k,), the largest absolute z on the way."""
+    """Return the largest absolute z of a proposal, (k,)."""
     states = proposal.nodes[..., : len(proposal.start)]
     return np.asarray(np.abs(states).max(axis=(0, 1)))
 
 
 def arrival_box(proposal: Proposal) -> np.ndarray:
-    """(k,), half-widths of the box about the trim in which a flight has arrived."""
+    """Return the half-widths (k,) of the box about the trim in which a flight has arrived."""
     return ARRIVED * largest_deviations(proposal)
 
 
 def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.ndarray:
-    """(k,), z of a flight at a time, s."""
+    """Return z (k,) of a flight at a time, s."""
     z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
     return np.array([np.interp(seconds, flown.times, column) for column in z.T])
 
@@ -237,13 +237,13 @@ def quickest_flight(
     collocation, accepted if the simulated flight arrives too.
 
     initial: another trim, or state of the linear model -> deviation from the trim
-    Q, R: of the linear policy that follows the proposal, as `hfa.game` takes them
-    inputs: those that move, the others held at the trim, or all unless given
+    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` takes them
+    inputs: the inputs that move, the others held at the trim; default: all
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     start: the earlier name of `initial`, for one version
 
     Raises BadInputError for unknown names and an initial condition outside the limits.
-    NoSolutionError, with the reason, where no flight was found or the simulator refutes it.
+    Raises NoSolutionError with the reason if no flight was found or the simulation refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -268,10 +268,10 @@ def quickest_flight(
 
 
 def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> QuickestFlight:
-    """The quickest flight found from a start.
+    """Return the quickest flight found from an initial condition.
 
-    z: (k,), deviations of the start. v: (m,), inputs with which guesses begin.
-    horizon: s, of the linear loop"""
+    z: (k,), initial deviations. v: (m,), inputs with which guesses begin.
+    horizon: s, horizon of the linear loop"""
     problem = flights.problem
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
     meshes = {_MESHES[0]: best.cost}
@@ -303,8 +303,8 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest proposal from straight lines to the trim. Raises NoSolutionError where
-    none does."""
+    """Return the quickest proposal from straight lines to the trim. Raises NoSolutionError if none
+    is feasible."""
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
     states = program.problem.padded((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)

@@ -1,4 +1,4 @@
-"""Proposals of least time: the collocation of `collocation.py` with the final time unknown."""
+"""Proposals of least time: the collocation of `collocation.py` with an unknown final time."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LONGEST = 20.0
 
 @dataclass(frozen=True, eq=False)
 class TimeProgram:
-    """The nonlinear program of the least time to the trim, with a number of intervals."""
+    """Nonlinear program of the least time to the trim, with a number of intervals."""
 
     problem: FlightProblem
     intervals: int
@@ -82,8 +82,8 @@ class TimeProgram:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """(guess, parameters, bounds) -> solution, of IPOPT; the last unknown is the time over that
-        of the guess."""
+        """IPOPT solver (guess, parameters, bounds) -> solution; the last unknown is the time
+        relative to that of the guess."""
         problem = self.problem
         k, m, N = len(problem.followed), len(problem.inputs), self.intervals
         points = N * DEGREE

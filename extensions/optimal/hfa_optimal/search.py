@@ -1,4 +1,4 @@
-"""The search for the best flight from a start: proposals on meshes from guesses, each flown."""
+"""Search for the best flight: proposals from several guesses on finer meshes, each simulated."""
 
 from __future__ import annotations
 
@@ -73,9 +73,9 @@ class Found(NamedTuple):
     """A flight that was found and simulated.
 
     flown: the flight. proposal: the proposal that it follows. seconds: the horizon.
-    meshes: intervals -> cost that was proposed. guesses: name of a guess -> cost that came of it,
-        on the finest mesh that it was tried on.
-    linear: the flight of the linear optimum from the same start.
+    meshes: intervals -> proposed cost. guesses: name of a guess -> resulting cost on its finest
+        mesh.
+    linear: flight of the linear optimum from the same initial condition.
     """
 
     flown: Flown
@@ -98,18 +98,18 @@ class Found(NamedTuple):
 
     @property
     def spread_of_guesses(self) -> float:
-        """The largest relative difference between the costs that came of the guesses."""
+        """Largest relative difference between the costs from the guesses."""
         guessed = list(self.guesses.values())
         return max(guessed) / min(guessed) - 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class BestFlights:
-    """Finds the best flights of a problem; everything that is compiled is compiled once.
+    """Search for the best flights of a problem, which compiles each program once.
 
-    problem: the aircraft, its trim, the price and the limits.
-    count: how many starts are to come, about; it decides whether machine code pays.
-    transcriptions: those that are compiled, by their number of intervals."""
+    problem: the aircraft, its trim, weights and limits.
+    count: approximate number of initial conditions, which decides whether machine code pays.
+    transcriptions: number of intervals -> compiled program."""
 
     problem: FlightProblem
     count: int = 1
@@ -126,17 +126,17 @@ class BestFlights:
 
     @cached_property
     def _loop(self) -> np.ndarray:
-        """A - B K."""
+        """Matrix A - B K of the linear loop."""
         linear = self.problem.linear
         return np.asarray(linear.A - linear.B @ self.problem.K)
 
     def found(self, start: np.ndarray, seconds: float | None = None) -> Found:
-        """The best flight from a start z, (k,).
+        """Return the best flight found from an initial condition z, (k,).
 
-        seconds: the horizon; chosen so that the end costs nothing unless given.
+        seconds: the horizon; default: so long that the end costs almost nothing
 
-        NoSolutionError, with the reason, where none was found or the simulation refutes it. Raises
-        BadInputError where a given horizon is too short."""
+        Raises NoSolutionError with the reason if no flight was found or the simulation refutes it,
+        and BadInputError if a given horizon is too short."""
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
@@ -184,8 +184,8 @@ class BestFlights:
         return 1.2 * count * step
 
     def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
-        """The best flight of a horizon, flown: from the cheapest proposals on twice as many
-        intervals, the cheapest that the simulator confirms."""
+        """Return the best simulated flight of a horizon: the cheapest proposals are refined on
+        twice as many intervals, and the cheapest that the simulation confirms is returned."""
         finer = {}
         for name in _distinct(proposals):
             proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
@@ -206,12 +206,12 @@ class BestFlights:
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
     ) -> tuple[Flown, Proposal, dict[int, float]]:
-        """Return the flight of a proposal, the followed proposal, and its meshes; the mesh is
-        divided until two agree, and the flight with them.
+        """Return the flight of a proposal, the followed proposal, and its meshes. The mesh is
+        refined until the costs of two meshes and of the flight agree.
 
         meshes: intervals -> cost so far
 
-        NoSolutionError with the reason where the last ones do not."""
+        Raises NoSolutionError with the reason if the last ones do not agree."""
         agreed = None
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
@@ -241,8 +241,7 @@ class BestFlights:
         raise NoSolutionError(reason)
 
     def _alternating(self, proposal: Proposal) -> str:
-        """Return the inputs of a proposal that alternate between their limits, in words, or ""
-        without one."""
+        """Return a note on the inputs of a proposal that alternate between their limits, or ""."""
         lowest, highest = self.problem.input_limits
         texts = []
         for column, name in enumerate(self.problem.inputs):
@@ -257,8 +256,8 @@ class BestFlights:
         return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
-        """The flight of a proposal, or, where it leaves the limits, of one that stays farther
-        inside them by a factor; and the followed proposal."""
+        """Return the flight of a proposal, or, if it leaves the limits, of a proposal farther
+        inside them by a factor, and the followed proposal."""
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
             return flown, best
@@ -270,8 +269,9 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
-        """Guess -> proposal on the coarsest mesh, of those that IPOPT solves; more guesses where
-        the first ones end in different optima. Raises NoSolutionError where it solves none."""
+        """Return guess -> proposal on the coarsest mesh for the guesses that IPOPT solves, with
+        more guesses if the first ones lead to different optima. Raises NoSolutionError if it solves
+        none."""
         first = {
             "linear loop": self._linear_guess(start),
             "slow decay": self._decay(start, 3.0 / seconds),
@@ -305,10 +305,10 @@ class BestFlights:
         adapted: list[tuple[Proposal, Proposal]],
         price: float = 1.0,
     ) -> dict[str, Proposal]:
-        """Guess -> proposal on the coarsest mesh after that was adapted to a first one.
+        """Return guess -> proposal on the coarsest mesh, adapted to a first proposal.
 
-        adapted: first proposals and their results so far, which are not computed again; those
-            of these guesses are added. price: with which a first one counts R"""
+        adapted: first proposals and their results so far, which are reused and extended. price:
+            factor of R in the first proposal"""
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
         proposals = {}
@@ -362,8 +362,7 @@ class BestFlights:
     def _decay(self, start: np.ndarray, rate: float, v: np.ndarray | None = None) -> Guess:
         """Return a guess whose z and inputs decay.
 
-        v: (m,), the inputs at the begin, limited to some nominal sizes; those of the trim unless
-            given"""
+        v: (m,), initial inputs, limited to some nominal sizes; default: those of the trim"""
         begin = np.zeros(len(self.problem.inputs)) if v is None else v
         most = _LARGEST_INPUT * self.problem.sizes[1]
         begin = np.clip(begin, -most, most)
@@ -389,18 +388,18 @@ class BestFlights:
 
 
 def difference_of_meshes(meshes: Mapping[int, float]) -> float:
-    """The relative difference between the costs of the last two meshes."""
+    """Return the relative difference between the costs of the last two meshes."""
     finest = list(meshes.values())[-2:]
     return max(finest) / min(finest) - 1.0
 
 
 def _cheapest_first(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Names of proposals by their costs."""
+    """Return the names of proposals, the cheapest first."""
     return sorted(proposals, key=lambda name: proposals[name].cost)
 
 
 def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
-    """Names of the cheapest proposals that are not the same optimum."""
+    """Return the names of the cheapest proposals with distinct optima."""
     chosen: list[str] = []
     for name in _cheapest_first(proposals):
         dearest = proposals[chosen[-1]].cost if chosen else 0.0
@@ -410,7 +409,7 @@ def _distinct(proposals: Mapping[str, Proposal]) -> list[str]:
 
 
 def _sampled(guess: Guess, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """z at the collocation points and v at the ends of the intervals."""
+    """Return z of a guess at the collocation points and v at the ends of the intervals."""
     from casadi import collocation_points
 
     ends = np.append(0.0, np.cumsum(lengths))

@@ -1,8 +1,8 @@
 """Smooth copies of functions with tables and kinks, for an optimizer that needs two derivatives.
 
-Where an argument passes a kink, the two branches are blended over a width; elsewhere the copy is
-the function. The width of each kink is a part of how much its argument varies over the points that
-are given, so that it means the same in degrees, feet and Mach numbers."""
+Near a kink the two branches are blended over a width; elsewhere the copy equals the function. The
+width of each kink is a fraction of the spread of its argument over given points, and therefore
+independent of units."""
 
 from __future__ import annotations
 
@@ -66,10 +66,10 @@ class _Kink:
         return _Kink(width)
 
     def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """1 where the argument is positive, 0 where it is negative, between them within the width;
-        and whether it is smooth.
+        """Return 1 where the argument is positive, 0 where it is negative, a blend within the
+        width, and whether the result is smooth.
 
-        otherwise: the comparison"""
+        otherwise: result of the comparison, for a sharp kink"""
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
@@ -81,7 +81,8 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """The absolute value of the argument; a polynomial with two slopes within the width."""
+        """Return the absolute value of the argument, a twice differentiable polynomial within the
+        width."""
         sharp = ca.fabs(argument)
         if self.width == 0.0:
             return sharp
@@ -93,11 +94,11 @@ class _Kink:
 
 @dataclass
 class _Replay:
-    """The instructions of a function, evaluated once more on symbols.
+    """Evaluation of a function's instructions on symbols, with smoothed kinks.
 
-    kinks: of each kink in the order of the instructions; none: all stay sharp.
-    arguments: of the kinks, those that are passed at 0.
-    soft: places of the work vector that hold smooth numbers between 0 and 1.
+    kinks: smoothing of each kink in the order of the instructions; if empty, all stay sharp.
+    arguments: arguments of the kinks, which occur at 0.
+    soft: indices of the work vector that hold smooth numbers between 0 and 1.
     """
 
     function: ca.Function
@@ -108,7 +109,7 @@ class _Replay:
     soft: set[int] = field(default_factory=set)
 
     def run(self) -> ca.SX:
-        """The result, dense."""
+        """Return the dense result."""
         function = self.function
         result = ca.SX.zeros(function.size_out(0))
         for number in range(function.n_instructions()):
@@ -126,7 +127,7 @@ class _Replay:
         return result
 
     def arguments_of_kinks(self) -> ca.SX:
-        """The arguments of the kinks as a column."""
+        """Return the arguments of the kinks as a column."""
         return ca.densify(ca.vertcat(ca.SX(0, 1), *self.arguments))
 
     def _value(self, number: int, code: int, places: list[int]) -> tuple[ca.SX, bool]:
@@ -158,7 +159,8 @@ class _Replay:
         return middle + half if code == ca.OP_FMAX else middle - half
 
     def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Logic of smooth numbers: 1 - a, a b, a + b - a b, and the branch that a chooses."""
+        """Return logical operations of smooth numbers: 1 - a, a b, a + b - a b, or the branch that
+        a selects."""
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
             return _applied(code, operands), False
@@ -177,7 +179,7 @@ class _Replay:
 
 
 def _applied(code: int, operands: list[ca.SX]) -> ca.SX:
-    """An operation of one or two operands."""
+    """Return the result of an operation with one or two operands."""
     if len(operands) == 1:
         return ca.SX.unary(code, operands[0])
     return ca.SX.binary(code, *operands)

@@ -1,4 +1,4 @@
-"""A policy that follows a proposal, so that rounding errors do not grow."""
+"""Policy that follows a proposal, so that rounding errors do not grow."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ STEPS = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingPolicy(Policy):
-    """v = v*(t) - K(t) (z - z*(t)), within the limits of the inputs; z* and v* are interpolated in
-    each step of the integration.
+    """Policy v = v*(t) - K(t) (z - z*(t)) within the input limits; z* and v* are interpolated in
+    each integration step.
 
     held: rows [begin, s; (z*, v*) at the ends of the steps; K column by column].
-    tick: s. moved: where v is among the inputs. count: of all inputs.
+    tick: s. moved: indices of v among the inputs. count: number of all inputs.
     lowest, highest: (m,), limits of v.
     """
 
@@ -37,7 +37,7 @@ class TrackingPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The inputs, those that do not move 0."""
+        """Return the deviations of all inputs, 0 for those that do not move."""
         k = measurements.error.numel()
         m = len(self.moved)
         knots = (STEPS + 1) * (k + m)
@@ -53,7 +53,8 @@ class TrackingPolicy(Policy):
 
 
 def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np.ndarray:
-    """The held inputs of a `TrackingPolicy` for a proposal and, after it, the linear policy."""
+    """Return the held inputs of a `TrackingPolicy` for a proposal and, after it, the linear
+    policy."""
     seconds = float(proposal.lengths.sum())
     ticks = int(np.ceil(seconds / tick - 1e-9))
     z, v = proposal.at(tick / STEPS * np.arange(ticks * STEPS + 1))
@@ -70,14 +71,14 @@ def tracking_rows(problem: FlightProblem, proposal: Proposal, tick: float) -> np
 
 
 def held_size(problem: FlightProblem) -> int:
-    """Length of a row of `tracking_rows`."""
+    """Return the length of a row of `tracking_rows`."""
     k, m = len(problem.states), len(problem.inputs)
     return 1 + (STEPS + 1) * (k + m) + m * k
 
 
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
-    """(N, m, k), K of the time-varying LQR about a proposal, with the linear cost at its end; each
-    interval has the slopes in its middle."""
+    """Return K (N, m, k) of the time-varying LQR about a proposal, with the linear cost at its end
+    and the slopes in the middle of each interval."""
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     k = A.shape[1]
@@ -101,7 +102,7 @@ def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
 
 
 def exponentials(matrices: np.ndarray) -> np.ndarray:
-    """e^M of many small matrices (N, n, n) at once, by scaling, its series and squaring."""
+    """Return e^M of many small matrices (N, n, n), by scaling, Taylor series and squaring."""
     largest = np.abs(matrices).sum(axis=-1).max(initial=0.0)
     halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / _SMALL))))
     small = matrices * 0.5**halvings
@@ -115,7 +116,7 @@ def exponentials(matrices: np.ndarray) -> np.ndarray:
 
 
 def _slopes(problem: FlightProblem, proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
-    """A (N, k, k) and B (N, k, m) in the middle of each interval."""
+    """Return A (N, k, k) and B (N, k, m) in the middle of each interval."""
     of_states, of_inputs = problem.sizes
     z, v = proposal.at(proposal.ends[:-1] + 0.5 * proposal.lengths)
     both = np.hstack([z / of_states, v / of_inputs])

@@ -30,7 +30,7 @@ _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Flights whose cost is to be bounded from below, or a certificate to be checked."""
+    """Request of `hfa prove cost`: flights to bound from below, or a certificate to check."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     )
 
     def problem(self) -> FlightProblem:
-        """The flights to the trim."""
+        """Problem of the flights to the trim."""
         from hfa_optimal.problem import flight_problem
 
         self.refuse(("delta",), "belongs to a game; the cost of a flight has no disturbance")
@@ -76,7 +76,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
 
 def _part(text: str) -> float:
-    """Raise BadInputError unless it is between 0.0001 and 0.5."""
+    """Return the number in a text. Raises BadInputError unless it is between 0.0001 and 0.5."""
     part = number(text)
     if not 1e-4 <= part <= 0.5:
         raise BadInputError("must be between 0.0001 and 0.5")
@@ -106,7 +106,7 @@ def cost(request: CostRequest) -> int:
 
 
 def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
-    """Verify the certificate of a bound, for `hfa prove --check` too; the exit code."""
+    """Verify the certificate of a bound, also for `hfa prove --check`, and return the exit code."""
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.cost_report import checked_bound_report
     from hfa_boxes.fields import COST_FIELDS

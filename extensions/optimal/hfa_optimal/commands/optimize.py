@@ -35,7 +35,7 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """One or many initial conditions of flights of least cost to a trim."""
+    """Request of `hfa optimize`: one or many initial conditions of flights to a trim."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -90,7 +90,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     picture: Path | None = picture_option("the best flight found, and those of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
-        """The search for the best flights to the trim, and the game of the policies."""
+        """Return the search for the best flights to the trim, and the game of the policies."""
         from hfa_optimal.problem import flight_problem
         from hfa_optimal.search import BestFlights
 
@@ -102,7 +102,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return BestFlights(problem, count), game
 
     def end(self) -> OptimizeRequest:
-        """The request with the options of the trim that flights end in."""
+        """Return a request with the options of the final trim."""
         held = dict(self.to)
         for name in held:
             if name in self.model.parameters:
@@ -113,13 +113,13 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Return the start of the flight: a trim, or deviations from the one that it ends in."""
+        """Return the initial condition: a trim, or deviations from the final trim."""
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
-        """The exact policy of a game with a disturbance, and those of the files."""
+        """Return the exact policy of a game with a disturbance, and the policies of the files."""
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game
         from hfa_optimal.pilots import card_pilot, critic_pilot, gain_pilot
@@ -165,7 +165,7 @@ def optimize(request: OptimizeRequest) -> int:
 
 
 def _quickest(request: OptimizeRequest) -> int:
-    """The quickest flight from one start."""
+    """Report the quickest flight from one initial condition; return the exit code."""
     from hfa_optimal.quickest import quickest_flight
 
     search, game = request.search()
@@ -180,7 +180,7 @@ def _quickest(request: OptimizeRequest) -> int:
 
 
 def _bound(path: Path, search: BestFlights) -> CostStatement:
-    """The bound of a certificate, verified."""
+    """Return the verified bound of a certificate."""
     from hfa_optimal.bound import lower_bound
     from hfa_proof.arithmetic import flint_or_refusal
 
@@ -194,7 +194,7 @@ def _one(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """The best flight from one start."""
+    """Report the best flight from one initial condition; return the exit code."""
     from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
 
@@ -216,7 +216,8 @@ def _table(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """The best flights from many starts; exit 1 where none was found."""
+    """Report the best flights from many initial conditions; return exit code 1 if none was
+    found."""
     from hfa_optimal.initial_conditions import drawn_starts, starts_table
 
     assert request.starts is not None

@@ -1,5 +1,4 @@
-"""The section of `hfa verify --flights`: the critic and the exact policy on the nonlinear
-aircraft."""
+"""Section of `hfa verify --flights`: the critic and the exact policy on the nonlinear aircraft."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     """Return the report with a section on flights of the nonlinear aircraft within its limits, by
     the critic's policy and the exact one, compared with the best found.
 
-    verdicts: of one critic
+    verdicts: verdict on one critic
     named: the game, of the linear model of an aircraft
     count: number of initial conditions"""
     if named.linear is None:
@@ -53,6 +52,6 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return the sentences without the linear optimum, where the game's own policies are
+    """Return the sentences except for that on the linear optimum, since the game's own policies are
     compared."""
     return list(sentences[1:])
