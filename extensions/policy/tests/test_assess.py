@@ -339,7 +339,7 @@ def test_a_trim_at_edge_of_envelope_is_refused():
         model, states={**model.states, "altitude": model.states["altitude"]._replace(min=0.0)}
     )
     for judge in (hfa.assess, hfa.environment):
-        with pytest.raises(hfa.BadInputError, match="the trim has altitude 0 ft, its lowest limit"):
+        with pytest.raises(hfa.BadInputError, match="at the lowest limit of altitude, 0 ft"):
             judge(edged, f16_card(), [502.0])
     hfa.environment(model, f16_card(), [502.0])
 
