@@ -1,1 +1,1 @@
-"""A policy as it is deployed: observations, actions, timing, and its assessment in flight."""
+"""Policies as they are deployed: observations, actions, timing, and assessment in flight."""

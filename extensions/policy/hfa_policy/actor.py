@@ -1,4 +1,4 @@
-"""The actor of a policy's file: its network and the settings stored in the file."""
+"""Actor of a policy's file: its network and the settings stored in the file."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class Actor:
     """The network of a policy: normalized observations -> actions.
 
     function: (k,) -> (m,).
-    chain: its layers in words.
-    squash: whether tanh follows, mapped to the box; else the box clips.
-    clip_mean: largest size before that tanh.
+    chain: description of its layers.
+    squash: whether tanh follows, mapped to the box; otherwise actions are clipped to the box.
+    clip_mean: largest absolute value before tanh.
     stored: settings in the zip of Stable-Baselines3, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None where not stored.
     rows: `function` for many rows at once, or None where only `function` is available.
@@ -50,12 +50,12 @@ def read_actor(
 ) -> Actor:
     """Return the actor that the table [policy] of a deployment file names.
 
-    entries: file, and where it does not store them activation, layout, squash and network.
-    folder: of relative file names.
+    entries: file, and activation, layout, squash and network if the file does not store them.
+    folder: folder of relative file names.
     observations, actions: their numbers in the deployment file.
     history: number of samples of the observations.
 
-    Raises BadInputError where the file cannot be read, or contradicts the deployment file.
+    Raises BadInputError if the file cannot be read or contradicts the deployment file.
     """
     width = history * observations
     source = entries.get("file")
@@ -79,7 +79,7 @@ def read_actor(
 
 
 def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
-    """The actor of a zip of Stable-Baselines3."""
+    """Return the actor of a zip of Stable-Baselines3."""
     stored = read_zip(path)
     said = {
         "activation": stored.activation,
@@ -117,7 +117,7 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 
 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
-    """The actor of an ONNX graph, a state dict or a gain K."""
+    """Return the actor of an ONNX graph, a state dict or a gain K."""
     squash = bool(entries.get("squash", False))
     gain = stored_gain(path)
     if gain is not None:
@@ -179,10 +179,10 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless a policy takes and gives as many numbers as the deployment file
-    lists observations and actions.
+    """Raise BadInputError unless the inputs and outputs of a policy match the deployment file's
+    numbers of observations and actions.
 
-    what: the policy, as the message names it
+    what: name of the policy in the message
     """
     takes = function.numel_in(0)
     gives = function.numel_out(0)

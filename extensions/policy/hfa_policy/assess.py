@@ -1,4 +1,4 @@
-"""Assess a policy as it is deployed: the function `hfa.assess`."""
+"""`hfa.assess`: assessment of a policy as it is deployed."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ def assess(
 
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file
-    points: operating points, or values of the scheduling variable in the units of the model; its
-        own trim unless given
+    points: operating points, or values of the scheduling variable in the units of the model;
+        default: the model's own trim
     samples: flights at each trim, with and without disturbance, or 0 for none
     seed: seed of their initial conditions
     progress: called during the flights
-    vary: parameter, or input that no action moves -> lowest and highest value; the policy is judged
-        on the changed aircraft too, with the trim values of the original
+    vary: parameter, or input that no action moves -> lowest and highest value. The policy is also
+        assessed on the changed aircraft, with the trim values of the original
     scenario: sensor noise, gust or turbulence of at most 20 further flights from each trim, as for
         `hfa.fly`
-    box: linear state -> half-width of the box of initial conditions, in place of the usual
+    box: linear state -> half-width of the initial-condition box, instead of the usual one
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> its value
 
-    Raises BadInputError where the deployment is not of this aircraft, TrimError where there is no
+    Raises BadInputError if the deployment does not fit the aircraft, and TrimError if there is no
     trim.
 
     >>> import casadi as ca
@@ -97,9 +97,9 @@ def judged(
 ) -> Assessment:
     """Return the assessment of a policy at its trims.
 
-    scenarios: one a trim, or none.
-    progress_of: words about a step -> its progress.
-    best: the costs of a trim's best flights, or None without these flights.
+    scenarios: one for each trim, or none.
+    progress_of: description of a step -> its progress.
+    best: assessed trim -> costs of its best flights, or None without these flights.
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

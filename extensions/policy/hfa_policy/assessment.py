@@ -55,16 +55,16 @@ class AssessedPoint(Result):
     """The assessment of a policy at one trim.
 
     point: the trim.
-    place: its initial-condition box and its equilibrium.
+    place: its initial-condition box and equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
-    delays: radii with other delays, or None without an equilibrium.
+    delays: spectral radii with other delays, or None without an equilibrium.
     margins: margins of a stable loop, else None.
     cost: percent above the optimum, or None without a cost or without an optimum.
     nonlinearity: largest deviation of the command from its linearization over the box of initial
         conditions, or None without an equilibrium.
     flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse.
-    findings: sentences.
+    findings: findings at this trim, one sentence each.
     best: flights compared with the best found, or None without them.
     rough: flights with sensor noise or in moving air, or None without them.
     """
@@ -97,8 +97,8 @@ class AssessedPoint(Result):
         """Mode of the aircraft beyond the reach of the policy that grows fastest, or decays
         slowest.
 
-        A decaying one counts only where the policy does not affect it and flights do not converge.
-        The result is None without such a mode.
+        A decaying mode counts only if the policy does not affect it and flights do not converge.
+        The result is None if there is no such mode.
         """
         reach = self.place.reach
         if reach is None:
@@ -136,7 +136,7 @@ class AssessedPoint(Result):
 
     @property
     def offset(self) -> np.ndarray:
-        """Deviation of the equilibrium from the trim, (k,), linear states."""
+        """Deviation of the linear states (k,) at the equilibrium from the trim."""
         assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
@@ -144,7 +144,7 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radius with 0, 1, 2, ... whole samples of delay."""
+        """Spectral radii with delays of 0, 1, 2, ... samples."""
         return () if self.delays is None else self.delays.radii
 
     @property
@@ -162,7 +162,7 @@ class AssessedPoint(Result):
         return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
 
     def as_data(self) -> dict[str, Any]:
-        """The value of the scheduling variable by its key, and the entries."""
+        """Return the entries, with the value of the scheduling variable by its key."""
         return scheduled_value(self.point) | super().as_data()
 
     @property
@@ -197,7 +197,7 @@ class SampledLoop(NamedTuple):
     """Sampled loop about one equilibrium.
 
     radius: its spectral radius, or nan without an equilibrium.
-    cost: above the optimum, or None without weights or an optimum.
+    cost: cost above the optimum, or None without weights or an optimum.
     """
 
     radius: float
@@ -210,10 +210,10 @@ class Assessor:
 
     deployed: the policy on the aircraft.
     points: its trims.
-    samples: flights at each, or 0 for none.
-    seed: of their initial conditions.
-    box: linear state -> half-width of the box of initial conditions, in place of the usual.
-    steady: the trim of which the points are changed aircraft, or None where they are trims.
+    samples: flights at each trim, or 0 for none.
+    seed: seed of their initial conditions.
+    box: linear state -> half-width of the initial-condition box, instead of the usual one.
+    steady: the original trim if the points are on a changed aircraft, or None if they are trims.
     """
 
     deployed: Deployed
@@ -224,13 +224,13 @@ class Assessor:
     steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
-        """The sampled loop that all flights share."""
+        """Return the sampled loop of all flights."""
         deployment = self.deployed.deployment
         parts = parts_of_a_sample(list(self.points), deployment.dt)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
     def places(self, flight: SampledFlight) -> list[Place]:
-        """The equilibrium at each trim, and the box of initial conditions about the trim."""
+        """Return each trim with its equilibrium and initial-condition box."""
         searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
         equilibria = [
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
@@ -375,7 +375,8 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """Return the equilibrium at which the flight from the trim ends, or that of Newton's method."""
+    """Return the equilibrium at which the flight from the trim ends, or the one found by Newton's
+    method."""
     if elsewhere is None:
         return equilibrium
     if equilibrium is None:

@@ -1,4 +1,4 @@
-"""The picture of an assessment."""
+"""Figure of an assessment."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
     """Draw the spectral radius over the delay and the outcomes of the flights, for each trim.
 
-    Where all flights end alike, disk margins replace the outcomes.
+    If all flights have the same outcome, disk margins replace the outcomes.
     """
     from matplotlib import colormaps
 

@@ -1,4 +1,4 @@
-"""The report of an assessment: first line, findings, a table of the trims, pictures, data."""
+"""Report of an assessment: first line, findings, table of the trims, figure, data."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class Assessment(Result, Reported):
 
     deployed: the policy on its aircraft.
     points: results at each trim, by the value of the scheduling variable.
-    mistakes: of its deployment, proved or likely.
+    mistakes: proved or likely mistakes of its deployment.
     needs: delay, s, margin or cost, percent -> required value.
     variations: results on changed aircraft.
-    assumed: the trim that was assumed because none was named, in words.
+    assumed: description of the trim that was assumed because none was given.
 
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
@@ -85,7 +85,7 @@ class Assessment(Result, Reported):
 
     @property
     def holds(self) -> bool:
-        """True if it holds at every trim, and no mistake of its deployment is proved."""
+        """True if the policy holds at every trim, and no mistake of its deployment is proved."""
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
 
@@ -116,8 +116,9 @@ class Assessment(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if it holds at every trim and on every changed aircraft, meets every need, and stays
-        inside the envelope with the requested noise and moving air."""
+        """True if the policy holds at every trim and on every changed aircraft, meets every
+        requirement, and stays inside the envelope with the requested noise, gusts and
+        turbulence."""
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
 
@@ -162,7 +163,7 @@ class Assessment(Result, Reported):
 
     @property
     def further(self) -> list[str]:
-        """The findings that are not in the first line, worst first, then what was assumed."""
+        """Findings that are not in the first line, worst first, then assumptions."""
         line = self.first_line
         found = [headline for headline in self.headlines if headline not in line]
         return [*found, *filter(None, [self.assumed])]
@@ -173,7 +174,8 @@ class Assessment(Result, Reported):
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """Return the trims at which it holds, and whether the linear loop alone was judged."""
+        """Return a sentence on the trims at which the policy holds, and on whether only the linear
+        loop was assessed."""
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         judged_by = "" if self._flown else "its linear loop "
@@ -189,11 +191,12 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """True if flights were made."""
+        """True if flights were simulated."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
-        """Return the first changed aircraft that the policy does not hold, and their number."""
+        """Return a sentence on the first changed aircraft on which the policy does not hold, and
+        their number."""
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:
             return ""
@@ -207,8 +210,8 @@ class Assessment(Result, Reported):
         return [point.rough for point in self.points if point.rough is not None]
 
     def _leaving_roughly(self) -> str:
-        """Return the number of flights with noise or in moving air that leave the envelope, and the
-        first."""
+        """Return a sentence on the flights with noise or in moving air that leave the envelope:
+        number and first departure."""
         departures = [flown.departure for flown in self._rough if flown.departure is not None]
         if not departures:
             return ""
@@ -220,8 +223,8 @@ class Assessment(Result, Reported):
         return f"{flights} {verb} the envelope ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Return the slow mode of the aircraft that the policy does not change, unless it decays
-        where the policy holds."""
+        """Return a sentence on the slow mode of the aircraft that the policy does not change,
+        unless it decays and the policy holds."""
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
         if not modes:
@@ -234,8 +237,8 @@ class Assessment(Result, Reported):
         return f"leaves {mode.name} as it is"
 
     def _departing(self) -> str:
-        """Return the number of flights that leave the envelope, and the state and limit of the
-        first."""
+        """Return a sentence on the flights that leave the envelope: number, first state and its
+        limit."""
         left = [point for point in self.points if point.flights is not None and point.flights.lost]
         outcomes = [point.flights for point in left if point.flights is not None]
         if not outcomes:
@@ -250,7 +253,8 @@ class Assessment(Result, Reported):
         return f"{text} ({departure_text(first)})"
 
     def _chattering(self) -> str:
-        """Return the trims at which it chatters about an unstable equilibrium."""
+        """Return a sentence on the trims at which the loop chatters about an unstable
+        equilibrium."""
         chattering = [point for point in self.points if point.chatters]
         if not chattering:
             return ""
@@ -269,7 +273,7 @@ class Assessment(Result, Reported):
         return "" if largest is None else largest[1].replace(" at the trim:", ":")
 
     def _where(self, points: list[AssessedPoint]) -> str:
-        """Return trims in words: "from 38 to 60 m/s", "at 45 m/s"."""
+        """Return trims as text: "from 38 to 60 m/s", "at 45 m/s"."""
         values = [value for point in points for value in scheduled_value(point.point).values()]
         if not values:
             return "at the trim"
@@ -286,7 +290,7 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """Return trims in words, after a space, or "" where these are all."""
+        """Return trims as text after a space, or "" for all trims."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
@@ -309,7 +313,8 @@ class Assessment(Result, Reported):
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
     def _offset(self) -> str:
-        """The state whose equilibrium is farthest off trim, in half-widths of the box."""
+        """Return a sentence on the state whose equilibrium is farthest from trim, relative to the
+        box."""
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:
             return f"no equilibrium near the trim{self._unless_all(nowhere)}"
@@ -343,8 +348,8 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Return whether every flight converges, or the number of flights that stay inside the
-        envelope and do not."""
+        """Return a sentence on whether every flight converges, or on how many stay inside the
+        envelope without converging."""
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
             return "no flight was made"
@@ -367,8 +372,8 @@ class Assessment(Result, Reported):
         return f"{worst.sentence()}; off the trim {rate:.2g} a second"
 
     def _bounded_costs(self) -> str:
-        """Return the cost of the flights above the proved least cost; a bound belongs to one
-        trim."""
+        """Return a sentence on the cost of flights above the proved lower bound, which exists for
+        one trim."""
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
@@ -380,7 +385,7 @@ class Assessment(Result, Reported):
         return [bracket_table(self.deployed.model, best.brackets)]
 
     def _costing(self) -> str:
-        """Return the linear cost in words, "" where the policy does not hold."""
+        """Return a sentence on the linear cost, or "" if the policy does not hold."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
@@ -484,7 +489,7 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Radius over delay, and outcomes of the flights over the trims."""
+        """Return a figure of spectral radius over delay, and of flight outcomes over the trims."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return drawn_assessment(self, new_figure(9.0, 4.0))
@@ -497,7 +502,7 @@ class Assessment(Result, Reported):
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
-    """Return whether a trim meets one need."""
+    """Return whether a trim meets one requirement."""
     if name == "delay":
         if point.delays is None or not point.holds:
             return False

@@ -24,11 +24,11 @@ class Ratios(NamedTuple):
 class Bracket(Result):
     """Bounds of the least cost from one initial condition.
 
-    start: state -> its deviation from the trim.
-    lower_bound: no flight costs less, as a certificate proves.
-    best: cost of the best flight found, or None where none was.
-    policy: cost of the flight of the policy, or None where it does not end at the trim.
-    beyond: True where the bound is the level of the certificate, and W is larger.
+    start: state -> its initial deviation from the trim.
+    lower_bound: lower bound of the cost, proved by a certificate.
+    best: cost of the best flight found, or None.
+    policy: cost of the policy's flight, or None if it does not end at the trim.
+    beyond: True if W exceeds the level of the certificate, so that the level is the bound.
     """
 
     start: Mapping[str, float]
@@ -52,7 +52,7 @@ class BestCosts(Result):
     lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where none ends
         at the trim.
     offset_rate: cost per second of the equilibrium off the trim, or None without an equilibrium.
-    brackets: one a start, or none without a certificate of a lower bound.
+    brackets: one for each initial condition, or none without a certificate of a lower bound.
     """
 
     json_keys = (
@@ -70,7 +70,7 @@ class BestCosts(Result):
     brackets: Sequence[Bracket] = ()
 
     def sentence(self) -> str:
-        """Return the comparison in words."""
+        """Return a sentence that compares the costs."""
         if self.policy_over_best is None:
             return f"no flight of {self.found} ends at the trim where a best flight was found"
         least, median, worst = self.policy_over_best
@@ -82,15 +82,15 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return the distance of the policy's flights from the least possible cost, or "" without a
-        bound."""
+        """Return a sentence on the costs of the policy's flights relative to the lower bound, or
+        ""."""
         if not self.brackets:
             return ""
         return bracket_sentence((each, each.policy) for each in self.brackets)
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
-    """Return the costs of flights over their positive lower bounds in words.
+    """Return a sentence on the costs of flights relative to their positive lower bounds.
 
     costs: brackets, each with the cost of a flight from its initial condition, or None without one
     """
@@ -110,7 +110,7 @@ def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
 
 
 def bracket_table(model: Model, brackets: Sequence[Bracket]) -> Table:
-    """Return the lower bound and the costs from each initial condition, as far as flown."""
+    """Return a table of the lower bound and the known costs from each initial condition."""
     is_flown = any(each.policy is not None for each in brackets)
     rows = []
     for each in brackets:

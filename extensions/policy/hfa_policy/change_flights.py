@@ -37,12 +37,12 @@ class Sample(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """The flights of one change.
+    """Results of the flights of one change.
 
-    costs: (N,).
-    kept: how many stay within the limits.
-    back: how many of them end nearly steady near the trim.
-    into_box: how many of those end in the box of initial conditions.
+    costs: (N,), cost of each flight.
+    kept: number that stay within the limits.
+    back: number of these that end nearly steady near the trim.
+    into_box: number of those that end in the initial-condition box.
     """
 
     costs: np.ndarray
@@ -51,7 +51,7 @@ class Flown(NamedTuple):
     into_box: int
 
     def counted_in_box(self) -> Flown:
-        """Return the flights with those alone as converged that end in the box."""
+        """Return the results with only the flights that end in the box counted as converged."""
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
@@ -62,7 +62,7 @@ class Flown(NamedTuple):
 class ChangeFlights:
     """Flights of changed deployment files from the same initial conditions about some trims.
 
-    assessor: of the file as written.
+    assessor: assessor of the unchanged deployment file.
     places: the trims.
     """
 
@@ -75,7 +75,8 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return the flights of all changes; P, c, gain and S are numbers in a row."""
+        """Return the sampled flight of all changes, with P, c, gain and S as further numbers of a
+        row."""
         whole = self.assessor.flight()
         sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
         extra = sizes[-1]
@@ -94,7 +95,7 @@ class ChangeFlights:
         return self._steered_by(steered, dt, delay, extra)
 
     def _steered_by(self, steered: Steered, dt: float, delay: float, extra: int) -> SampledFlight:
-        """The flights of another policy at another sample time and delay."""
+        """Return the flights of another policy at another sample time and delay."""
         parts = parts_of_a_sample(self.points, dt)
         whole = self.assessor.flight()
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
@@ -137,7 +138,7 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """K of u = -K x, the sampled optimum at the first trim, or None where none exists."""
+        """Gain K of u = -K x, the sampled optimum at the first trim, or None if none exists."""
         from scipy.linalg import LinAlgError, solve_discrete_are
 
         point = self.points[0]

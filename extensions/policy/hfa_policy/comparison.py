@@ -18,7 +18,7 @@ from hfa_support.reporting.text import Table
 class Comparison(Result, Reported):
     """Assessments of several deployments on one aircraft.
 
-    assessments: one a deployment, in order.
+    assessments: one for each deployment, in order.
     """
 
     schema = "hfa.assessments/1"
@@ -29,7 +29,7 @@ class Comparison(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every deployment holds and meets every need."""
+        """True if every policy holds and meets every requirement."""
         return all(assessment.ok for assessment in self.assessments)
 
     @property
@@ -55,7 +55,7 @@ _HEADER = (
 
 
 def _row(assessment: Assessment) -> tuple[str, ...]:
-    """The worst of each figure over the trims."""
+    """Return a row of the worst value of each figure over the trims."""
     points = assessment.points
     held = sum(point.holds for point in points)
     limits = [point.delays.limit for point in points if point.delays is not None]
@@ -75,7 +75,7 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
 
 
 def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
-    """Return the worst of some numbers as text, or "-" without one."""
+    """Return the worst of some values as text, or "-" if there are none."""
     finite = [value for value in values if math.isfinite(value)]
     if not finite or len(finite) < len(values):
         return "-"
@@ -83,8 +83,8 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Return the flights that converge, leave the envelope, and converge after a disturbance
-    pulse."""
+    """Return as text the numbers of flights that converge, leave the envelope, and converge after a
+    disturbance pulse."""
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]
     if not plain:

@@ -30,12 +30,12 @@ class CostLost(Result):
     """Cost above the optimum, percent, for deviations from the equilibrium, or inf if it is
     unbounded.
 
-    worst: of u = -K x in continuous time, without delay, or nan for a policy that takes several
+    worst: worst case of u = -K x in continuous time, without delay; nan for a policy of several
         samples.
-    mean: of all initial conditions.
-    sampled_worst: of the sampled loop with its delay, against the sampled optimum without; a step
-        of dt costs dt (x'Qx + u'Ru) at its start.
-    sampled_mean: of all initial conditions.
+    mean: mean over all initial conditions.
+    sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
+        without; a step of dt costs dt (x'Qx + u'Ru) at its start.
+    sampled_mean: mean over all initial conditions.
     """
 
     worst: float
@@ -45,7 +45,7 @@ class CostLost(Result):
 
     @property
     def largest(self) -> float:
-        """The worst in continuous time or sampled."""
+        """Largest of the worst cases in continuous time and sampled."""
         return float(np.fmax(self.worst, self.sampled_worst))
 
 
@@ -103,10 +103,9 @@ def weights_at(
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Return the worst and the mean loss, percent.
+    """Return the worst and the mean cost above the optimum of a sampled loop, percent.
 
-    At the start the memory of the delay has the trim's values, and earlier observations equal the
-    first.
+    Initially the delayed commands have their trim values, and earlier observations equal the first.
     """
     from scipy.linalg import solve_discrete_lyapunov
 

@@ -17,7 +17,8 @@ from trim.point.operating_point import OperatingPoint
 
 
 def departure_text(left: Departure) -> str:
-    """Return state, side, limit and time: "altitude below 0 ft at 0.02 s"."""
+    """Return a departure as text with state, side, limit and time: "altitude below 0 ft at 0.02
+    s"."""
     when = f"at {left.time:.4g} s"
     if not math.isfinite(left.value):
         return f"{left.state} is no number {when}"
@@ -36,7 +37,8 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def first_departure(
     flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> tuple[int, Departure | None]:
-    """Return the number of the flight that leaves the envelope first, and how, or (0, None).
+    """Return the number and the departure of the flight that leaves the envelope first, or (0,
+    None).
 
     pushed: end of the disturbance pulse, s
     """

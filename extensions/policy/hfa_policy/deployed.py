@@ -1,6 +1,6 @@
 """Deployments on an aircraft, as CasADi functions of its state and input.
 
-All are functions of `trim` too, (X0; U0; p): one compiled function serves every trim.
+All functions also take `trim` = (X0; U0; p), so that one compiled function serves every trim.
 
     observe(X, U, trim) -> o        formulas, about and scale; U is the input that acts just before
     act(o) -> a                     o of all samples of the history, the oldest first; normalizer,
@@ -40,7 +40,7 @@ TRIM = "trim"
 class Deployed:
     """Deployment with the names of a model.
 
-    BadInputError names the entry of the deployment file, and the names to choose from.
+    Raises BadInputError with the wrong entry of the deployment file and the known names.
     """
 
     deployment: Deployment
@@ -103,7 +103,7 @@ class Deployed:
     # Symbols.
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Symbols of X, U and trim."""
+        """Return symbols of X, U and trim."""
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
@@ -113,7 +113,7 @@ class Deployed:
         return np.concatenate([point.states, point.inputs, point.model.p])
 
     def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
-        """Name -> value at a state and an input, in still air."""
+        """Return name -> value at a state and an input, in still air."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
         vectors = [components(vector) for vector in (X, U, p)]
@@ -123,17 +123,17 @@ class Deployed:
         return dict(zip(self.names, columns, strict=True))
 
     def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
-        """Name -> value at the trim."""
+        """Return name -> value at the trim."""
         n, m = len(self.model.states), len(self.model.inputs)
         return self.values(trim[:n], trim[n : n + m], trim)
 
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """Raise BadInputError where an observation, the policy or a map has no value at a trim, or
-        an observation or a map no slope.
+        """Raise BadInputError if an observation, the policy or a map has no finite value at a trim,
+        or an observation or a map no slope.
 
-        action: (m,), in place of the policy's own, where one is still to be trained.
+        action: (m,), replaces that of a policy that is still to be trained.
         """
         with said_of(self.deployment.origin):
             for point in points:
@@ -175,7 +175,7 @@ class Deployed:
 
     @cached_property
     def normalized(self) -> ca.Function:
-        """Return o -> (o normalized before its clip, inputs of the network)."""
+        """Function o -> (o normalized before its clip, inputs of the network)."""
         normalizer = self.deployment.normalizer
         o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
@@ -186,7 +186,7 @@ class Deployed:
 
     @cached_property
     def action(self) -> ca.Function:
-        """Return output of the network -> a, clipped or squashed to the box."""
+        """Function output of the network -> a, clipped or squashed to the box."""
         low, high = self.deployment.box
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
@@ -244,7 +244,7 @@ class Deployed:
 
     @property
     def past(self) -> int:
-        """Number of entries in the earlier observations that the policy uses."""
+        """Number of earlier observations that the policy uses."""
         return self.deployment.width - len(self.deployment.observation)
 
     @cached_property
@@ -294,8 +294,8 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """Return the value, NaN where the observation is NaN: fmin and fmax of a clip or a ReLU drop
-    it."""
+    """Return the value, or NaN where the observation is NaN, which fmin and fmax of a clip or a
+    ReLU drop."""
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
 

@@ -1,4 +1,4 @@
-"""A deployment: the observations, actions and timing of a policy."""
+"""Deployment of a policy: its observations, actions and timing."""
 
 from __future__ import annotations
 
@@ -64,17 +64,17 @@ class Deployment(Reported):
     """Observations, actions and timing of a policy.
 
     policy: file, normalizer, and settings that the file does not store: activation, layout, squash,
-        network. Without a file it describes an environment for training.
+        network. Without a file the deployment describes an environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network; (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
-    timing: dt, s; delay, s, from a sample until its action moves the input; history, the
-        number of samples of the observations, the oldest first; default 1.
-    cost: Q of states or outputs, R of inputs, or None where not known.
+    timing: dt, s; delay, s, from a sample until its action moves the input; history, the number of
+        samples whose observations the policy uses, the oldest first; default 1.
+    cost: Q of states or outputs, R of inputs, or None if unknown.
     folder: folder of relative file names.
     origin: name of its file, for messages.
 
-    BadInputError names the entry and the remedy; `on(model)` checks the names.
+    Raises BadInputError for a wrong entry; `on(model)` checks the names.
 
     >>> import casadi as ca
     >>> import hfa
@@ -116,7 +116,7 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables; files are read again where a copy is used, as in another process."""
+        """Return the tables; a copy, such as in another process, reads the files again."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod
@@ -124,7 +124,7 @@ class Deployment(Reported):
     def load(path: str | Path) -> Deployment:
         """Return the deployment in a TOML file.
 
-        Raises BadInputError that names the file, the entry and the change to make.
+        Raises BadInputError with the file, the entry and the remedy.
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
@@ -148,7 +148,7 @@ class Deployment(Reported):
 
     @staticmethod
     def of(given: Deployment | str | Path) -> Deployment:
-        """A deployment as it is, or that of a TOML file."""
+        """Return a given deployment unchanged, or load it from a TOML file."""
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
@@ -269,10 +269,8 @@ class Deployment(Reported):
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each.
 
-        They are those of the policy's file, else of the deployment file, or infinite without
-        either.
-
-        Raises BadInputError where both say one and differ, and where a squashed action has none.
+        They come from the policy's file, else from the deployment file, else they are infinite.
+        Raises BadInputError if both files state one and differ, and if a squashed action has none.
         """
         low = np.full(len(self.action), -np.inf)
         high = np.full(len(self.action), np.inf)
@@ -313,9 +311,9 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a gain K in a critic's file: u = -K x on all inputs, of deviations
-    of all linear states from the trim, sampled every dt seconds. Raises BadInputError for another
-    shape."""
+    """Return the deployment of a gain K in a critic's file: u = -K x for all inputs, with x the
+    deviations of all linear states from the trim, sampled every dt seconds. Raises BadInputError
+    for another shape."""
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"
     K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
@@ -336,8 +334,8 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K of a critic's file. Raises BadInputError for a critic that is not a gain:
-    its policy depends on R or on the activation of a network."""
+    """Return the gain K of a critic's file. Raises BadInputError for a critic without K, whose
+    policy would depend on R or on a network's activation."""
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)

@@ -1,4 +1,4 @@
-"""A deployed policy on aircraft with drawn parameters, its trim values frozen."""
+"""A deployed policy on aircraft with drawn parameters and with the original trim values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def drawn_policy(
     assessed: Sequence[AssessedPoint],
     request: Any,
 ) -> Draws:
-    """The sampled loop and the linear cost on `request.draws` aircraft, without flights.
+    """Return the stability of the sampled loop and the linear cost on `request.draws` aircraft.
 
     assessed: the policy's results on the aircraft itself, at each trim.
 

@@ -1,4 +1,4 @@
-"""An aircraft as an environment in which a policy is trained."""
+"""Environments of an aircraft for the training of policies."""
 
 from __future__ import annotations
 
@@ -39,15 +39,14 @@ def environment(
         may be empty. Default: `Deployment.usual(model, dt)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
         scheduling variable in the units of the model; default: its own trim
-    seconds: length of an episode, after which it is truncated; it is terminated where the aircraft
-        leaves its limits
+    seconds: length of an episode, after which it is truncated; it terminates earlier if the
+        aircraft leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
-    turbulence: of MIL-F-8785C, drawn for each episode; components that the aircraft does not
-        support give a warning
-    dt: s, between two samples of the usual deployment, 0.02 unless given; a deployment stores its
-        own
+    turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
+        warning
+    dt: s, sample time of the default deployment, 0.02 unless given
 
-    Raises BadInputError where gymnasium is missing, a name is unknown, or an action has no box.
+    Raises BadInputError if gymnasium is missing, a name is unknown, or an action has no box.
 
     >>> import hfa
     >>> card = hfa.Deployment(
@@ -81,7 +80,7 @@ def vector_environment(
 ) -> VecEnv:
     """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
 
-    Raises BadInputError where Stable-Baselines3 is missing, and the errors of `environment`.
+    Raises BadInputError if Stable-Baselines3 is missing, and the errors of `environment`.
 
     >>> import hfa
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP

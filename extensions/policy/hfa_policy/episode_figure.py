@@ -1,4 +1,4 @@
-"""An episode as a picture: linear states and moved inputs over time."""
+"""Picture of an episode: linear states and moved inputs over time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from hfa_support.reporting.text import shown_unit, shown_values
 def episode_picture(
     episodes: Episodes, owner: int, flown: list[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """Pixels (height, width, 3) of one panel for each linear state and each moved input.
+    """Return pixels (height, width, 3) of a picture with a panel for each linear state and moved
+    input.
 
     owner: number of the trim, which is drawn as a line.
     flown: X and U at each sample.

@@ -38,13 +38,13 @@ SECONDS = 20.0
 
 
 class Stepped(NamedTuple):
-    """Results of a sample of N episodes.
+    """Results of one sample in N episodes.
 
     observations: (N, k) of all samples of the history, the oldest first.
     rewards: (N,), minus the cost of the sample.
-    lost: (N,), whether the aircraft left its limits.
-    over: (N,), whether the time of the episode is over.
-    left: number of a lost episode -> the state that left its limit, the limit and the time.
+    lost: (N,), flags of aircraft outside their limits.
+    over: (N,), flags of episodes whose time is over.
+    left: number of an episode outside its limits -> the state, its limit and the time.
     """
 
     observations: np.ndarray
@@ -59,8 +59,8 @@ class Episodes:
 
     The reward of a sample is -dt (x'Q x + u'R u) of the deployment file's Q and R: x deviations
     from the trim at the sample, u the commanded inputs minus the trim. Without a cost Q and R are
-    1/nominal² of the linear states and the moved inputs. An episode that leaves the limits pays the
-    rest of its time at the rate of that sample, so that leaving is never an advantage.
+    1/nominal² of the linear states and the moved inputs. An episode that leaves the limits is
+    charged that sample's cost for the rest of its time, so that leaving is never an advantage.
 
     states: (N, n), X of each episode.
     inputs: (N, m), the input that acts just before the sample.
@@ -68,7 +68,7 @@ class Episodes:
     outcomes: (N, 3), of the last sample: reward; 1.0 where the aircraft left its limits; 1.0 where
         the time of the episode is over.
 
-    These four arrays are written anew by each sample, in place.
+    Each sample overwrites these four arrays in place.
     """
 
     def __init__(
@@ -79,10 +79,9 @@ class Episodes:
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
     ) -> None:
-        """turbulence: of the episodes, drawn anew for each.
-
-        Raises BadInputError where there is no trim, an action has no box, the time is no number, or
-        the aircraft takes no turbulence."""
+        """turbulence: turbulence of the episodes, drawn anew for each. Raises BadInputError if
+        there is no trim, an action has no box, the time is not a number, or the aircraft does not
+        support turbulence."""
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
@@ -180,7 +179,7 @@ class Episodes:
     def advance(self, actions: np.ndarray) -> None:
         """Advance all episodes by one sample with these actions, (N, m), clipped to the box.
 
-        Raises BadInputError where they are of another shape, or one of them is not a number.
+        Raises BadInputError if they have another shape, or one of them is not a number.
         """
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
@@ -225,7 +224,7 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """Function row -> (row a sample later, outcome, o a sample later)."""
+        """Return the function row -> (row a sample later, outcome, o a sample later)."""
         flight = self._flight
         flown = sum(flight.sizes)
         n = len(flight.deployed.model.states)
@@ -241,14 +240,14 @@ class Episodes:
         return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Function row of the flight -> o."""
+        """Return the function row of the flight -> o."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
 
 
 def _has_nan(actions: np.ndarray) -> bool:
-    """Return whether an action of (N, m) is not a number, for one episode by the quickest way."""
+    """Return whether an action of (N, m) is not a number, by a faster test for one episode."""
     if len(actions) == 1:
         return any(map(math.isnan, actions[0].tolist()))
     # The sum of squares is not a number where an action is none.
@@ -264,13 +263,13 @@ def _ends_size(flight: SampledFlight) -> int:
 
 
 def _outcome(changing: int, n: int) -> ca.Function:
-    """(numbers of a row that a sample changes, the same after it, cost of the sample, ends) ->
-    (numbers kept, ends after the sample, outcome).
+    """Return the function (changing numbers of a row, their next values, cost of the sample, ends)
+    -> (accepted numbers, ends after the sample, outcome).
 
     Where a number after the sample is nan, the numbers before it are kept and the episode is
     terminated.
 
-    changing: how many numbers change, the first n of them X
+    changing: number of changing entries, the first n of which are X
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)
@@ -297,7 +296,7 @@ def _changed_sizes(changing: int) -> tuple[tuple[str, int], ...]:
 
 
 def _all(conditions: Iterable[ca.SX]) -> ca.SX:
-    """Return whether all of them hold."""
+    """Return the conjunction of conditions."""
     return reduce(ca.logic_and, conditions)
 
 
@@ -362,7 +361,7 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the row moved by actions, its further numbers, clipped to their box."""
+    """Return the command steps whose actions are further numbers of a row, clipped to the box."""
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)
     action = ca.SX.sym("a", count)
@@ -378,7 +377,7 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
     """Return Q of states and outputs, and R of inputs.
 
-    They are those of the deployment file, else 1/nominal² of the linear states and the moved
+    They come from the deployment file, else they are 1/nominal² of the linear states and the moved
     inputs.
     """
     model = deployed.model

@@ -1,4 +1,4 @@
-"""The equilibrium of the sampled loop: X, U with f(X, U) = f(X0, U0) on the linear states and U =
+"""Equilibrium of the sampled loop: X, U with f(X, U) = f(X0, U0) on the linear states and U =
 command(X, U)."""
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Equilibrium of the sampled loop, at a kink with the means of the slopes on both sides.
+    """Equilibrium of the sampled loop; at a kink, slopes are the means of both sides.
 
     states: X, (n,); states outside the linear model are those of the trim.
     inputs: U, (m,).
@@ -55,11 +55,11 @@ class Equilibrium:
     K_inputs: (m', m'), ∂u/∂u of the commanded inputs with respect to the previous ones.
     A: (k, k), B: (k, m') of the aircraft.
     C: (observations, k), slopes of the observations with respect to the linear states.
-    clips: saturated actions and inputs, in words.
+    clips: descriptions of saturated actions and inputs.
     clipped_observations: saturated observations.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
-    basis: (k, r), of the coordinates of A, B, C and K, or None where these are the linear states.
-    frames: slopes by each sample of the history, or None where that is one.
+    basis: (k, r), basis of the coordinates of A, B, C and K, or None for the linear states.
+    frames: slopes by each sample of the history, or None for a single sample.
     """
 
     states: np.ndarray
@@ -94,7 +94,7 @@ class Equilibrium:
 class EquilibriumSearch:
     """Newton's method for the linear states and the commanded inputs at one trim.
 
-    steady: the trim of whose rates the equilibrium has; the point itself unless given.
+    steady: the trim whose rates the equilibrium has; default: the point itself.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class EquilibriumSearch:
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
         """Return the equilibrium found from X (n,) and U (m,), or None.
 
-        Newton's method is used, and where it fails least squares first.
+        The method is Newton's, preceded by least squares if it fails.
         """
         start = np.concatenate([states, inputs])
         z = self.base.copy()
@@ -145,10 +145,10 @@ class EquilibriumSearch:
         return slopes
 
     def lag(self, equilibrium: Equilibrium, drift: np.ndarray) -> np.ndarray:
-        """Return by how much (k,) the linear states lag behind an equilibrium that moves with the
-        states outside the linear model, as in a climb: x' = A x + B u is drift X'.
+        """Return the lag (k,) of the linear states behind an equilibrium that moves with the states
+        outside the linear model, as in a climb: x' = A x + B u = drift X'.
 
-        drift: as of `drift`
+        drift: result of `drift`
         """
         plant = self.model.at(equilibrium.states, equilibrium.inputs)
         count = len(self.columns)
@@ -157,7 +157,7 @@ class EquilibriumSearch:
         return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Return the z with the least residual nearby, by the method of Levenberg and Marquardt."""
+        """Return a nearby z of least residual, by the Levenberg-Marquardt method."""
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -265,7 +265,7 @@ class EquilibriumSearch:
         return by_states[:, self.rows], by_inputs[:, self.columns]
 
     def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """The slopes by each sample of the history."""
+        """Return the slopes by each sample of the history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         past = np.tile(o, self.deployed.deployment.history - 1)
         sampled = self.deployed.sampled
@@ -314,7 +314,7 @@ class EquilibriumSearch:
         return slopes, tuple(notes)
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """Return the actions and inputs that are at a limit, in words."""
+        """Return descriptions of the actions and inputs at a limit."""
         deployed = self.deployed
         observation = self._observed(X, U)
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
@@ -343,7 +343,7 @@ class EquilibriumSearch:
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """The observations of all samples of the history."""
+        """Return the observations of all samples of the history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
 

@@ -30,7 +30,7 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
     """Return file name -> text: C of the command at a sample, with observations, normalizer, clip
     and map.
 
-    origin: where it comes from, lines of text
+    origin: text on its origin
     """
     model = policy.deployed.model
     deployment = policy.deployed.deployment
@@ -108,5 +108,5 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """Return the name of an observation, or of its formula, in letters, digits and _ alone."""
+    """Return the name of an observation or formula, reduced to letters, digits and _."""
     return re.sub(r"\W+", "_", name).strip("_")

@@ -1,9 +1,9 @@
-"""Many flights of a deployed policy at once, sampled and held as deployed, a second at a time.
+"""Simulation of many flights of a deployed policy, sampled and held as deployed.
 
-A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push]: memory
-has the commands u_{k-1} ... u_{k-d-1} that are still to act or act now, past the observations of
-earlier samples that the policy takes, trim is (X0; U0; p), push adds to the rates of the linear
-states.
+A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push]. The
+memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains the
+earlier observations that the policy uses. The trim is (X0; U0; p). The push is added to the rates
+of the linear states.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Rows = Callable[..., list[np.ndarray]]
 
 
 class Steered(NamedTuple):
-    """The command at a sample, in three steps, the second for all flights at once.
+    """Command at a sample in three steps, the second of which can process all flights at once.
 
     enters: (X, U before, trim, extra[, past]) -> inputs of the network, (k,); past: its
         earlier observations.
@@ -56,7 +56,7 @@ class Steered(NamedTuple):
 
 
 def steered_by(deployed: Deployed) -> Steered:
-    """Return the flight under a deployment as it is."""
+    """Return the command steps of an unchanged deployment."""
     arguments = symbols_of_a_sample(deployed, 0)
     raw = ca.SX.sym("raw", len(deployed.commanded))
     past = ca.SX.sym("past", deployed.past)
@@ -84,14 +84,14 @@ def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class SampledFlight:
-    """Data shared by all flights of a deployment.
+    """Sampled loop and row layout of all flights of a deployment.
 
     deployed: the policy on its aircraft.
     dt, delay: s.
-    parts: into how many steps of the integration a sample is divided.
-    extra: length of further numbers of a row, which `steered` takes behind the trim.
+    parts: number of integration steps in a sample.
+    extra: number of further entries of a row, which `steered` takes after the trim.
     other: another policy; default: the deployment.
-    winds: disturbances of the aircraft that a row has behind the push.
+    winds: disturbances of the aircraft, which follow the push in a row.
     """
 
     deployed: Deployed
@@ -147,13 +147,12 @@ class SampledFlight:
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:
-        """Return row -> inputs of the network."""
+        """Return the function row -> inputs of the network."""
         row = ca.MX.sym("row", sum(self.sizes))
         return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
-        """Return (row, outputs of the network) -> ([X; memory] after a sample, the input that
-        acts)."""
+        """Function (row, outputs of the network) -> ([X; memory] after a sample, acting input)."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
@@ -175,8 +174,8 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """Return (row, outputs of the network) -> the changed entries of the row after a sample: X
-        and the memory, the extremes of X and U so far, and the past."""
+        """Function (row, outputs of the network) -> changed entries of the row after a sample: X,
+        memory, extremes of X and U so far, and past."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)
@@ -192,14 +191,14 @@ class SampledFlight:
         return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges, *past)])
 
     def sample(self) -> ca.Function:
-        """Function row -> row a sample later."""
+        """Return the function row -> row a sample later."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.vec(self.steered.network(self.entering()(row)))
         later = ca.vertcat(self.later()(row, raw), row[self.changing :])
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """The parts of a row."""
+        """Return the parts of a row."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
@@ -208,7 +207,7 @@ class SampledFlight:
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
 
     def _entered(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """The arguments of `steered.enters` of a row."""
+        """Return the arguments of `steered.enters` from a row."""
         past = [] if self.steered.past is None else [self._parts(row)[6]]
         return (*self.observed(row), *past)
 
@@ -260,7 +259,7 @@ class SampledFlight:
 
 
 def _first_result(function: Rows) -> RowNetwork:
-    """The first result of a function of rows."""
+    """Return the first result of a function of rows."""
     return lambda rows: function(rows)[0]
 
 

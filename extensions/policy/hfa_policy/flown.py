@@ -35,7 +35,7 @@ _CLOCK = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DeployedPolicy(Policy):
-    """u = the input that a deployment holds.
+    """Policy of `hfa fly` that holds the inputs of a deployment between its samples.
 
     deployed: the policy on its aircraft.
     point: the trim about which it flies.
@@ -97,7 +97,7 @@ class DeployedPolicy(Policy):
         return sample
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return its name, its deployment file (also by the key of 0.3, `card`) and its network."""
+        """Return its name, deployment file (also by the key of 0.3, `card`) and network."""
         deployment = self.deployed.deployment
         return {
             "law": self.name,
@@ -127,7 +127,7 @@ def flown_deployment(
 
 
 def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
-    """The policy of a deployment on its aircraft about a trim."""
+    """Return the policy of a deployment on its aircraft about a trim."""
     text = deployed.sampled.serialize()
     identity = {"card": hashlib.sha256(text.encode()).hexdigest()}
     held = np.zeros((1, len(point.model.inputs)))
@@ -151,7 +151,7 @@ def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
     """Return the scenario with the ticks of a policy.
 
-    Its steps are those of `hfa assess` where nothing else moves.
+    Without other dynamics its steps are those of `hfa assess`.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)

@@ -43,7 +43,7 @@ _RULE = "a formula has numbers, names, + - * / ** and " + ", ".join(_FUNCTIONS)
 class Formula(NamedTuple):
     """Parsed formula. No code in it is run.
 
-    text: as it was typed.
+    text: the text as typed.
     tree: its syntax tree, with supported nodes only.
     names: its variables, in the order in which they appear.
     """
@@ -112,7 +112,7 @@ def _check_number(value: Any, text: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """The value of a checked tree."""
+    """Return the value of a checked tree."""
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else ca.SX(_CONSTANTS[node.id])
     if isinstance(node, ast.Constant):

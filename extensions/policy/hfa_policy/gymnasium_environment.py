@@ -21,14 +21,14 @@ _OBSERVED = np.dtype(np.float32)
 class AircraftEnvironment(gymnasium.Env):
     """An aircraft about its trims: observation, action, timing and cost as in a deployment.
 
-    Actions beyond the box count as at its end. `info` has `X`, `U` and the number of the trim; at
-    the end of an episode that leaves the envelope `left` names the state, its limit and the time.
+    Actions beyond the box are clipped. `info` contains `X`, `U` and the number of the trim; when an
+    episode leaves the envelope, `left` names the state, its limit and the time.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
-        """episodes: of one episode."""
+        """episodes: the simulation of one episode."""
         self.episodes = episodes
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")
@@ -56,8 +56,8 @@ class AircraftEnvironment(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin at a random trim from a random start; with options={"start": X, "trim": number}
-        from that state."""
+        """Restart from a random state about a random trim, or from options={"start": X, "trim":
+        number}."""
         super().reset(seed=seed)
         if options and "start" in options:
             owners = np.array([self._trim_number(options.get("trim", 0))])
@@ -71,7 +71,7 @@ class AircraftEnvironment(gymnasium.Env):
         return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
-        """The number of a trim of the episodes. Raises BadInputError for another number."""
+        """Return the number of a trim. Raises BadInputError if there is no such trim."""
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
@@ -79,7 +79,7 @@ class AircraftEnvironment(gymnasium.Env):
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:
-        """A state as floats, (n,). Raises BadInputError where it is something else."""
+        """Return a state as floats, (n,). Raises BadInputError for anything else."""
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():
@@ -100,7 +100,7 @@ class AircraftEnvironment(gymnasium.Env):
         return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
-        """The picture of the episode so far, (height, width, 3)."""
+        """Return the picture of the episode so far, (height, width, 3)."""
         if self.render_mode is None:
             return None
         from hfa_policy.episode_figure import episode_picture
@@ -112,12 +112,12 @@ class AircraftEnvironment(gymnasium.Env):
 
 
 def observation_space(observed: int) -> spaces.Box:
-    """The box of all real observations."""
+    """Return the unbounded box of observations."""
     return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
 
 
 def action_space(episodes: Episodes) -> spaces.Box:
-    """The box of the deployment."""
+    """Return the box of the actions."""
     return spaces.Box(
         episodes.low.astype(np.float32), episodes.high.astype(np.float32), dtype=np.float32
     )

@@ -1,4 +1,4 @@
-"""The aircraft from one sample to the next, its inputs held: X⁺ = F(X, U)."""
+"""Step of the aircraft from one sample to the next with held inputs, X⁺ = F(X, U)."""
 
 from __future__ import annotations
 
@@ -64,10 +64,10 @@ def step_of_integration(
 
 
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
-    """(X, U, push, p) -> X after dt seconds, in `parts` steps of the integration.
+    """Return the function (X, U, push, p) -> X after dt seconds, in `parts` integration steps.
 
-    X: (n,), absolute, as U (m,), which is held
-    push: (k + w,), adds to the rates of the linear states; the disturbances `winds`
+    X: (n,), absolute; U: (m,), absolute and held
+    push: (k + w,), added to the rates of the linear states, then the disturbances `winds`
     p: the parameters of the model
     """
     layout = in_gusts(model).layout if winds else model.layout

@@ -22,7 +22,7 @@ _KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8"
 
 
 class Inert:
-    """An object of another package: its attributes, none of its code.
+    """Attributes of an object of another package, without its code.
 
     made_of: "module.Class", set by the class that `_inert` makes.
     """
@@ -45,13 +45,13 @@ class Inert:
             self.__dict__.pop("made_of", None)  # it is of the class, not of the file
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        """Entries of a container are not kept."""
+        """Ignore an entry of a container."""
 
     def append(self, item: Any) -> None:
-        """Items of a container are not kept."""
+        """Ignore an item of a container."""
 
     def extend(self, items: Any) -> None:
-        """Items of a container are not kept."""
+        """Ignore the items of a container."""
 
 
 def _inert(module: str, name: str) -> type[Inert]:
@@ -69,7 +69,7 @@ class _Kind:
         self.order = "="
 
     def __setstate__(self, state: Any) -> None:
-        """(version, byte order, ...)."""
+        """Set the state (version, byte order, ...)."""
         if state[1] in ("<", ">"):
             self.order = state[1]
 
@@ -84,7 +84,7 @@ class _Array(np.ndarray):
     numbers."""
 
     def __setstate__(self, state: Any) -> None:
-        """(version, shape, kind, whether in Fortran's order, bytes)."""
+        """Set the state (version, shape, kind, whether in Fortran's order, bytes)."""
         version, shape, kind, in_columns, content = state
         super().__setstate__((version, shape, kind.dtype, in_columns, content))
 
@@ -94,7 +94,7 @@ def _empty(*_: Any) -> _Array:
 
 
 def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
-    """The array of these bytes."""
+    """Return the array of these bytes."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
     return numbers.reshape(shape, order="F" if order == "F" else "C")
 
@@ -112,8 +112,8 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 
 
 class _Restricted(pickle.Unpickler):
-    """Refuses by name, before its creation, every object that is not of `_KEPT_PACKAGES` or an
-    array."""
+    """Unpickler that refuses by name, before creation, every object that is neither an array nor of
+    `_KEPT_PACKAGES`."""
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _NUMPY_CORES and name in _NUMPY_CALLS:
@@ -137,7 +137,7 @@ class _Restricted(pickle.Unpickler):
 def inert(content: bytes) -> Any:
     """Return the content of a pickle: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    Raises BadInputError where it would call anything else, is damaged, or needs more memory than it
+    Raises BadInputError if it would call anything else, is damaged, or needs more memory than it
     has bytes.
     """
     try:

@@ -1,4 +1,4 @@
-"""A linear plant in a file as a model, on which a policy is assessed."""
+"""Reader of a linear plant as a model for the assessment of policies."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from hfa_support.errors import BadInputError, said_of
 def linear_plant(path: str) -> Model:
     """Return the model x' = A x + B u of a plant in continuous time, trimmed at the origin.
 
-    path: of a file with A and B, and optionally names and units of states and inputs.
+    path: file with A and B, and optionally names and units of states and inputs.
 
-    Raises BadInputError where the file holds no such plant.
+    Raises BadInputError if the file contains no such plant.
     """
     found = read_arrays(path)
     with said_of(path):

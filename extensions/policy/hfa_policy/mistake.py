@@ -8,10 +8,10 @@ from typing import NamedTuple
 class Mistake(NamedTuple):
     """A mistake of a deployment.
 
-    kind: which.
-    proved: whether the files prove it; else they make it likely, or the policy flies clearly better
-        where it is undone.
-    text: a sentence.
+    kind: kind of mistake.
+    proved: whether the files prove it; otherwise they make it likely, or its repair clearly
+        improves the flights.
+    text: one sentence about it.
     """
 
     kind: str

@@ -1,5 +1,4 @@
-"""Mistakes of a deployment: those that the files prove or make likely, and changes with which the
-policy flies better."""
+"""Mistakes of a deployment that its files show, or whose repair improves the flights."""
 
 from __future__ import annotations
 
@@ -13,8 +12,8 @@ from hfa_policy.repair_trial import better_repairs
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Return the mistakes that the files show, or without any, those whose repair clearly improves
-    the flights. A policy that takes several samples is not searched."""
+    """Return the mistakes that the files show or, if there are none, those whose repair clearly
+    improves the flights. Policies of several samples are not searched."""
     if assessor.deployed.past:
         return
     shown_by_files = list(mistakes_in_files(assessor.deployed, assessor.points))

@@ -1,5 +1,5 @@
-"""The largest deviation of a policy from its linearization over the box of initial conditions, by
-the search with which `hfa verify` judges a network."""
+"""Largest deviation of a policy from its linearization over the initial-condition box, by the
+search that `hfa verify` uses for networks."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Nonlinearity(NamedTuple):
-    """The largest that was found of |u - u_rest + K z| over |z_i| <= the box, of any commanded
-    input, as a part of the largest |K z| there.
+    """Largest |u - u_rest + K z| found for any commanded input over the box of z, relative to the
+    largest |K z| there.
 
-    part: a lower bound of the true one.
-    state: linear state -> z where that is.
+    part: this ratio, a lower bound of the true one.
+    state: linear state -> z at the largest deviation.
     """
 
     part: float

@@ -1,4 +1,4 @@
-"""The normalizer of Stable-Baselines3 between observation and network."""
+"""Normalizer of Stable-Baselines3 between observation and network."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Normalizer:
     variance: (k,), none below 0.
     epsilon: added to the variance.
     clip: largest absolute value.
-    count: observations that it has seen, or nan where its file does not state it.
-    last: (E, k), the last observations of its environments as they came, or None where not known.
-    origin: where it is from, for messages.
+    count: number of observations in its statistics, or nan if its file does not state it.
+    last: (E, k), last unnormalized observations of its environments, or None if unknown.
+    origin: its origin, for messages.
     """
 
     mean: np.ndarray
@@ -41,7 +41,7 @@ class Normalizer:
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for numbers that normalize nothing."""
+        """Raise BadInputError for numbers with which nothing can be normalized."""
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):
@@ -85,7 +85,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
     """Return the normalizer in a file of `VecNormalize.save`, without running its code, or None
     where observations are not normalized.
 
-    BadInputError names the file and its fault.
+    Raises BadInputError with the file and its fault.
     """
     with said_of(path):
         try:
@@ -120,7 +120,7 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
 
 
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
-    """A number of a stored object."""
+    """Return a number of a stored object."""
     numbers = numbers_in(f"its {name}", attributes.get(name))
     if numbers.size != 1:
         raise BadInputError(f"its {name} is not one number")
@@ -128,7 +128,7 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
 
 
 def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
-    """The normalizer of a table mean, variance, epsilon, clip of a deployment file."""
+    """Return the normalizer of a table mean, variance, epsilon, clip of a deployment file."""
     for name in ("mean", "variance"):
         if name not in entries:
             raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")

@@ -77,8 +77,8 @@ def _says_no_normalizer(training: _Training) -> str:
 
 
 def unknown_normalizer(deployed: Deployed) -> str:
-    """Return a sentence: the deployment declares no normalizer, and the policy's file does not show
-    whether there was one, or "" where it does, or there is nothing to show it."""
+    """Return a warning that the deployment declares no normalizer and the policy's file does not
+    show whether training used one, or "" if it shows this or contains no evidence."""
     stored = deployed.deployment.actor.stored
     if stored is None or stored.timesteps == 0 or "normalizer" in deployed.deployment.policy:
         return ""
@@ -129,8 +129,8 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Return whether the states change between the two observations as no aircraft does in a
-    sample."""
+    """Return whether the states change between the two observations by more than an aircraft can in
+    a sample."""
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)
@@ -150,7 +150,7 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
 
     At the same checkpoint the normalizer has seen one observation of each environment more than the
     policy has taken steps. A second call of `learn` restarts the count. The result is therefore
-    False where the last observations show that they are a pair."""
+    False if the last observations show that they belong together."""
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False
     for original in (normalizer.last, stored.last_original):

@@ -1,4 +1,4 @@
-"""The observations in a policy's training, compared with those of the deployment file."""
+"""Comparison of the observations in a policy's training with those of the deployment file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class _Record(NamedTuple):
     """The record of one observation in the training.
 
     centre, spread: mean and standard deviation.
-    is_of_many: whether they are the statistics of a normalizer; else of the last few observations.
+    is_of_many: True for the statistics of a normalizer, False for those of the last few
+        observations.
     """
 
     centre: float
@@ -41,10 +42,10 @@ class _Record(NamedTuple):
 class _Observed(NamedTuple):
     """One observation of the deployment at the trims.
 
-    name: in the deployment file.
-    state: the state that it takes, or "" for a formula.
-    about, scale: of the deployment file.
-    values: (N,), of its formula at the trims.
+    name: its name in the deployment file.
+    state: the observed state, or "" for a formula.
+    about, scale: its entries in the deployment file.
+    values: (N,), values of its formula at the trims.
     model: the aircraft.
     """
 
@@ -64,11 +65,11 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file takes absolute values."""
+        """True if the deployment file declares absolute values."""
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the training cannot have seen it."""
+        """Return whether the record of the training excludes this observation."""
         if record.is_of_many:
             return self._deviations(record, is_absolute) > _FAR
         return self._leaves_limits(record, is_absolute)
@@ -80,11 +81,11 @@ class _Observed(NamedTuple):
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the training may have seen it with the about of the deployment file and
+        """Return whether the training may have seen it with the deployment file's `about` and
         another scale.
 
-        Deviations of any scale are seen about 0. So are absolute values of a state that may be 0,
-        and not those of another: no speed spreads by half of its mean."""
+        Deviations of any scale lie about 0. So do absolute values of a state that may be 0, unlike
+        those of a speed, whose spread is far below its mean."""
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:
             return is_seen_about_0
@@ -92,7 +93,7 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the training may have seen it as the deployment declares it."""
+        """Return whether the training may have seen it as declared by the deployment."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
@@ -124,8 +125,8 @@ def mistakes_of_observations(
 ) -> Iterator[Mistake]:
     """Yield mistakes of observations that the record of the training shows.
 
-    They are absolute values for deviations or the reverse, and wrong scales; else a difference with
-    several possible reasons.
+    These are absolute values instead of deviations or the reverse, wrong scales, and otherwise
+    differences with several possible reasons.
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -158,7 +159,7 @@ def mistakes_of_observations(
 def _exchanged_with(
     number: int, observed: Sequence[_Observed], records: Sequence[_Record]
 ) -> list[str]:
-    """Return the observations that may be exchanged with this one."""
+    """Return the names of observations that may be exchanged with this one."""
     names = []
     for place, other in enumerate(observed):
         fit = observed[number].agrees(records[place]) and other.agrees(records[number])
@@ -168,7 +169,7 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """Return the mistake that an observation differs from the training's, for one of several
+    """Return the mistake of an observation that differs from the training's for one of several
     reasons."""
     given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
     causes = "its scale or its about"
@@ -202,8 +203,8 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Centre and spread of the observations of the training, (k,) each, and whether they are the
-    statistics of many, or None where nothing is known."""
+    """Return centre and spread of the training's observations, (k,) each, and whether they are
+    statistics of many, or None if unknown."""
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
         return normalizer.mean, np.sqrt(normalizer.variance), has_statistics
@@ -214,10 +215,10 @@ def _seen(
 
 
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
-    """Mean and size (root mean square about it) of the observations of the training, (k,) each, or
-    None where nothing is known.
+    """Return mean and size (root mean square about the mean) of the training's observations, (k,)
+    each, or None if unknown.
 
-    Without a normalizer they are the last ones, a few, and their mean is taken to be 0."""
+    Without a normalizer the few last observations are used, with an assumed mean of 0."""
     seen = _seen(deployment.actor.stored, deployment.normalizer)
     if seen is None:
         return None
@@ -228,7 +229,7 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
 
 
 def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
-    """An observation of the deployment file at the trims."""
+    """Return an observation of the deployment file at the trims."""
     name = list(deployed.deployment.observation)[index]
     entry = deployed.deployment.observation[name]
     state = entry.get("formula", name)
@@ -239,7 +240,7 @@ def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint
 
 
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
-    """The value of an observation's formula at a trim."""
+    """Return the value of an observation's formula at a trim."""
     formula = deployed.observed[index]
     trim = deployed.trim_vector(point)
     n, m = len(deployed.model.states), len(deployed.model.inputs)
@@ -257,7 +258,7 @@ def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
 
 
 def _outside(values: np.ndarray, low: float, high: float) -> bool:
-    """Return whether all lie clearly outside of the limits of a state."""
+    """Return whether all values lie clearly outside the limits of a state."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return False
     room = 0.25 * (high - low)

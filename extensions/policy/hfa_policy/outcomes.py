@@ -1,4 +1,4 @@
-"""Flights from a box of initial conditions: which converge, which leave the envelope, which do
+"""Outcomes of flights from a box of initial conditions: converge, leave the envelope, or
 neither."""
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ _OTHERS = 3
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
-    """Half-widths of the box of initial conditions about a trim, (k,), of the linear states.
+    """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
-    The nominal size of angles and angular rates, a tenth of that of a state that has its size in
-    the trim (speed), at most half of the way to a limit."""
+    They are the nominal size for angles and angular rates and 10 % of it for a state of about that
+    size at trim (speed), at most half of the distance to a limit."""
     widths = []
     for name in model.linear:
         signal = model.states[name]
@@ -83,15 +83,14 @@ class Place:
     point: the trim.
     box: (k,), half-widths of the initial conditions about it.
     equilibrium: the equilibrium, or None where it does not exist.
-    stable: whether the loop is stable there; a flight that approaches within the ball has
-        then converged.
+    stable: whether the loop is stable there, so that a flight that enters the ball has converged.
     reach: states that the actions move there, or None without an equilibrium.
     seconds: length of a flight.
-    swing: s, half a period of the slowest oscillation about the equilibrium; 0 where modes are not
-        judged.
+    swing: s, half a period of the slowest oscillation about the equilibrium; 0 if modes are not
+        assessed.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model;
         flights converge to the equilibrium at their altitude.
-    lag: (k,), of the linear states behind that equilibrium.
+    lag: (k,), lag of the linear states behind that equilibrium.
     steady: the trim with the rates of the equilibrium; default: the point.
     """
 
@@ -113,8 +112,8 @@ class Place:
 
     @property
     def stays(self) -> bool:
-        """True if flights that converge stay converged: no mode diverges, not even one out of
-        reach."""
+        """True if flights that converge stay converged, because no mode diverges, not even one out
+        of reach."""
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
 
@@ -128,13 +127,14 @@ class Outcome(Result):
         slowest oscillation and two seconds, or at the end; at the end where a mode diverges.
     lost: number that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
-    worst_outcome: "leaves the envelope", "does not converge" or "converges": of the worst flight.
+    worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
+        "converges".
     slowest: s, longest time of convergence.
     cycle: the limit cycle of the others, or about an unstable equilibrium, or None without one.
     elsewhere: number that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium.
     moving: number that neither converge nor leave the limits within `seconds`.
-    seconds: of a flight.
+    seconds: duration of a flight.
     departure: the state that first leaves its limit in the flights that leave first, and its time;
         None where none does.
     """
@@ -169,8 +169,8 @@ class Outcome(Result):
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
-    """Initial conditions (count, n) and disturbance pulses (count, k) of a place, drawn from a
-    seed."""
+    """Return initial conditions (count, n) and disturbance pulses (count, k) of a place, drawn from
+    a seed."""
     model = place.point.model
     random = np.random.default_rng([seed, 1])
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
@@ -183,8 +183,8 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights of several places, each flown until it converges, leaves the envelope, cycles or is
-    steady elsewhere, or the time is over."""
+    """Flights at several places, each simulated until it converges, leaves the envelope, cycles,
+    settles elsewhere, or its time is over."""
 
     def __init__(
         self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
@@ -266,7 +266,7 @@ class FlownRows:
         self.status[flying[lost]] = _LOST
 
     def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
-        """The rows of flights after a window, with the extremes within it."""
+        """Return the rows of flights after a window, with the extremes within it."""
         *_, push, _ = self.flight.slices
         rows = self.rows[flying]
         seconds = self.flight.samples_in_window * self.flight.dt
@@ -279,8 +279,8 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The farthest that flights were from the equilibrium in the window, (N,), and half of the
-        range of each linear state, (N, k), both in balls."""
+        """Return the largest distance of flights from the equilibrium in the window, (N,), and half
+        the range of each linear state, (N, k), in units of the ball."""
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
@@ -292,8 +292,8 @@ class FlownRows:
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights that stayed in the ball for so many windows that an
-        oscillation would have left it, where nothing takes them out of it later."""
+        """Return the mask of the flights that stayed in the ball longer than any oscillation would,
+        and that no diverging mode takes out later."""
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
@@ -306,8 +306,8 @@ class FlownRows:
         return np.asarray(self.standing[flying] >= _STANDING)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Return the mask of the flights in a limit cycle, whose swings in this window are so many
-        balls."""
+        """Return the mask of the flights in a limit cycle. swings: in this window, in units of the
+        ball."""
         blocks = self.swings_of_blocks[:, flying]
         blocks[0] = np.minimum(blocks[0], swings)
         cycling = np.zeros(len(flying), dtype=bool)
@@ -325,13 +325,13 @@ class FlownRows:
         return cycling
 
     def swings(self) -> np.ndarray:
-        """(N, k), half of the range of each linear state in the last window."""
+        """Half of the range of each linear state in the last window, (N, k)."""
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
         return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
 
     def outcome(self, owner: int, place: Place) -> Outcome:
-        """The outcomes of the flights of one place."""
+        """Return the outcomes of the flights of one place."""
         model = place.point.model
         mine = np.flatnonzero(self.owners == owner)
         status = self.status[mine]
@@ -454,7 +454,7 @@ def fly_places(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[list[Outcome], list[Outcome]]:
-    """The outcomes of `samples` seeded flights at each place, without and with a disturbance
+    """Return the outcomes of `samples` seeded flights at each place, without and with a disturbance
     pulse."""
     rows = []
     for pushed in (False, True):

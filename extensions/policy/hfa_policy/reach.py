@@ -30,10 +30,10 @@ _DEFECTIVE = 1e10
 
 
 class OwnMode(NamedTuple):
-    """A slow mode of the aircraft, which a deployment leaves as it is.
+    """A slow mode of the aircraft that a deployment does not change.
 
     name: of the mode, with its time to half or to double. growth: 1/s, real part of its eigenvalue.
-    why: it is out of reach, or "" for a mode within reach.
+    why: why it is out of reach, or "" for a mode within reach.
     """
 
     name: str
@@ -42,12 +42,12 @@ class OwnMode(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The modes about an equilibrium that a deployment is judged by.
+    """Modes about an equilibrium by which a deployment is assessed.
 
-    judged: (k,), which linear states, or all unless a slow mode is out of reach.
-    loop: the equilibrium in coordinates of the modes within reach, (r); as it is where all are.
-    own: the slow modes of the aircraft out of reach.
-    states: names of those that are judged.
+    judged: (k,), flags of the linear states that count, all unless a slow mode is out of reach.
+    loop: the equilibrium in coordinates of the r modes within reach; unchanged if all are.
+    own: slow modes of the aircraft that are out of reach.
+    states: names of the states that count.
     """
 
     judged: np.ndarray
@@ -108,8 +108,8 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
 def left_alone(
     deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
 ) -> OwnMode | None:
-    """Return the mode of the aircraft that the slowest mode of the sampled loop is, where it is
-    slow and the policy moves its eigenvalue by at most 10 %, or None without such a mode.
+    """Return the aircraft's mode that corresponds to the slowest mode of the sampled loop if it is
+    slow and the policy moves its eigenvalue by at most 10 %, else None.
 
     slowest: the eigenvalue of the sampled loop of largest absolute value. dt: s.
     """
@@ -126,8 +126,8 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest part of its range in a box by which each mode, a column of (k, r), changes
-    an observation, (r,)."""
+    """Return for each mode, a column of (k, r), the largest change of an observation relative to
+    its range in a box, (r,)."""
     changes = np.abs(C @ modes)
     ranges = np.abs(C) @ box
     seen = ranges > 0.0
@@ -135,14 +135,15 @@ def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.nda
 
 
 def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """A real basis of the chosen modes, (k, number of them)."""
+    """Return a real basis of the chosen modes, (k, number of modes)."""
     real = vectors[:, chosen & (values.imag == 0.0)].real
     pairs = vectors[:, chosen & (values.imag > 0.0)]
     return np.hstack([real, pairs.real, pairs.imag])
 
 
 def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
-    """The modes of the aircraft with this eigenvalue, with their times to half or to double."""
+    """Return the modes of the aircraft with this eigenvalue, with their times to half or to
+    double."""
     model = deployed.model
     found = []
     for mode in modes_of(A, model.linear, model.modes):

@@ -1,10 +1,10 @@
-"""Changes of a deployment file with which its policy flies better, flown side by side.
+"""Search for changes of a deployment file that improve its policy's flights.
 
-Correct files too can be changed so that their policies fly better. A policy that is too strong or
-too late flies better with whatever makes it weaker, and one that was trained badly with many
-changes. Therefore a change is named only where the policy flies well with it and clearly better
-than with the file as written, and where no other gain does about the same. Such a gain counts only
-where it helps: a weak policy of a wrong sign flies as well as none. With the cost of the training
+Some changes of correct files also improve the flights. A policy that is too strong or too late
+improves with any change that weakens it, a badly trained one with many changes. Therefore a change
+is reported only if the policy flies well with it and clearly better than with the file as written,
+and if no other gain is about as good. Such a gain counts only if it helps, because a weak policy of
+the wrong sign flies as well as none. With the cost of the training
 in the file, a change must also bring the policy near the optimum of this cost.
 """
 
@@ -74,7 +74,7 @@ _RATES = (0.5, 0.25, 0.125)
 
 
 class _Found(NamedTuple):
-    """A change that is clearly better, its kind and its assumption."""
+    """A change that is clearly better, with its kind and its assumption."""
 
     flown: Flown
     kind: str
@@ -102,7 +102,7 @@ def _brings_most_back(flown: Flown) -> bool:
 
 
 def _harms(flown: Flown) -> bool:
-    """Return whether many flights of a deployment file leave the envelope."""
+    """Return whether many flights leave the envelope."""
     return flown.kept <= _KEEPS * len(flown.costs)
 
 
@@ -118,14 +118,15 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 
 def _weakens(repair: Repair) -> bool:
-    """Return whether a change makes an observation or an action smaller, as no control does."""
+    """Return whether a change reduces an observation or an action, as the absence of control
+    would."""
     largest = np.abs(repair.P).max(axis=1)
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether another gain, one that helps, brings about as many back at about the cost, or
-    is clearly cheaper."""
+    """Return whether another gain that helps lets about as many flights converge at about the same
+    cost, or is clearly cheaper."""
     for other in other_gains:
         is_as_good = _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
         is_cheaper = flown.times(other) >= _CLEARLY
@@ -193,7 +194,7 @@ class _Trial:
         return _brings_most_back(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
-        """The changes of each kind that cost least in a few short flights."""
+        """Return the changes of each kind that cost least in a few short flights."""
         flown = self.flights.flown(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
@@ -204,9 +205,9 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
-        """Return whether a change is clearly better than the file as written and no mere gain, nor
-        no control, is as good; a change that the record of the training supports need only be
-        better than the file."""
+        """Return whether a change is clearly better than the file as written, and neither a mere
+        gain nor the absence of control is as good. A change that the training's record supports
+        must only be better than the file."""
         if repair.kind == "order":
             if of_gains[0].times(flown) < _AS_IT_IS:
                 return False
@@ -266,8 +267,8 @@ class _Trial:
         return self._misfit(self.card) - self._misfit(repair.deployment)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Σ |log(size of the observations of the starts / of the training)|, sizes as root mean
-        squares about the mean of the training."""
+        """Return Σ |log(size of the initial observations / size in training)|, with sizes the root
+        mean squares about the training's mean."""
         seen = observations_of_training(deployment)
         assert seen is not None
         mean, size = seen
@@ -284,7 +285,8 @@ class _Trial:
 
 
 def _said(found: _Found, of_card: Flown) -> str:
-    """Return the change in words, and the cost as written relative to the cost with it."""
+    """Return a sentence on the change, with the cost of the file as written relative to the cost
+    with it."""
     times = of_card.times(found.flown)
     said = f"{times:.3g}" if times < 1000.0 else "over 1000"
     return f"it would fly better if {found.why}: as it is its flights cost {said} times as much"

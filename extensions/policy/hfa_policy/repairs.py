@@ -1,5 +1,4 @@
-"""The changes of a deployment file that are tried, each of which undoes one mistake of a
-deployment."""
+"""Trial changes of a deployment file, each of which repairs one possible mistake."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ _DEGREES = 180.0 / np.pi
 class Repair(NamedTuple):
     """One change of a deployment: o' = P o + c and a' = gain S a.
 
-    kind: of the mistake that it undoes.
+    kind: kind of the mistake that it repairs.
     text: the assumption of the change.
     deployment: the changed deployment file.
     P: (k, k); c follows from the changed deployment file at a trim.
@@ -59,7 +58,7 @@ def _with_observation(
 def _with_gains(
     card: Deployment, kind: str, text: str, changed: Deployment, gain: np.ndarray
 ) -> Repair:
-    """The change of a deployment file that multiplies its actions."""
+    """Return the change of a deployment file that multiplies its actions."""
     return Repair(kind, text, changed, np.eye(len(card.observation)), gain, np.eye(gain.size))
 
 
@@ -110,7 +109,7 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the map of an action with the box of another one."""
+    """Return the entry of an action with the box of another one."""
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 
@@ -163,7 +162,7 @@ def _scales(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
-    """The observations of a deployment file with these scales."""
+    """Return a deployment file with these scales of the observations."""
     entries = zip(card.observation.items(), scales.tolist(), strict=True)
     return {name: {**entry, "scale": scale} for (name, entry), scale in entries}
 
@@ -178,8 +177,8 @@ def _angles(deployed: Deployed) -> list[bool]:
 
 
 def _sizes(deployed: Deployed) -> np.ndarray:
-    """(k,), the size of each observation: the deviation that the deployment file's Q prices with 1,
-    else the nominal one of the model, else 1."""
+    """Return the size of each observation, (k,): the deviation of cost 1 by the deployment file's
+    Q, else the model's nominal size, else 1."""
     Q, _ = cost_weights(deployed)
     signals = deployed.model.signals
     sizes = []

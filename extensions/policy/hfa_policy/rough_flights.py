@@ -30,15 +30,15 @@ _MOST_FLIGHTS = 20
 class RoughFlights(Result):
     """Flights from one trim with sensor noise or in moving air.
 
-    flights: how many.
-    inside: how many stay inside the envelope.
-    seconds: s, of a flight.
-    disturbed_by: noise, gust or turbulence, in words.
+    flights: number of flights.
+    inside: number that stay inside the envelope.
+    seconds: duration of a flight, s.
+    disturbed_by: description of noise, gust or turbulence.
     rms: linear state or commanded input -> root mean square off trim, inside the envelope.
-    calm: that of a flight without noise in still air.
-    departure: of the flight that leaves the envelope first, or None where none does.
+    calm: root mean squares of a flight without noise in still air.
+    departure: departure of the flight that leaves the envelope first, or None.
     air: the gust or turbulence, in a line, or "" for none.
-    left_out: its components that the equations lack, one sentence each.
+    left_out: components that the equations do not support, one sentence each.
     """
 
     flights: int
@@ -55,8 +55,8 @@ class RoughFlights(Result):
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     """Return the scenario on a model.
 
-    Raises BadInputError where it does not fit the model, nothing disturbs it, or no flight is to be
-    made.
+    Raises BadInputError if it does not fit the model, contains no disturbance, or no flight is
+    requested.
     """
     if samples < 1:
         raise BadInputError("samples is 0: no flight meets the noise, gust or turbulence")
@@ -76,7 +76,7 @@ def rough_flights(
 ) -> list[RoughFlights]:
     """Fly a deployment from each trim, at most 20 times where something is random, else once.
 
-    scenarios: noise, gust and turbulence of each trim, of `rough_scenario`.
+    scenarios: noise, gust and turbulence at each trim, from `rough_scenario`.
     """
     found = []
     for number, (point, happens) in enumerate(zip(points, scenarios, strict=True)):
@@ -93,7 +93,7 @@ def rough_flights(
 
 
 def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
-    """The flights of one trim."""
+    """Return the results of the flights of one trim."""
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
     still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
@@ -116,7 +116,8 @@ def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
 
 
 def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
-    """Linear state or input -> root mean square off trim over the time inside the envelope."""
+    """Return linear state or input -> root mean square deviation from trim, while inside the
+    envelope."""
     rows = [member_row(plan, flight) for flight in flights]
     seconds = np.array([row["flown"] for row in rows])
     of_each = np.array([np.concatenate([row["rms_error"], row["effort"]]) for row in rows])
@@ -139,7 +140,7 @@ def _disturbed_by(scenario: Scenario) -> str:
 
 
 def _turbulence_text(turbulence: Turbulence | None) -> str:
-    """Return "light turbulence", or "turbulence" of an own intensity."""
+    """Return "light turbulence" for that level, or "turbulence" for a given intensity."""
     if turbulence is None or not isinstance(turbulence.level, str):
         return "turbulence"
     return f"{turbulence.level} turbulence"

@@ -105,8 +105,8 @@ _WRITE = """for (int j = 0; j < {size}; j++)
 
 
 class RowCode:
-    """A compiled function, called once a row of its arguments as a `RowFunction` is; threads run at
-    the same time."""
+    """Compiled function that is called for each row of its arguments, as a `RowFunction`; threads
+    can run in parallel."""
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
         self._call = getattr(ctypes.CDLL(str(library)), symbol)
@@ -125,8 +125,8 @@ class RowCode:
         return results
 
     def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
-        """The function of one table that writes its results into these; a result may be the table
-        itself, since each row is read before it is written."""
+        """Return a function of one table that writes its results into these arrays; a result may be
+        the table itself, because each row is read before it is written."""
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
                 raise ValueError("tables that are bound are contiguous, of doubles, with all rows")
@@ -137,7 +137,8 @@ class RowCode:
 def bound_rows(
     code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """A function of one table that writes its results into these, which may be the table itself."""
+    """Return a function of one table that writes its results into these arrays, which may be the
+    table itself."""
     if isinstance(code, RowCode):
         return code.bound(table, results)
 
@@ -149,10 +150,10 @@ def bound_rows(
 
 
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
-    """A dense function as machine code for many rows; where its operations cannot be written as C,
-    or with one note where no compiler works, as CasADi calls it.
+    """Return a dense function as machine code for many rows, or as called by CasADi if its
+    operations cannot be written as C or, with a note, if no compiler works.
 
-    one_row: whether it is made for one row at a time.
+    one_row: whether it processes one row at a time.
     """
     with MAKING:
         try:
@@ -167,8 +168,8 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """C of a function. Raises RuntimeError where CasADi cannot write it in scalars, BadInputError
-    where `c_function` cannot."""
+    """Return the C text of a function. Raises RuntimeError if CasADi cannot expand it to scalars,
+    and BadInputError if `c_function` cannot write it."""
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
@@ -203,7 +204,8 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return the compiler option for this processor's registers, and the numbers that one holds."""
+    """Return the compiler option for this processor's registers, and the number of doubles in
+    one."""
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux

@@ -1,12 +1,12 @@
-"""The sampled loop about an equilibrium, exact: inputs held between the samples, commands late.
+"""Exact sampled loop about an equilibrium, with held inputs and delayed commands.
 
 With the state s = (x_k; u_{k-1}; ...; u_{k-d-1}) of a delay of d samples and a part f of one,
 
     x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1},
 
 where Γ_early acts during the first f dt and Γ_late during the rest of a sample; u_{k-d-1} is the
-input that acts just before the sample. A policy that takes the observations o = C x + D u of
-several samples has these as further parts of s. Source: Franklin, Powell and Workman, Digital
+input that acts just before the sample. For a policy of several samples, s also contains the earlier
+observations o = C x + D u. Source: Franklin, Powell and Workman, Digital
 Control of Dynamic Systems, Section 4.3.
 """
 
@@ -33,10 +33,10 @@ _WHOLE = 1e-9
 
 
 class Chain(NamedTuple):
-    """s⁺ = F s + G v,  u = C s: the loop where v = u, cut open where it is not.
+    """System s⁺ = F s + G v, u = C s, which is the closed loop for v = u.
 
     F: (N, N), G: (N, m), C: (m, N).
-    states: how many of s are states of the aircraft; the first.
+    states: number of aircraft states, the first entries of s.
     dt: s.
     start: (N, states), s at the first sample of a deviation of the states.
     """
@@ -50,7 +50,7 @@ class Chain(NamedTuple):
 
     @property
     def closed(self) -> np.ndarray:
-        """F + G C."""
+        """Closed-loop matrix F + G C."""
         return self.F + self.G @ self.C
 
     @property
@@ -80,7 +80,7 @@ def slowest_swing(chain: Chain) -> float:
 
 
 def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Φ = exp(A dt), Γ = ∫ exp(A t) dt B over [0, dt]."""
+    """Return Φ = exp(A dt) and Γ = ∫ exp(A t) dt B over [0, dt]."""
     from scipy.linalg import expm
 
     n, m = B.shape
@@ -89,7 +89,7 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
 
 def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
-    """The sampled loop about an equilibrium. delay: s."""
+    """Return the sampled loop about an equilibrium. delay: s."""
     samples = delay / dt
     whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
     early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
@@ -137,9 +137,9 @@ class Delays(NamedTuple):
 
     radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable
         one.
-    limit: s, the first unstable delay in whole samples, from the deployed one on; None up to
-        `searched`.
-    fine: s, the first unstable delay, to 5 % of a sample; None up to `searched`.
+    limit: s, first unstable delay in whole samples, from the deployed one on; None if there is none
+        up to `searched`.
+    fine: s, first unstable delay to 5 % of a sample; None if there is none up to `searched`.
     searched: s, the longest delay examined.
     """
 
@@ -150,8 +150,8 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Search upward from the deployed delay, sample by sample: a loop that is unstable at one delay
-    may be stable again at a longer one."""
+    """Return the effect of delays, searched upward from the deployed one sample by sample, since an
+    unstable loop may be stable again at a longer delay."""
     first = math.ceil(deployed_delay / dt - _WHOLE)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
@@ -175,8 +175,8 @@ def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samp
 class Margins(NamedTuple):
     """Margins of a stable sampled loop, opened where its commands enter the aircraft.
 
-    inputs: of each commanded input, with the other loops closed.
-    disk: of all inputs at once.
+    inputs: margins of each commanded input, with the other loops closed.
+    disk: disk margin of all inputs at once.
     """
 
     inputs: tuple[LoopMargin, ...]
@@ -184,14 +184,14 @@ class Margins(NamedTuple):
 
 
 def margins(chain: Chain) -> Margins:
-    """Margins of a stable loop: z = exp(jω dt), ω up to half the sampling rate."""
+    """Return the margins of a stable loop at z = exp(jω dt), for ω up to half the sampling rate."""
     loop = _closed_loop(chain)
     loops = tuple(single_margin(loop, i) for i in range(len(chain.C)))
     return Margins(loops, disk_of(loop))
 
 
 def _closed_loop(chain: Chain) -> ClosedLoop:
-    """M = I/2 + C (z I - closed)⁻¹ G, with z = (1 + s) / (1 - s)."""
+    """Return M = I/2 + C (z I - closed)⁻¹ G as a system in s, with z = (1 + s) / (1 - s)."""
     closed = chain.closed
     one = np.eye(len(closed))
     total = closed + one

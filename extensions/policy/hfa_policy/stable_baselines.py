@@ -1,4 +1,4 @@
-"""The zip of a policy of Stable-Baselines3 (PPO, A2C, SAC and TD3) and its settings.
+"""Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3) and their settings.
 
 Conventions, of Stable-Baselines3 2.x: squashing is a flag. PPO and A2C clip the mean to the Box;
 SAC, TD3 and PPO with `squash_output` take tanh and map [-1, 1] to the Box. The activation is in
@@ -60,14 +60,14 @@ class Zip:
     """The settings of a policy in its zip.
 
     algorithm: "PPO or A2C", "SAC" or "TD3".
-    part: names of its tensors that are the actor, as `network_in` takes them.
-    activation: between the layers.
+    part: names of the actor's tensors, for `network_in`.
+    activation: activation between the layers.
     layout: widths of the hidden layers.
     squash: whether the output is tanh, mapped to the Box.
     clip_mean: largest size of the output before tanh, or inf without such a clip.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
-    timesteps: of its training; environments: in parallel.
+    timesteps: steps of its training; environments: number in parallel.
     last: (E, k), its last observations, normalized if a normalizer was used, or None where not
         stored.
     last_original: (E, k), before normalization, or None where not stored.
@@ -96,7 +96,7 @@ class Zip:
 def read_zip(path: str | Path) -> Zip:
     """Return the settings in the zip of a policy. No code in it is run.
 
-    BadInputError names the file and its actual content.
+    Raises BadInputError with the file and its actual content.
     """
     with said_of(path):
         try:
@@ -117,7 +117,7 @@ def read_zip(path: str | Path) -> Zip:
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> bytes:
-    """One file of the zip, of a bounded size."""
+    """Return one file of the zip, of a bounded size."""
     if name not in archive.namelist():
         raise BadInputError(f"it holds no {name}; give a file of model.save of Stable-Baselines3")
     return unpacked(archive, name)
@@ -180,7 +180,8 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
 
 
 def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
-    """The algorithm, its part of the tensors and its usual activation, by the names of tensors."""
+    """Return the algorithm, the actor's tensors and the usual activation, from the names of the
+    tensors."""
     names = " ".join(tensors)
     if "features_extractor." in names:
         raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
@@ -210,7 +211,7 @@ def _is_weight(name: str, part: str) -> bool:
 
 
 def _stored(data: Mapping[str, Any], name: str) -> Any:
-    """An entry of the data, from its restricted pickle where it is one."""
+    """Return an entry of the data, unpickled with restrictions if necessary."""
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
         with said_of(name):
@@ -246,7 +247,7 @@ def _activation(stored: Any, usual: str) -> str:
 
 
 def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest value of a Box of one axis, (k,) each."""
+    """Return the lowest and highest values of a Box of one axis, (k,) each."""
     space = _stored(data, name)
     kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
     low = getattr(space, "low", None)
@@ -261,7 +262,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Stored observations as (E, k) doubles, or None where there are none."""
+    """Return stored observations as (E, k) doubles, or None without any."""
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None

@@ -1,4 +1,4 @@
-"""The trims at which a policy is assessed, or about which it is trained."""
+"""Trims for the assessment or training of a policy."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
 
 
 def _listed(points: Any) -> list[Any]:
-    """The points as a list. Raises BadInputError for one point and for one number."""
+    """Return the points as a list. Raises BadInputError for one point and for one number."""
     if not isinstance(points, OperatingPoint):
         try:
             return list(points)

@@ -1,4 +1,4 @@
-"""A deployed policy on changed aircraft: other parameters, or other inputs that no action moves."""
+"""Assessment of a deployed policy on changed aircraft, with other parameters or unmoved inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Variation(Result):
 
     name: name of the parameter or input.
     value: its value.
-    assessed: the assessment; its point has the states and inputs of the original trim.
+    assessed: the assessment, whose point has the states and inputs of the original trim.
     """
 
     json_keys = (
@@ -45,7 +45,7 @@ class Variation(Result):
 
     @property
     def holds(self) -> bool:
-        """True if the policy holds the changed aircraft."""
+        """True if the policy holds on the changed aircraft."""
         return self.assessed.holds
 
     @property
@@ -98,9 +98,10 @@ def variations(
     changes: Sequence[tuple[str, float]],
     progress: Progress | None = None,
 ) -> list[Variation]:
-    """The policy on each changed aircraft, one change at a time, at each trim of an assessor.
+    """Return the assessment of the policy on each changed aircraft, one change at a time, at each
+    trim.
 
-    changes: as `changes_of` returns them.
+    changes: result of `changes_of`.
     """
     found: list[Variation] = []
     for point in assessor.points if changes else ():
@@ -118,7 +119,7 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Two finite numbers in rising order. Raises BadInputError for anything else."""
+    """Return two finite numbers in rising order. Raises BadInputError for anything else."""
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
     if not is_pair or pair[0] > pair[1]:
@@ -138,7 +139,7 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
-    """The states and inputs of a trim with one change of the aircraft."""
+    """Return the states and inputs of a trim on an aircraft with one change."""
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)
@@ -146,8 +147,8 @@ def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
 
 
 def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
-    """The deployment with numbers in place of the trim values of its observations: a deployed
-    policy keeps the trim of the original aircraft."""
+    """Return the deployment with numbers for the trim values in its observations, because a
+    deployed policy keeps the trim of the original aircraft."""
     card = deployed.deployment
     whole = {
         name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()

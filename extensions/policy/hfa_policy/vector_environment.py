@@ -1,4 +1,4 @@
-"""Many episodes of an aircraft at once as a `VecEnv` of Stable-Baselines3."""
+"""`VecEnv` of Stable-Baselines3 with many episodes of an aircraft."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hfa_support.errors import numbers_in, refuse_unless_whole
 
 
 class AircraftVectorEnvironment(VecEnv):
-    """Episodes that step together in compiled code; each begins anew when it ends."""
+    """Episodes that step together in compiled code and restart when they end."""
 
     def __init__(self, episodes: Episodes) -> None:
         self.episodes = episodes
@@ -36,7 +36,7 @@ class AircraftVectorEnvironment(VecEnv):
         return [seed] * self.num_envs
 
     def reset(self) -> np.ndarray:
-        """Begin all episodes; their observations, (N, k)."""
+        """Restart all episodes and return their observations, (N, k)."""
         if self._seeds[0] is not None:
             self._random = np.random.default_rng(self._seeds[0])
             self._reset_seeds()
@@ -45,12 +45,13 @@ class AircraftVectorEnvironment(VecEnv):
         return self.episodes.begin(numbers, self._random).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = numbers_in("actions", actions)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Advance all episodes by one sample; those that ended begin anew. Their `infos` have the
-        last observation, the return, length and time that Stable-Baselines3 logs as ep_rew_mean and
+        """Advance all episodes by one sample and restart those that ended. Their `infos` contain
+        the last observation, the return, length and time that Stable-Baselines3 logs as ep_rew_mean
+        and
         ep_len_mean, and the departures from the envelope."""
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
@@ -77,7 +78,7 @@ class AircraftVectorEnvironment(VecEnv):
         """Do nothing: no file or process is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute, once for each of the episodes."""
+        """Return an attribute once for each episode."""
         return [getattr(self, attr_name) for _ in self._of(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
@@ -87,7 +88,7 @@ class AircraftVectorEnvironment(VecEnv):
     def env_method(
         self, method_name: str, *arguments: Any, indices: Any = None, **options: Any
     ) -> list[Any]:
-        """The result of a method, once for each of the episodes."""
+        """Return the result of a method once for each episode."""
         return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
