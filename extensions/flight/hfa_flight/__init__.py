@@ -1,4 +1,4 @@
-"""One simulated flight: plant, policy, actuators and gusts in one loop."""
+"""Flight simulation: plant, policy, actuators and gusts in one loop."""
 
 from hfa_support.public_names import public_names
 

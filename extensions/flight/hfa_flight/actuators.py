@@ -20,11 +20,11 @@ LONGEST_STEP = 2.5
 class ActuatorFault:
     """A change of actuators during a flight.
 
-    begin: s, from when on
-    effectiveness: λ, the part of the command that arrives
-    bandwidth: ω, rad/s; None as before
-    damping: ζ; None as before
-    inputs: names of those that change, or () for all
+    begin: start of the fault, s
+    effectiveness: λ, factor on the command
+    bandwidth: ω, rad/s, or None for no change
+    damping: ζ, or None for no change
+    inputs: names of the affected inputs, or () for all
 
     Raises BadInputError when a number is not positive.
     """
@@ -57,12 +57,12 @@ class ActuatorBank:
     lowest, highest: positions, absolute; may be infinite
     rate: largest |U'|, per s; may be infinite
 
-    order: 1 or 2, of all
-    damping: ζ, of all
-    faults: change ω, ζ and the effectiveness λ, which is 1 before
+    order: 1 or 2, for all inputs
+    damping: ζ, for all inputs
+    faults: changes of ω, ζ and the effectiveness λ, which is 1 without a fault
 
-    Raises BadInputError when a lag or a rate is not positive, a lowest position is not below the
-    highest, the order is another, or a fault names an unknown input.
+    Raises BadInputError if a lag or a rate is not positive, a lowest position is not below the
+    highest, the order is neither 1 nor 2, or a fault names an unknown input.
     """
 
     lag: Any
@@ -121,7 +121,7 @@ class ActuatorBank:
 
     @property
     def size(self) -> int:
-        """Number of states: positions a, then v of order 2; as deviations from trim."""
+        """Number of states: positions a, then v for order 2, as deviations from trim."""
         return self.order * len(self.lag)
 
     @property

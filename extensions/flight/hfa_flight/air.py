@@ -1,4 +1,4 @@
-"""Moving air in a flight: names of its components in models, and the speed relevant for gusts."""
+"""Moving air: names of its components in models, and the speed at which gusts are met."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 
 
 def gust_speed(point: OperatingPoint) -> float:
-    """Speed at which a trimmed aircraft meets gusts: its state or output `speed`.
+    """Return the speed at which a trimmed aircraft meets gusts: its state or output `speed`.
 
     Raises BadInputError for a model that has neither.
     """

@@ -1,4 +1,4 @@
-"""Linear models along a flight, at states that need not balance."""
+"""Linear models along a flight, at states that need not be equilibria."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Along(NamedTuple):
 
 @checks_arguments
 def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
-    """Exact linear models at states (N, n) and inputs (N, m) that need not balance.
+    """Return exact linear models at states (N, n) and inputs (N, m) that need not be equilibria.
 
     Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.
 

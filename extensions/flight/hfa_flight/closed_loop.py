@@ -37,7 +37,7 @@ class Plant:
 
     @property
     def chosen(self) -> np.ndarray:
-        """(k, n) matrix that selects the states of the linear model."""
+        """Matrix (k, n) that selects the states of the linear model."""
         model = self.point.model
         return np.array([[float(name == other) for other in model.states] for name in model.linear])
 
@@ -50,7 +50,7 @@ class Plant:
         """Return x', (n,).
 
         u: (m,), deviation of the inputs
-        d: (k,), adds to the rates of the states of the linear model
+        d: (k,), added to the rates of the states of the linear model
         winds: disturbances of the model
         parameters: (parameters_size,)
         """
@@ -64,9 +64,10 @@ class Plant:
 
 @dataclass(frozen=True, eq=False)
 class LinearPlant(Plant):
-    """x' = A x + B u + d + E w. A: (n, n), B: (n, m), E: disturbance -> (n,), none unless given.
+    """Linear plant x' = A x + B u + d + E w. A: (n, n), B: (n, m), E: disturbance -> (n,); default:
+    none.
 
-    point: where it was linearized, unless its states are all and its trim 0.
+    point: point of the linearization, or None for a plant of only these states with trim 0.
     """
 
     A: np.ndarray
@@ -104,12 +105,11 @@ class LinearPlant(Plant):
 
 @dataclass(frozen=True, eq=False)
 class NonlinearPlant(Plant):
-    """X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u: the equations of a model about an
-    operating point.
+    """Nonlinear plant about an operating point, X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u.
 
     uncertain: whether the parameters p of the model differ from flight to flight
 
-    Raises BadInputError when the point was trimmed with another model.
+    Raises BadInputError if the point was trimmed with another model.
     """
 
     model: Model
@@ -117,12 +117,12 @@ class NonlinearPlant(Plant):
     uncertain: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a trim of other dynamics."""
+        """Raise BadInputError for a trim with other dynamics."""
         self.point.refuse_other(self.model)
 
     @property
     def parameters_size(self) -> int:  # type: ignore[override]
-        """The number of parameters, where they differ."""
+        """Number of parameters that differ from flight to flight."""
         return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
@@ -134,9 +134,10 @@ class NonlinearPlant(Plant):
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the output `ANGLE_OF_ATTACK` in winds, of a model that has one besides alpha.
+        """Return the deviation of the output `ANGLE_OF_ATTACK` in winds, for a model with this
+        output besides alpha.
 
-        Raises BadInputError where it depends on an input and is therefore not an angle of the flow.
+        Raises BadInputError if it depends on an input and is therefore not a flow angle.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -168,10 +169,10 @@ class Expressions(NamedTuple):
 
     rate: y'
     error: (k,), x - x_d
-    inputs: (m,), of the plant
+    inputs: (m,), inputs of the plant
     winds: disturbances of the model that are not 0, in the order of `wind_names`
-    angle: (1,), deviation of alpha through the air, or (0,) where it is alpha
-    command: (m,), of the policy
+    angle: (1,), deviation of the angle of attack through the air, or (0,) if it equals alpha
+    command: (m,), command of the policy
     measured: (n,), the states of the plant, with the noise of the sensors
     """
 
@@ -185,7 +186,7 @@ class Expressions(NamedTuple):
 
 
 class StateParts(NamedTuple):
-    """Parts of y in order: values or sizes."""
+    """Parts of the state y in order, as values or sizes."""
 
     plant: Any
     actuators: Any
@@ -193,7 +194,7 @@ class StateParts(NamedTuple):
 
 
 class HeldParts(NamedTuple):
-    """The parts of the held inputs of a loop, in their order: values, or sizes.
+    """Parts of the held inputs of a loop in order, as values or sizes.
 
     delay: (1 + 2 m,), start of the tick, delayed command at its start and at its end
     """
@@ -208,14 +209,16 @@ class HeldParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """x' = plant(x, a, d(t), w(t)),  a' = actuators(a, u),  u = policy(t, x + n(t) - x_d(t)); a = u
-    without actuators.
+    """Closed loop x' = plant(x, a, d(t), w(t)), a' = actuators(a, u), u = policy(t, x + n(t) -
+    x_d(t)).
 
-    scenario: the start x(0), x_d, d and n (0 unless given), noise samples, gust, other
-    disturbances, actuators and delay.
+    Without actuators a = u.
 
-    Raises BadInputError when a signal or a gain has another size than the plant, or an actuator
-    cannot hold the trim.
+    scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
+    actuators and delay.
+
+    Raises BadInputError if a signal or a gain does not have the plant's size, or an actuator cannot
+    hold the trim.
     """
 
     plant: Plant
@@ -223,7 +226,7 @@ class ClosedLoop:
     scenario: Scenario = field(default_factory=Scenario)
 
     def __post_init__(self) -> None:
-        """Refuse sizes that do not fit, and actuators that cannot hold the trim."""
+        """Raise BadInputError for wrong sizes, and for actuators that cannot hold the trim."""
         k = len(self.plant.chosen)
         m = self.plant.trim.size
         if self.scenario.actuators is not None:
@@ -335,7 +338,7 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return all states, those of the linear model as measured."""
+        """Return all states, with the measured values of the linear model's states."""
         chosen = ca.DM(self.plant.chosen)
         return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 
@@ -348,9 +351,9 @@ class ClosedLoop:
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """Initial y: the start of the scenario, actuators at trim, the memory of the policy.
+        """Initial y: initial condition of the scenario, actuators at trim, memory of the policy.
 
-        Raises BadInputError when the start of the scenario has another size than the plant.
+        Raises BadInputError if the initial condition does not have the plant's size.
         """
         parts = StateParts(
             plant=self.scenario.initial,
@@ -371,7 +374,7 @@ class ClosedLoop:
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
     def hold(self, tick: int, held: np.ndarray) -> None:
-        """Write the held inputs of a tick into `held`, but for those of plant and delay."""
+        """Write the held inputs of a tick into `held`, except for those of plant and delay."""
         scenario = self.scenario
         sizes = self.held_sizes
         parts = self.held_slices
@@ -384,10 +387,10 @@ class ClosedLoop:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """The parts of y (..., n)."""
+        """Return the parts of y (..., n)."""
         return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Start of each part, and the end of the last one."""
+    """Return the start of each part, and the end of the last one."""
     return [0, *np.cumsum(sizes).tolist()]

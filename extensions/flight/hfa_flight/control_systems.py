@@ -1,4 +1,4 @@
-"""Models to and from python-control's `NonlinearIOSystem`."""
+"""Conversion of models to and from python-control's `NonlinearIOSystem`."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 
 def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
-    """x' = f(x, u, p), y = the named states and outputs, by default all; without disturbances.
-    Names are kept.
+    """Return a model as a system x' = f(x, u, p), y = named states and outputs, by default all.
+
+    Names are kept. Disturbances are 0.
 
     >>> import hfa
     >>> from hfa_flight import to_control
@@ -52,11 +53,12 @@ def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.No
 def from_control(
     system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
 ) -> Model:
-    """The model of a system whose functions accept CasADi symbols in place of numbers: they are
-    called with arrays of them. units: name -> unit, or a `Signal`; others have unit 1.
-    declared: fields of `Model`.
+    """Return the model of a system whose functions accept arrays of CasADi symbols.
 
-    BadInputError, one line, for a system in discrete time, one that depends on time, and one that
+    units: name -> unit or `Signal`; default: 1
+    declared: fields of `Model`
+
+    Raises BadInputError for a system in discrete time, one that depends on time, and one that
     cannot be traced."""
     name = str(system.name)
     if getattr(system, "updfcn", None) is None:

@@ -1,7 +1,7 @@
-"""The envelope of a flight, which state left it first, and the inputs beyond their control limits.
+"""Envelope of a flight, the first departure from it, and inputs beyond their control limits.
 
-An envelope is a value of `trim.limits.Limits` on the states of a model. In moving air the limits of
-alpha count on the angle of attack through the air.
+An envelope consists of `trim.limits.Limits` on the states of a model. In moving air the limits of
+alpha apply to the angle of attack through the air.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Departure(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the excess in words, in degrees for angles."""
+        """Return the excess as text, in degrees for angles."""
         beyond = _beyond(self.value, self.limit, self.unit)
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
 
@@ -50,18 +50,18 @@ class ControlExcess(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the departure in words, angles in degrees."""
+        """Return the departure as text, angles in degrees."""
         return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
 
 
 def _beyond(value: float, limit: float, unit: str) -> str:
-    """Return value and limit in words, in degrees for angles."""
+    """Return value and limit as text, in degrees for angles."""
     suffix = "" if unit == "1" else f" {shown_unit(unit)}"
     return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
 
 
 def limits_text(lowest: float, highest: float, unit: str) -> str:
-    """Return an interval in words, in degrees for angles."""
+    """Return an interval as text, in degrees for angles."""
     if np.isinf([lowest, highest]).all():
         return "none"
     return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
@@ -75,11 +75,11 @@ def flight_envelope(
 ) -> Limits:
     """Return the limits of all states within which the equations of a model are valid.
 
-    These are min and max of the states, and the limits of the model about a trim
+    They are min and max of the states, and the limits of the model about a trim
     (`Extras.envelope`).
 
-    changes: state -> (lowest, highest), absolute, in place of these; `ANGLE_OF_ATTACK` is another
-        name of alpha's
+    changes: state -> (lowest, highest), absolute, instead of these; `ANGLE_OF_ATTACK` is an alias
+        of alpha
 
     Raises BadInputError for a name that is not a state, or when the trim lies outside.
     """
@@ -106,7 +106,7 @@ def flight_envelope(
 
 
 def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
-    """Name of `limited_names` -> [lowest, highest]."""
+    """Return name of `limited_names` -> [lowest, highest]."""
     pairs = np.column_stack([envelope.lowest, envelope.highest]).tolist()
     return dict(zip(limited_names(envelope.model, moving_air), pairs, strict=True))
 
@@ -150,7 +150,7 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
 
 
 def control_limits(model: Model) -> Limits:
-    """The limits of all inputs."""
+    """Return the limits of all inputs."""
     return Limits.of(model, tuple(model.inputs))
 
 

@@ -1,4 +1,4 @@
-"""Cost of a flight. No other module computes it."""
+"""Cost of a flight, computed in this module alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def cost_of_flight(
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: inputs stay from each row to the next
+    is_held: whether inputs are constant from each row to the next
     """
     of_states = np.einsum("ij,jk,ik->i", z, Q, z)
     of_inputs = np.einsum("ij,jk,ik->i", v, R, v)

@@ -1,4 +1,4 @@
-"""The picture of a nonlinear flight; draws, computes nothing."""
+"""Figure of a nonlinear flight."""
 
 from __future__ import annotations
 

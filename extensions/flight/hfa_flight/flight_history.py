@@ -1,4 +1,4 @@
-"""The numbers of a flight, one row for each step."""
+"""Arrays of a flight, one row for each step."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class Deviations(Reported):
     """A flight as deviations from the trim, one row for each step.
 
     times: (N,), s
-    states: (N, n), of the plant
+    states: (N, n), states of the plant
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
-    memory: (N, l), of the policy
-    limited: (N, n), the states with alpha through the air in place of alpha
-    winds: disturbance of the model that is not 0 -> (N,)
+    memory: (N, l), memory of the policy
+    limited: (N, n), states with the angle of attack through the air instead of alpha
+    winds: nonzero disturbance of the model -> (N,)
     """
 
     times: np.ndarray
@@ -33,5 +33,5 @@ class Deviations(Reported):
 
     @property
     def updrafts(self) -> np.ndarray:
-        """The updraft of the air, (N,)."""
+        """Updraft of the air, (N,)."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

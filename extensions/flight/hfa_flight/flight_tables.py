@@ -1,4 +1,4 @@
-"""A flight as arrays and tables of other packages."""
+"""Conversion of a flight to arrays and tables of other packages."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
-    """A state, an input or an output of the model over time, absolute, (N,).
+    """Return a state, an input or an output of the model over time, absolute, (N,).
 
-    flight: `Flight`, or another with `model`, `states` and `inputs`
-    p: parameters of the model that was flown"""
+    flight: `Flight`, or another object with `model`, `states` and `inputs`
+    p: parameters of the simulated model"""
     model = flight.model
     refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
     if name in model.states:

@@ -1,5 +1,5 @@
-"""The policy of a flight, made of a gain, a critic, a solution, a deployment, steps of inputs, or a
-Python function."""
+"""Policies of flights from a gain, a critic, a solution, a deployment, input steps, or a Python
+function."""
 
 from __future__ import annotations
 
@@ -36,10 +36,9 @@ _FORMS = (
 
 
 def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
-    """Return the policy that a script gives, about a trim, and the scenario in ticks of this
-    policy.
+    """Return a policy about a trim, and the scenario with the ticks of this policy.
 
-    given: as `hfa.fly` takes it
+    given: any form of policy that `hfa.fly` accepts
 
     Raises BadInputError for anything else.
     """
@@ -79,11 +78,11 @@ def _policy_of_file(path: Path) -> Any:
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
-    """Steps on the times of all names, each held until the next.
+    """Return input steps at the times of all names, each held until the next.
 
     given: name -> (time in s, value) pairs
 
-    Raises BadInputError unless the times of each name increase, from 0 on.
+    Raises BadInputError unless the times of each name increase from 0 on.
     """
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
@@ -102,10 +101,10 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonPolicy(Policy):
-    """U = function(t, X), absolute, called at the beginning of each tick and held through it.
+    """Policy U = function(t, X), absolute, called at the beginning of each tick and held during it.
 
     function: (t in s, X by name) -> U, (m,), or by name; inputs without a name stay at trim
-    point: the trim that deviations are from
+    point: the trim to which deviations refer
     tick: s
     """
 
@@ -128,13 +127,13 @@ class PythonPolicy(Policy):
         return cls(name, function, point, tick, held=held)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """The held inputs."""
+        """Return the held inputs."""
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """(tick, measured) -> u (m,), the inputs off trim.
+        """Return the function (tick, measured) -> u (m,), deviations of the inputs from trim.
 
-        Raises BadInputError where the function returns something else than finite inputs."""
+        Raises BadInputError if the Python function does not return finite inputs."""
         trim = np.array(self.point.inputs)
         states = np.array(self.point.states)
         record = type(self.point.states)

@@ -27,15 +27,15 @@ _DIGITS = 10
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainSchedule(Reported):
-    """u = -K(η) x, K linear in the scheduling variable η between breakpoints, constant beyond both
-    ends.
+    """Gain schedule u = -K(η) x, with K linear in the scheduling variable η between breakpoints,
+    constant beyond.
 
-    breakpoints: (G,), increasing, values of η, radians for angles; of one gain (1,), anything
-    gains: (G, m, n), in the units of the model; the states of the linear model come first, behind
-        them may come the positions of actuators
-    model: whose scheduling variable, states and inputs these are
+    breakpoints: (G,), increasing values of η, radians for angles; (1,) of any value for one gain
+    gains: (G, m, n), in the units of the model; states of the linear model, optionally followed by
+    actuator positions
+    model: the model with the scheduling variable, states and inputs
 
-    Raises BadInputError when a shape, the order or a number is wrong.
+    Raises BadInputError if a shape, the order or a number is wrong.
     """
 
     breakpoints: np.ndarray
@@ -60,7 +60,7 @@ class GainSchedule(Reported):
 
     @cached_property
     def table(self) -> LinearTable:
-        """K over η."""
+        """Table of K over η."""
         return LinearTable(self.breakpoints, self.gains)
 
     @property
@@ -71,8 +71,8 @@ class GainSchedule(Reported):
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """Raise BadInputError when these values of η lie beyond the breakpoints; one gain is for
-        all."""
+        """Raise BadInputError if these values of η lie beyond the breakpoints; a single gain covers
+        all values."""
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
@@ -85,15 +85,15 @@ class GainSchedule(Reported):
 
 
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
-    """The gain schedule in a file.
+    """Return the gain schedule in a file.
 
     path: a file with one gain K (m, n); or with K (G, m, n), in MATLAB (m, n, G), and its G
         breakpoints under the model's `schedule_key`, angles in degrees
-    model: of m inputs and n linear states. One gain may be in the SI or English units of
+    model: model with m inputs and n linear states. One gain may be in the SI or English units of
         `state_units`; a table must be in the units of the model
 
-    BadInputError, which names the file, when K or the breakpoints are missing or have another
-    shape, and when the units are not those.
+    Raises BadInputError if K or the breakpoints are missing or have another shape, or if units
+    differ.
     """
     stored = read_arrays(path)
     m = len(model.inputs)

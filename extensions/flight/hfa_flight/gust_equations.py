@@ -1,9 +1,9 @@
-"""Gusts in the equations of an aircraft: linear velocities and rates of rotation of the air.
+"""Gusts in the equations of an aircraft: linear velocities and rotation rates of the air.
 
 Components: u, v, w, velocities of the air forward, to the right and down, in level axes along the
-heading; p, q, r, which add to the rates of the aircraft relative to the air. A component enters a
-model by a disturbance of the model, or, where its states have the usual names and units, by its
-equations for still air at the motion relative to the air (`in_gusts`).
+heading; p, q, r, which are added to the aircraft's rates relative to the air. A component enters a
+model through a disturbance of the model or, if its states have the usual names and units, through
+its still-air equations evaluated at the motion relative to the air (`in_gusts`).
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ _OVER_GROUND = (
 
 
 def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Component -> disturbance that the model declares for it -> factor.
+    """Return component -> disturbance that the model declares for it -> factor.
 
-    heading: rad, of the trim.
+    heading: heading of the trim, rad.
     """
     declared = {
         name: {added: _SIGN.get(name, 1.0)}
@@ -69,8 +69,8 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor, without components
-    that the equations do not support."""
+    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor; unsupported
+    components are omitted."""
     taken = own_disturbances(model, heading)
     for name in ADDED:
         if name not in taken and not missing_states(model, name):
@@ -79,7 +79,7 @@ def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def missing_states(model: Model, component: str) -> list[str]:
-    """The states that the equations of a model lack for a component of a gust."""
+    """Return the states that a model lacks for a component of a gust."""
     return [
         name
         for name, unit in _NEEDED[component].items()
@@ -97,7 +97,7 @@ def in_gusts(model: Model) -> Model:
     and moments are those of the model at v_a, ω_a. From its v' = a(v_a, ω_a) - ω_a x v_a follows
     v' = a(v_a, ω_a) - ω x v. Angles and position move by v and ω.
 
-    Approximation: the gyroscopic moments stay those at ω_a, an error of second order in the rates.
+    Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """
     own = own_disturbances(model, 0.0)
     added = [name for name in ADDED if name not in own and not missing_states(model, name)]
@@ -114,16 +114,16 @@ def in_gusts(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InGusts:
-    """(x, u, p, w) -> rates by state, outputs by name, of a model in gusts.
+    """Function (x, u, p, w) -> rates by state and outputs by name, of a model in gusts.
 
-    added: the components besides the disturbances that the model declares.
+    added: components in addition to the disturbances that the model declares.
     """
 
     model: Model
     added: tuple[str, ...]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
-        """Rates and outputs."""
+        """Return rates and outputs."""
         states = {name: getattr(x, name) for name in self.model.states}
         layout = self.model.layout
         own = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
@@ -156,7 +156,7 @@ class _InGusts:
 
 
 def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
-    """(3,) rate of the velocity's components in body axes, of the rates of speed, alpha, beta."""
+    """Return the rates of the body-axis velocity (3,) from the rates of speed, alpha and beta."""
     speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(
         rates["speed"],

@@ -14,21 +14,22 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
 class Gust:
-    """The motion of the air, a stage of a loop: w(t), positive up, unless it has other `winds`.
+    """Motion of the air as a stage of a loop: updraft w(t), positive up, unless `winds` is
+    overridden.
 
     names: disturbances of the model that it moves
-    held_size: numbers that it is handed anew in each tick
+    held_size: number of its held inputs in each tick
     """
 
     names: tuple[str, ...] = (UPDRAFT,)
     held_size = 0
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Disturbance of the model -> its value at t."""
+        """Return disturbance of the model -> value at t."""
         return {UPDRAFT: ca.SX(self.updraft(t))}
 
     def updraft(self, t: Any) -> Any:
-        """w at t, for expressions or numbers."""
+        """Return w at t, a number or an expression."""
         raise NotImplementedError
 
     def left_out(self, model: Model) -> list[str]:
@@ -37,19 +38,20 @@ class Gust:
         return []
 
     def text(self, model: Model) -> str:
-        """Return the note on it for the report of a flight, or "" for none."""
+        """Return a note on the gust for the report of a flight, or "" for none."""
         return ""
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """The held inputs in a tick, (held_size,)."""
+        """Return the held inputs in a tick, (held_size,)."""
         return np.zeros(0)
 
 
 @dataclass(frozen=True)
 class OneMinusCosine(Gust):
-    """w = (peak/2) (1 - cos(2π V (t - begin) / length)) while 0 <= V (t - begin) <= length, else 0.
+    """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)) for 0 <= V (t - begin) <=
+    length, else 0.
 
-    length: ft, of the whole gust from still air to still air, twice the gust gradient distance H
+    length: ft, length of the whole gust, twice the gust gradient distance H
     peak: ft/s, negative for a downdraft
     speed: V, ft/s, at which the gust is met
     begin: s
@@ -68,7 +70,7 @@ class OneMinusCosine(Gust):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that it is a gust."""
+        """Raise BadInputError for numbers that are not finite or not positive."""
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
@@ -82,6 +84,6 @@ class OneMinusCosine(Gust):
         return self.begin + self.length / self.speed
 
     def updraft(self, t: Any) -> Any:
-        """w at t, for expressions or numbers."""
+        """Return w at t, a number or an expression."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))

@@ -30,7 +30,7 @@ _ROUNDS = 4
 class LimitCycle(NamedTuple):
     """The largest oscillation, in nominal sizes.
 
-    name: of an input or state
+    name: name of an input or state
     amplitude: half of peak to peak, in `unit`
     frequency: rad/s
     """
@@ -41,7 +41,7 @@ class LimitCycle(NamedTuple):
     unit: str
 
     def motion(self) -> str:
-        """Return the oscillating variable, its amplitude and frequency in words, in degrees for
+        """Return the oscillating variable, its amplitude and frequency as text, in degrees for
         angles."""
         size = short_number(self.amplitude, self.unit)
         if self.unit != "1":
@@ -83,10 +83,10 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
     """Return the largest oscillation in the second half of a flight, or None.
 
-    A limit cycle precedes a decay.
+    A limit cycle takes precedence over a decaying oscillation. The result is also None if the
+    excitation ends in the second half, or the flight has too few steps.
 
-    driven_until: s, when the last signal that drives the flight comes to rest. None also where that
-    is in the second half, or the flight has too few steps.
+    driven_until: s, end of the last signal that excites the flight
     """
     times = flight.times
     middle = times[-1] / 2
@@ -151,7 +151,8 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _peak(values: np.ndarray) -> float:
-    """Return the highest value of a half-period, by a parabola through it and its neighbours."""
+    """Return the peak of a half-period, by a parabola through the highest value and its
+    neighbours."""
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])
@@ -161,7 +162,7 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the line of the least-squares fit of a line and a harmonic, at the times."""
+    """Return the line, at the times, in the least-squares fit of a line and a harmonic."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]

@@ -1,4 +1,4 @@
-"""A Monte Carlo of flights: a plan of random scenarios, and the stored results of each member."""
+"""Monte Carlo simulation of flights: a plan of random scenarios, and the stored results."""
 
 from __future__ import annotations
 
@@ -61,17 +61,17 @@ class MonteCarlo(StatesAndInputs, Reported):
     results.
 
     members: N
-    seed: with the number of a member it decides all that is random in it, so that members can be
+    seed: with a member's number it determines all of its random quantities, so that members can be
         simulated anywhere in any order
     model: with its nominal parameters
     point: its trim, in which each member begins
     policy: the policy
     scenario: the scenario, of which each member is a draw
-    envelope: limits of the states; a member's flight ends at the first tick outside
-    spread: of the parameters of the members' aircraft; None: those of the model
+    envelope: limits of the states; a flight ends at the first tick outside
+    spread: distribution of the members' parameters, or None for those of the model
 
-    Raises BadInputError when a number is wrong, the flight does not begin inside its envelope, an
-    error belongs to a parameter that is zero, or a signal has no formula.
+    Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
+    relative error concerns a zero parameter, or a signal has no formula.
     """
 
     members: int
@@ -108,27 +108,27 @@ class MonteCarlo(StatesAndInputs, Reported):
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
-        """The loop of member 0. The parameters of the aircraft differ from member to member."""
+        """Return the loop of member 0; the parameters of the aircraft differ between members."""
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
 
     @property
     def least_within(self) -> int:
-        """Return the number of members that must stay within their limits: one of a scenario, all
+        """Number of members that must stay within their limits: one for a random scenario, all for
         drawn aircraft."""
         return 1 if self.spread is None else self.members
 
     @cached_property
     def aircraft(self) -> list[Model]:
-        """The aircraft of each member, drawn, or empty where all fly the model."""
+        """Drawn aircraft of each member, or empty if all are the model."""
         if self.spread is None:
             return []
         return self.spread.aircraft(self.model, self.members, self.seed)
 
     @cached_property
     def identity(self) -> str:
-        """JSON of everything that decides the results, the order in which errors are drawn
-        included."""
+        """Return JSON of everything that determines the results, including the order in which
+        errors are drawn."""
         data = {
             "members": self.members,
             "seed": self.seed,
@@ -154,7 +154,7 @@ class MonteCarlo(StatesAndInputs, Reported):
 
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
-    """Return the file of a model and its hash, else a hash of its expressions."""
+    """Return the file of a model and its hash, or a hash of its expressions if it has no file."""
     if model.extras.source[0]:
         return model.extras.source
     vectors = model.layout.symbols(*VECTORS)
@@ -165,7 +165,7 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
 
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
-    """The loop of a plan, compiled at the first call in a thread."""
+    """Return the loop of a plan, compiled at the first call in each thread."""
     return CompiledLoop(plan.loop(), plan.members)
 
 
@@ -178,14 +178,13 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """The rows of `KEPT` of members start .. stop - 1. Compute the rows of one task in a worker
-    process."""
+    """Return the rows of `KEPT` of members start .. stop - 1, the task of a worker process."""
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """Return the stored results of a member's flight: of its steps inside the envelope, and the
+    """Return the stored results of a member's flight, from its steps inside the envelope and the
     state and memory after them."""
     scenario = result.loop.scenario
     flight = result.flight
@@ -220,5 +219,5 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:
-    """Root mean square of each column of (N, k), or 0 without rows."""
+    """Return the root mean square of each column of (N, k), or 0 without rows."""
     return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

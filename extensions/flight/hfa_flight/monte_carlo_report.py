@@ -1,5 +1,4 @@
-"""The outcomes of the members of a Monte Carlo: the number within their limits, and quantiles of
-their errors."""
+"""Report of a Monte Carlo simulation: number of members within limits, and quantiles of errors."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ Read = Callable[[str], np.ndarray]
 def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
     """Return the outcomes of the members of a plan.
 
-    plan: of the flights
+    plan: the plan of the flights
     read: name of a result -> its values, (N, ...), one for each member
     """
     model = plan.model
@@ -60,11 +59,11 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
 
 
 def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
-    """The outcomes, and quantiles over the members inside, as text and as a `MemberSummary`.
+    """Return outcomes, and quantiles over the members inside, as text and as a `MemberSummary`.
 
-    plan: of the flights
+    plan: the plan of the flights
     read: name of a result -> its values, (N, ...), one for each member
-    where: the members are kept, for the title
+    where: storage of the members, for the title
     """
     found = summary(plan, read)
     flown = (
@@ -109,12 +108,13 @@ def _outcomes(found: MemberSummary) -> list[str]:
 
 
 def _listed(counts: Mapping[str, float]) -> str:
-    """Names and counts that are not 0."""
+    """Return the nonzero counts with their names, as text."""
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
 def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
-    """Quantity -> variable -> its `QUANTILES` over the members inside, None without any."""
+    """Return quantity -> variable -> its `QUANTILES` over the members inside, or None without
+    any."""
     quantities = {
         "rms_error": (read("rms_error"), model.linear),
         "peak_error": (read("peak_error"), model.linear),
@@ -134,8 +134,8 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 
 
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
-    """Return one row for each variable of each quantity of `quantiles`; alpha through the air where
-    it moves."""
+    """Return a table with one row for each variable of each quantity; in moving air alpha is the
+    angle through the air."""
     shown: dict[str, Any] = {
         "rms error": found.rms_error,
         "peak error": found.peak_error,

@@ -24,7 +24,7 @@ _MEMBER = "member"
 
 
 def chunk_of(plan: MonteCarlo) -> int:
-    """Members of a chunk."""
+    """Return the number of members in a chunk."""
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     return min(-(-CHUNK_STEPS // steps), plan.members)
 

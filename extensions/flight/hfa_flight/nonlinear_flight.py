@@ -1,5 +1,4 @@
-"""A flight of the nonlinear aircraft compared with the prediction of its linear model, and its
-report."""
+"""Flight of the nonlinear aircraft, compared with the prediction of its linear model."""
 
 from __future__ import annotations
 
@@ -81,29 +80,30 @@ def fly(
     step: float | None = None,
     progress: Progress | None = None,
 ) -> Flight:
-    """Simulate X' = f(X, U, w) + d with U = U0 + u of a policy, and with `predict` x' = A x + B u +
-    E w + d, the linear model.
+    """Simulate a policy u on the aircraft X' = f(X, U0 + u, w) + d and, with `predict`, on its
+    linear model x' = A x + B u + E w + d.
 
     model: the aircraft as designed
     point: the trim X0, U0 about which it flies
     policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, the file of a gain or
         of a deployment, steps of inputs off trim {name: [(time, value), ...]}, a function of (t, X)
         that returns U, called once a tick (`flown_policy`), a `Policy`; None holds the trim
-    seconds: duration; that of the scenario unless given, 20 s without one
+    seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
-    scenario: disturbances, noise and faults during the flight; all of it drawn
-    envelope: limits of the states, or those that differ from `flight_envelope(model, point)`
-    predict: whether the linear model flies too
-    method: "runge-kutta", or "jsbsim": an aircraft of JSBSim in JSBSim's frames, over JSBSim's
+    scenario: disturbances, noise and faults during the flight, without random quantities to be
+        drawn
+    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    predict: whether the linear model is simulated too
+    method: "runge-kutta", or "jsbsim" for an aircraft of JSBSim in its own frames, over its own
         earth, with the lags of its engines and filters
-    step: of these frames, s; 1/120 unless given
+    step: duration of these frames, s; default: 1/120
     progress: called during the nonlinear flight
 
-    The prediction is of the aircraft as designed: without the parameter errors. Both end at the
+    The prediction is for the aircraft as designed, without parameter errors. Both end at the
     first tick in which the nonlinear flight leaves the envelope.
 
-    Raises BadInputError when the flight does not begin inside, or part of the scenario is still to
-    be drawn.
+    Raises BadInputError if the flight does not begin inside the envelope, or part of the scenario
+    is still to be drawn.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -159,10 +159,10 @@ def fly_within(
     first tick outside the envelope.
 
     compiled: the loop
-    envelope: limits of the states, in their own values, not as deviations
-    scenario: flown in place of the loop's own; `CompiledLoop.fly` lists the values that may differ
-    parameters: of the flown aircraft, as `CompiledLoop.fly` takes them, or None for the loop's own
-    progress: as `CompiledLoop.fly` calls it
+    envelope: limits of the states, absolute
+    scenario: replaces the loop's own; `CompiledLoop.fly` lists the values that may differ
+    parameters: of the simulated aircraft, as in `CompiledLoop.fly`, or None for the loop's own
+    progress: as in `CompiledLoop.fly`
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
     trim = np.array(loop.plant.point.states)
@@ -184,7 +184,7 @@ def fly_within(
 class FlightHistory(Result):
     """Further content of the files of a flight.
 
-    history: once a tick, all absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
+    history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
         (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
         -> (N,).
     """
@@ -199,12 +199,10 @@ class Flight(StatesAndInputs, Result, Reported):
     envelope: limits of the states
     loop: the simulated loop
     flight: deviations from `point`
-    departure: which state left the envelope first: state, time, value, limit; null when none did.
-    cycle: what oscillates to the end: name, amplitude, frequency in rad/s, unit; null when nothing
-        does.
-    predicted: the same flight of the linear model, None when none was requested
-    decay: what oscillates to the end and becomes smaller: name, time to half in s, frequency in
-        rad/s, or None when nothing does.
+    departure: first departure from the envelope: state, time, value, limit; null without one.
+    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit; null without one.
+    predicted: flight of the linear model, or None if none was requested
+    decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     method: "runge-kutta" or "jsbsim"
     weights: Q (k, k) and R (m, m) of its cost, or None without a cost
 
@@ -237,7 +235,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def point(self) -> OperatingPoint:
-        """Trim at which the flight begins."""
+        """Trim about which the aircraft flies."""
         point: OperatingPoint = self.loop.plant.point
         return point
 
@@ -248,7 +246,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def time(self) -> np.ndarray:
-        """(N,), s."""
+        """Times (N,), s."""
         return self.flight.times
 
     @property
@@ -258,7 +256,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def states(self) -> np.ndarray:
-        """X, absolute, (N, n), and by name: states["alpha"]."""
+        """Absolute states X (N, n), also by name: states["alpha"]."""
         return with_names(self.flight.states + np.array(self.point.states), (), self.state_names)
 
     @property
@@ -270,7 +268,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def inputs(self) -> np.ndarray:
-        """U, absolute, (N, m)."""
+        """Absolute inputs U (N, m)."""
         return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -284,8 +282,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
-        """Inputs that went beyond their control limits before the envelope was left, the farthest
-        first: input, value, limit, unit."""
+        """Inputs that exceeded their control limits before the envelope was left, the largest
+        excess first: input, value, limit, unit."""
         until = np.inf if self.departure is None else self.departure.time
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
@@ -305,7 +303,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def held(self) -> bool:
-        """True if it stayed inside the envelope, without a limit cycle."""
+        """True if the flight stayed inside the envelope, without a limit cycle."""
         return self.departure is None and self.cycle is None
 
     @property
@@ -355,17 +353,17 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def checks(self) -> Sequence[Check]:
-        """An empty list since 0.3, kept for readers of /1."""
+        """Empty list since 0.3, kept for readers of schema version 1."""
         return ()
 
     @property
     def policy(self) -> Mapping[str, Any]:
-        """Law and K, and for gains over the scheduling variable its values."""
+        """Law and K, with the breakpoints of scheduled gains."""
         return self.loop.policy.data(self.model)
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
-        """State -> largest difference, omitted without a prediction."""
+        """State -> largest difference from the linear prediction, omitted without one."""
         if self.predicted is None:
             return None
         difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
@@ -453,7 +451,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return dataset(self)
 
     def report(self) -> Report:
-        """Outcome, states against the envelope and the linear prediction, inputs against the
+        """Return the report: outcome, states with envelope and linear prediction, inputs with
         control limits."""
         moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []
@@ -483,7 +481,8 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """Return one row for each state, and where the air moves one of alpha through it."""
+        """Return a table with one row for each state and, in moving air, one for alpha through the
+        air."""
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
@@ -522,7 +521,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> FlightHistory:
-        """Rows of the flight, one for each tick."""
+        """History of the flight, one row for each tick."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
         columns = {
             "times": self.flight.times[every],
@@ -537,8 +536,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return FlightHistory(history=columns)
 
     def _records(self) -> Table:
-        """The history, one row for each tick, each column with its unit: an array, because a flight
-        may be long."""
+        """Return the history as an array with units, one row for each tick."""
         history = self.history().history
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}

@@ -74,10 +74,10 @@ def _number(_: str, text: str) -> float:
 
 
 def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
-    """The steps of a command, (time in s, value) pairs, times increasing from 0 on.
+    """Return the steps of a command, (time in s, value) pairs with times increasing from 0 on.
 
-    model: whose unit the values have
-    name: of the commanded output
+    model: the model, in whose units the values are given
+    name: name of the commanded output
     text: as typed, "TIME:VALUE,TIME:VALUE"
 
     Raises BadInputError for anything else.
@@ -93,21 +93,21 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
 
 
 def fraction(text: str) -> float:
-    """A positive number, also as 1/120."""
+    """Return a positive number from a text such as 0.01 or 1/120."""
     above, slash, below = text.partition("/")
     value = positive(above)
     return value / positive(below) if slash else value
 
 
 def weights_option() -> Any:
-    """The field `weights`."""
+    """Return the field `weights`."""
     about = "gain K, critic W or P, or network in place of --law"
     return option(about, "FILE", critic_path)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
-    """The policy of the flight: one of the laws and its game, or a gain or a critic of a file."""
+    """Options of the policy: a law and its game, or a gain or a critic in a file."""
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
@@ -129,7 +129,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Options that price the flight, whatever flies."""
+        """Options with the weights of the flight's cost, for any policy."""
         return ()
 
     def check_policy(self) -> None:
@@ -159,9 +159,9 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             self.refuse(("seed",), f"belongs to a learning law or to --turbulence; {nothing}")
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
-        """The policy about a trim: of a file, exact, or learned on the linear model.
+        """Return the policy about a trim: from a file, exact, or learned on the linear model.
 
-        A nonlinear policy, such as a network, keeps the control limits of the model."""
+        A nonlinear policy, such as a network, is saturated at the control limits of the model."""
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import solve_game
         from hfa_flight.policies import GainPolicy, function_policy
@@ -186,7 +186,8 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
-    """The linear model that a gain is made for; its notes on kinks become notes of the command."""
+    """Return the linear model for the design of a gain; its notes on kinks become notes of the
+    command."""
     linear = linearize(model, point)
     for note in linear.kinks:
         warnings.warn(note, stacklevel=2)
@@ -196,11 +197,11 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
 def numbers(
     form: str, count: int, otherwise: tuple[float, ...] = ()
 ) -> Callable[[str], tuple[float, ...]]:
-    """A function that turns "1:2:3" into numbers.
+    """Return a function that converts "1:2:3" to numbers.
 
-    form: form of the word, for the BadInputError
-    count: number of its numbers
-    otherwise: values of the last ones, which may be omitted
+    form: form of the text, for the BadInputError
+    count: number of numbers
+    otherwise: default values of the last ones
     """
 
     def convert(text: str) -> tuple[float, ...]:
@@ -214,19 +215,19 @@ def numbers(
 
 
 def card_option() -> Any:
-    """The field `policy`."""
+    """Return the field `policy`."""
     about = "policy from a deployment file, sampled and held as deployed"
     return option(about, "DEPLOYMENT.toml", input_file(".toml"))
 
 
 def controller_option() -> Any:
-    """The field `controller`."""
+    """Return the field `controller`."""
     about = "controller of `hfa design`, or scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
 def actuators_option() -> Any:
-    """The field `actuators`."""
+    """Return the field `actuators`."""
     about = "add actuators with lag (s), rate limit (deg/s) and order 1 (default) or 2"
     kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
     return option(about, _ACTUATORS, kind)
@@ -247,13 +248,13 @@ def _about_turbulence(model: Model) -> str:
 
 
 def _length_of(model: Model) -> str:
-    """The unit of length in which gusts are typed."""
+    """Return the unit of length of gusts in options."""
     gusty = in_gusts(model)
     return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
 
 
 def _turbulence(text: str) -> Turbulence:
-    """A level with its altitude and span, or an own intensity and scale with a span."""
+    """Return turbulence from a level with altitude and span, or from intensity, scale and span."""
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of 0.3
         raise BadInputError(f"is {text!r}; give own:{text}, which moves u, v and w")
@@ -276,32 +277,33 @@ def linear_state(model: Model, name: str, text: str) -> float:
 
 
 def turbulence_option() -> Any:
-    """The field `turbulence`."""
+    """Return the field `turbulence`."""
     return option(_about_turbulence, _TURBULENCE, _turbulence, rare=True)
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
-    """Return the typed turbulence, at the altitude of --hold where a level states none."""
+    """Return the turbulence with the altitude of --hold if its level states none."""
     if typed is None or typed.level not in LEVELS or typed.altitude is not None:
         return typed
     return replace(typed, altitude=hold.get("altitude"))
 
 
 def noise_option(about: str) -> Any:
-    """The field `noise`: state of the linear model -> deviation of its sensor's noise."""
+    """Return the field `noise`: state of the linear model -> standard deviation of its sensor's
+    noise."""
     return option(about, "NAME=VALUE", OfModel(linear_state), named=True, rare=True)
 
 
 def gust_option() -> Any:
-    """The field `gust`."""
+    """Return the field `gust`."""
     return option(_about_gust, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
 
 
 def gust_at(
     typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
 ) -> OneMinusCosine | None:
-    """The typed gust, met at the speed of a trim, or None without one. Raises BadInputError where
-    it begins outside the duration, s."""
+    """Return the gust met at the speed of a trim, or None without one. Raises BadInputError if it
+    begins outside the duration, s."""
     if typed is None:
         return None
     length, peak, begin = typed
@@ -322,7 +324,7 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioOptions(LawOptions, TrimOptions):
-    """The scenario of a flight besides a reference; everything is off by default."""
+    """Options of a scenario except for the reference; everything is off by default."""
 
     duration: float | None = option(
         "duration of the flight, s; default 20", "S", number, default=20.0
@@ -377,8 +379,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
 
     def scenario(self, point: OperatingPoint) -> Scenario:
-        """The scenario that the options name, about a trim; for members, with the random quantities
-        of each.
+        """Return the scenario of the options about a trim; for members, with their random
+        quantities.
 
         The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
         duration = self.duration
@@ -411,7 +413,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """The gust, or the turbulence of one flight. The turbulence of members is drawn later."""
+        """Return the gust, or the turbulence of one flight; that of members is drawn later."""
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
         if self.turbulence is not None and self.members is None:
@@ -423,7 +425,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightOptions(ScenarioOptions):
-    """A flight from a trim."""
+    """Options of a flight from a trim."""
 
     law: str = law_option(NONE, "exact")
     weights: Path | None = weights_option()
@@ -454,7 +456,7 @@ class FlightOptions(ScenarioOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Q and R of the cost of one flight."""
+        """Return Q and R of the cost of one flight."""
         return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
@@ -512,7 +514,7 @@ class FlightOptions(ScenarioOptions):
 
 
 class PlannedFlight(NamedTuple):
-    """A flight to simulate: trim, policy, scenario and limits."""
+    """Flight to be simulated: trim, policy, scenario and limits."""
 
     model: Model
     point: OperatingPoint
@@ -522,7 +524,7 @@ class PlannedFlight(NamedTuple):
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
-    """The steps of --command on the times of all names."""
+    """Return the steps of --command at the times of all names."""
     times = sorted({time for steps in given.values() for time, _ in steps})
     values = np.zeros((len(times), len(given)))
     for column, steps in enumerate(given.values()):
@@ -538,8 +540,8 @@ def _constant(values: list[float]) -> Waveform:
 def actuators_of(
     model: Model, typed: tuple[float, ...] | None, fault: tuple[float, ...] | None = None
 ) -> ActuatorBank | None:
-    """The actuators that --actuators and --fault name, None without them: of the surfaces, inputs
-    in rad or deg, with that rate."""
+    """Return the actuators of the surfaces, which are inputs in rad or deg, from --actuators and
+    --fault, or None."""
     if typed is None:
         if fault is not None:
             raise BadInputError("--fault belongs to --actuators; give both")

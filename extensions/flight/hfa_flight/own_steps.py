@@ -1,4 +1,4 @@
-"""Flights in the steps of another program, of aircraft whose equations have them."""
+"""Flights of JSBSim aircraft in JSBSim's own integration steps."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _WHOLE = 1e-6
 
 
 def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
-    """The scenario in the steps of a method.
+    """Return the scenario with the steps of a method.
 
-    step: of the frames of JSBSim, s; 1/120 unless given
+    step: duration of JSBSim's frames, s; default: 1/120
 
     Raises BadInputError for a method that does not exist, a step of another method, and a duration
     that is not a whole number of frames.
@@ -54,8 +54,8 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
 
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
-    """The loop of an aircraft of JSBSim, whose plant moves in JSBSim's frames of the scenario's
-    step.
+    """Return the loop of a JSBSim aircraft, whose plant advances by JSBSim's frames of the
+    scenario's step.
 
     Raises BadInputError for another aircraft, and for a scenario that these frames do not support:
     actuators, policies with states, gusts, delays, disturbances.
@@ -90,10 +90,10 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
 
 
 class _OwnTick:
-    """The frames of a tick of a loop."""
+    """Advance of a loop by the frames of a tick."""
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """make: step in s -> the steps of the aircraft, with `begin` and `advance`."""
+        """make: step in s -> stepper of the aircraft, with `begin` and `advance`."""
         plant = loop.loop.plant
         assert isinstance(plant, NonlinearPlant)
         scenario = loop.loop.scenario

@@ -1,4 +1,4 @@
-"""Objects that each thread makes for itself."""
+"""Caches with separate objects for each thread."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Made = TypeVar("Made")
 
 
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """`functools.lru_cache` with one cache a thread: for a `BoundFunction`, whose memory each call
-    overwrites.
+    """Return a `functools.lru_cache` with one cache per thread, for a `BoundFunction`, whose calls
+    overwrite its memory.
 
-    CasADi lets other Python threads run while it evaluates, and a worker of a cluster has several
-    threads by default."""
+    CasADi releases Python's lock while it evaluates, and a cluster worker has several threads by
+    default."""
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
         own = threading.local()

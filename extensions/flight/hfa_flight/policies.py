@@ -22,12 +22,12 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Measurements(NamedTuple):
-    """The measurements of a policy, as deviations from trim, with the noise of the sensors.
+    """Measurements of a policy, as deviations from trim, with sensor noise.
 
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
     positions: (m,), of the actuators; (0,) without actuators
-    rates: (m,), of the actuators; (0,) where they have none
+    rates: (m,), of the actuators; (0,) if they have no rates
     updraft: (1,), of the air, for outputs that depend on it; (0,) in still air
     """
 
@@ -40,8 +40,8 @@ class Measurements(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Reported):
-    """u = control(t, measurements, memory, held),
-    memory' = memory_rate(t, measurements, memory, held, applied).
+    """Policy u = control(t, measurements, memory, held), memory' = memory_rate(t, measurements,
+    memory, held, applied).
 
     name: its name in reports
     held: (N, h), its held inputs: row k during tick k (zero-order hold), then the last row
@@ -87,8 +87,7 @@ class Policy(Reported):
         return row
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
-        """Return the function (tick, measured) -> held inputs (h,) of a policy that samples, else
-        None.
+        """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, else None.
 
         measured: (n,), deviations of the states from the trim, with noise."""
         return None
@@ -107,9 +106,9 @@ class Policy(Reported):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainPolicy(Policy):
-    """u = -K z.
+    """Policy u = -K z.
 
-    gains: K (m, k), or one for each tick, (N, m, k); kept as (N, m, k)
+    gains: K (m, k), or one for each tick, (N, m, k); stored as (N, m, k)
 
     Raises BadInputError for another shape or a number that is not finite.
     """
@@ -140,7 +139,7 @@ class GainPolicy(Policy):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FunctionPolicy(Policy):
-    """u = sat(π(z), lowest, highest): the policy of a nonlinear critic, such as a network.
+    """Policy u = sat(π(z), lowest, highest) of a nonlinear critic, such as a network.
 
     function: π, CasADi Function z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim
@@ -156,7 +155,7 @@ class FunctionPolicy(Policy):
 
     @cached_property
     def limited(self) -> ca.Function:
-        """Function z -> u, called and not expanded because a network is large."""
+        """Function z -> u, which is called instead of expanded, because a network is large."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
@@ -167,7 +166,7 @@ class FunctionPolicy(Policy):
 
 
 def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
-    """The policy π(z) about a trim, within the control limits of the model."""
+    """Return the policy π(z) about a trim, saturated at the control limits of the model."""
     limits = Limits.of(point.model, tuple(point.model.inputs))
     trim = np.array(point.inputs)
     identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
@@ -177,12 +176,12 @@ def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> 
 
 
 def column_by_column(matrix: np.ndarray) -> np.ndarray:
-    """The entries of a matrix in CasADi's order, for held inputs."""
+    """Return the entries of a matrix in CasADi's order, for held inputs."""
     return np.asarray(matrix, dtype=float).ravel(order="F")
 
 
 class OpenLoop(Policy):
-    """u = the held inputs, whatever is measured."""
+    """Policy that applies the held inputs, independent of measurements."""
 
     is_held = True
 
@@ -195,7 +194,7 @@ def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, tick
     """Return steps of inputs relative to trim, unfiltered, each from the first tick at or after its
     time.
 
-    Raises BadInputError for a name that is no input.
+    Raises BadInputError for a name that is not an input.
     """
     for name in commands.names:
         refuse_unknown("there is no law, and no input", name, inputs)

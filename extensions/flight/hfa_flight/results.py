@@ -1,4 +1,4 @@
-"""Results of this extension, with each entry declared once."""
+"""Result types of this extension."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from hfa_support.reporting.results import Result, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MemberSummary(Result):
-    """The outcomes of the members of a Monte Carlo.
+    """Outcomes of the members of a Monte Carlo simulation.
 
     dynamics: published or newton, or the name of another model.
     plant: nonlinear or linear.
     law: origin of the gain.
-    members: flights.
-    seed: of all random numbers.
+    members: number of flights.
+    seed: seed of all random numbers.
     duration: s.
-    within_limits: flights that stayed inside the envelope and the control limits.
-    held: flights inside the envelope.
-    first_left: s, of the first to leave.
-    left: flights that left by a state.
-    exceeded: flights in which an input exceeded its control limit.
-    limit_cycle: flights that end in an oscillation of an input or state that does not decay.
-    quantiles: which quantiles.
+    within_limits: number of flights that stayed inside the envelope and the control limits.
+    held: number of flights that stayed inside the envelope.
+    first_left: time of the first departure, s.
+    left: state -> number of flights that left the envelope by it.
+    exceeded: input -> number of flights in which it exceeded its control limit.
+    limit_cycle: input or state -> number of flights that end in its undamped oscillation.
+    quantiles: the quantiles that are listed.
     rms_error: quantiles of each state, over the whole flight.
     peak_error: quantiles of each state.
-    effort: of each input.
-    peak_deviation: in moving air.
+    effort: quantiles of each input.
+    peak_deviation: quantiles of each state, in moving air.
     store: store of the members, null without one.
     warnings: notes on the result.
-    final: at the end.
+    final: quantiles at the end.
     drawn: parameters of the members' aircraft that were drawn.
     """
 
@@ -68,13 +68,13 @@ class MemberAttributes(Result):
 
     errors: parameters that are drawn.
     left: meaning of the numbers of left.
-    error_states: states of the errors.
-    error_units: unit of each.
+    error_states: states to which the errors belong.
+    error_units: unit of each error.
     states: names of the states, in order.
     state_units: unit of each state.
     inputs: names of the inputs, in order.
     input_units: unit of each input.
-    plan: JSON text of all that decides the results.
+    plan: JSON text of everything that determines the results.
     """
 
     schema = "hfa.monte-carlo-store/3"
@@ -95,7 +95,7 @@ class MemberAttributes(Result):
 class Exported(Result):
     """Exported files.
 
-    files: file, bytes.
+    files: name and size, bytes, of each file.
     """
 
     schema = "hfa.export/1"

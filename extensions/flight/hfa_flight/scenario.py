@@ -1,4 +1,4 @@
-"""The scenario of a flight, its random quantities, and the closed loop."""
+"""Scenario of a flight, and its random quantities."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ MOST_STEPS = 10_000_000
 class Uncertainty:
     """The random quantities of each member; none by default.
 
-    errors: parameter -> relative standard deviation of the flown aircraft's about the nominal value
+    errors: parameter -> relative standard deviation about the nominal value
     noise: state of the linear model -> standard deviation of its sensor's noise, drawn every tick
         and held
     turbulence: `Turbulence`, or None
 
-    Raises BadInputError when a deviation is negative or the turbulence is another object;
+    Raises BadInputError if a deviation is negative or the turbulence is another object;
     `Scenario.on` checks the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
@@ -67,10 +67,10 @@ class Uncertainty:
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Parameter over nominal, (E,), in the order of `errors`: exp(σ ξ - σ²/2), ξ ~ N(0, 1), σ²
-        = ln(1 + s²).
+        """Return the ratios of parameters to nominal, (E,), in the order of `errors`: exp(σ ξ -
+        σ²/2), ξ ~ N(0, 1), σ² = ln(1 + s²).
 
-        Mean 1 and standard deviation s exactly, and never a change of sign.
+        They are positive, with the exact mean 1 and standard deviation s.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
         random = np.random.default_rng(_sequence(seed, member, _ERRORS))
@@ -79,7 +79,8 @@ class Uncertainty:
     def samples(
         self, seed: int, member: int, ticks: int, names: tuple[str, ...]
     ) -> np.ndarray | None:
-        """Noise N(0, s²) of each tick, (ticks, k), on the states `names`, or None without any."""
+        """Return noise N(0, s²) of each tick, (ticks, k), on the states `names`, or None without
+        any."""
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
@@ -102,15 +103,15 @@ class Scenario(Reported):
     tick: s, a whole number of steps; the held inputs change once a tick
     initial: (n,), deviation from trim, () for none
     reference, disturbance, noise: (k,) each, of the states of the linear model; None is 0
-    errors: parameter -> factor on the flown aircraft, which the design does not include
+    errors: parameter -> factor on the simulated aircraft, unknown to the design
     actuators, gust: stages of the loop
     uncertainty: the random quantities, which `drawn` draws
     samples: drawn noise, (ticks, k), held in each tick
     air: disturbance of the model -> its waveform, (1,)
-    delay: s, whole ticks, by which every command comes late
+    delay: s, delay of every command, a whole number of ticks
 
-    Raises BadInputError when the times do not fit each other or the actuators, are too long, or
-    there are two gusts.
+    Raises BadInputError if times are not multiples of each other, do not suit the actuators or are
+    too long, or if there are two gusts.
 
     >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
@@ -166,7 +167,7 @@ class Scenario(Reported):
 
     @property
     def steps_per_tick(self) -> int:
-        """Steps in a tick."""
+        """Number of steps in a tick."""
         return round(self.tick / self.step)
 
     @property
@@ -182,8 +183,8 @@ class Scenario(Reported):
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s; inf: never. The motion after it is
-        the loop's own."""
+        """Time at which the last signal, gust or noise ends, s, or inf. The later motion is
+        free."""
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
@@ -194,9 +195,9 @@ class Scenario(Reported):
         """Return this scenario for a model, with zeros of the model's sizes for an omitted initial
         condition or signal.
 
-        Raises BadInputError when it names a parameter, state or disturbance that the model does not
-        have, when it has a gust and the model no disturbance `updraft`, and when `initial` has not
-        one number for each state.
+        Raises BadInputError if it names an unknown parameter, state or disturbance, if it has a
+        gust and the model has no disturbance `updraft`, or if `initial` does not have one number
+        for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))
@@ -231,8 +232,8 @@ class Scenario(Reported):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """Return one draw of the uncertain quantities, which seed and member decide. point: whose
-        speed gusts are met at."""
+        """Return a scenario with drawn random quantities, determined by seed and member. point:
+        trim at whose speed gusts are met."""
         uncertain = self.uncertainty
         errors = dict(self.errors)
         factors = uncertain.factors(seed, member).tolist()
@@ -251,8 +252,8 @@ class Scenario(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """The scenario for JSON, without its random quantities. A signal without a formula is given
-        by the name of its class."""
+        """Return the scenario for JSON, without its random quantities. A signal without a formula
+        is represented by the name of its class."""
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance", "noise"):
@@ -269,7 +270,7 @@ class Scenario(Reported):
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:
-    """The model that is flown: its parameters times the errors of the scenario."""
+    """Return the simulated model, with its parameters times the errors of the scenario."""
     parameters = {
         name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
     }

@@ -1,4 +1,4 @@
-"""Gains over the scheduling variable in flight, along the trims of its commands."""
+"""Scheduled gains in flight, along the trims of the commanded scheduling variable."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _TRIMS = 41
 
 @dataclass(frozen=True, eq=False)
 class TrimPath(Result):
-    """x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model, r the commanded
-    scheduling variable; the reference of a flight.
+    """Reference x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model, with r
+    the commanded scheduling variable.
 
-    base: the trim in which the flight begins
+    base: the initial trim of the flight
     states: X0 over the scheduling variable, linear between trims
     inputs: U0 likewise
     commands: r as a deviation from its value at `base`
@@ -45,7 +45,7 @@ class TrimPath(Result):
 
     @property
     def size(self) -> int:
-        """States of the linear model."""
+        """Number of states of the linear model."""
         return len(self.base.model.linear)
 
     @property
@@ -54,11 +54,11 @@ class TrimPath(Result):
         return float(self.commands.times[-1])
 
     def commanded(self, t: ca.SX) -> ca.SX:
-        """r(t), absolute."""
+        """Return r(t), absolute."""
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
-        """x_d(t), (k,); for a state NAME_rate, the rate r'(t) of the scheduling variable."""
+        """Return x_d(t), (k,); for a state NAME_rate, the rate r'(t) of the scheduling variable."""
         model = self.base.model
         deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
             np.array(self.base.states)
@@ -68,7 +68,7 @@ class TrimPath(Result):
         return ca.vertcat(*(rows[name] for name in model.linear))
 
     def inputs_at(self, t: Any) -> ca.SX:
-        """U0(r(t)) - U_base, (m,)."""
+        """Return U0(r(t)) - U_base, (m,)."""
         return table_expression(self.inputs, self.commanded(t)) - ca.DM(np.array(self.base.inputs))
 
     @property
@@ -79,8 +79,8 @@ class TrimPath(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledGainPolicy(Policy):
-    """u = U0(r(t)) - U_base - K(η) z, r the commanded and η the measured scheduling variable, z = x
-    - x_d of the path.
+    """Policy u = U0(r(t)) - U_base - K(η) z, with r the commanded and η the measured scheduling
+    variable, and z = x - x_d of the path.
 
     The trims follow the commanded value and the gain the measured one. So, linearized about a trim,
     the policy is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η,
@@ -91,7 +91,7 @@ class ScheduledGainPolicy(Policy):
     path: TrimPath
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """U0(r(t)) - U_base - K(η) z."""
+        """Return U0(r(t)) - U_base - K(η) z."""
         model = self.schedule.model
         row = model.linear.index(model.schedule)
         measured = self.path.base.values[model.schedule] + measurements.states[row]
@@ -120,7 +120,7 @@ def scheduled_gains(
 
     name: of the policy
     base: the initial trim of the flight
-    commands: of the scheduling variable, deviations from `base`; none to stay there
+    commands: steps of the scheduling variable, as deviations from `base`; empty to stay there
     condition: scheduling value -> its trim
 
     Raises BadInputError when the model is not scheduled over a state of its linear model, K has

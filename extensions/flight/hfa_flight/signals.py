@@ -1,5 +1,4 @@
-"""Vectors that vary with time in a known way: references, disturbances, noise, commands through a
-filter."""
+"""Known vector functions of time: references, disturbances, noise, filtered commands."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ TimeVector = Any
 
 
 class Harmonic(NamedTuple):
-    """sine sin(ω t) + cosine cos(ω t): frequency ω in rad/s, amplitudes (n,)."""
+    """Harmonic sine sin(ω t) + cosine cos(ω t), with frequency ω in rad/s and amplitudes (n,)."""
 
     frequency: float
     sine: np.ndarray
@@ -32,7 +31,7 @@ class Harmonic(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(Result, Reported):
-    """s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
+    """Signal s(t) = constant + slope t + Σ_i (sine_i sin ω_i t + cosine_i cos ω_i t), (n,).
 
     constant: (n,)
     slope: (n,), per s
@@ -46,7 +45,7 @@ class Waveform(Result, Reported):
     harmonics: tuple[Harmonic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the shapes once."""
+        """Raise BadInputError for wrong shapes."""
         size = np.shape(self.constant)
         for part in (
             self.constant,
@@ -68,12 +67,12 @@ class Waveform(Result, Reported):
 
     @property
     def until(self) -> float:
-        """Time at which it ends, s, or inf with a wave."""
+        """Time at which the signal ends, s, or inf for a harmonic."""
         return math.inf if self.harmonics else 0.0
 
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
     def at(self, t: Any) -> Any:
-        """s(t): (n,) at a number, a CasADi column at a CasADi expression."""
+        """Return s(t), (n,) for a number and a CasADi column for an expression."""
         if not isinstance(t, (ca.SX, ca.MX)):
             return self.sampled(np.array([t]))[0]
         value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
@@ -86,7 +85,7 @@ class Waveform(Result, Reported):
         return value
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
-        """s at many times, (N, n)."""
+        """Return s at many times, (N, n)."""
         value = self.constant + np.outer(times, self.slope)
         for h in self.harmonics:
             value = value + np.outer(np.sin(h.frequency * times), h.sine)
@@ -95,14 +94,14 @@ class Waveform(Result, Reported):
 
 
 def zero(size: int) -> Waveform:
-    """The waveform that is 0 always."""
+    """Return the waveform that is always 0."""
     return Waveform(np.zeros(size), np.zeros(size))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
-    """r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i (R_i - R_i-1) s(t - t_i),
-    R_-1 = 0.
+    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i
+    (R_i - R_i-1) s(t - t_i), R_-1 = 0.
 
     s(t) is the step response of the filter.
 
@@ -122,7 +121,7 @@ class CommandSteps(Reported):
     damping: float = COMMAND_FILTER[1]
 
     def __post_init__(self) -> None:
-        """Check once."""
+        """Raise BadInputError for wrong shapes, numbers or names."""
         if np.shape(self.values) != (len(self.times), len(self.names)) or not np.all(
             np.isfinite(self.values)
         ):
@@ -139,11 +138,11 @@ class CommandSteps(Reported):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 
     def at(self, t: Any) -> ca.SX:
-        """r(t), (k,), at a CasADi expression."""
+        """Return r(t), (k,), at a CasADi expression."""
         return self._summed(t, lambda late: self._response(late)[0])
 
     def rate(self, t: Any) -> ca.SX:
-        """r'(t), (k,)."""
+        """Return r'(t), (k,)."""
         return self._summed(t, lambda late: self._response(late)[1])
 
     def end(self, t: Any) -> ca.SX:
@@ -151,14 +150,13 @@ class CommandSteps(Reported):
         return self._summed(t, lambda late: late >= 0.0)
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
-        """r at many times, (N, k)."""
+        """Return r at many times, (N, k)."""
         t = ca.SX.sym("t")
         function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
-        """Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a step that is still to come
-        is 0."""
+        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a future step is 0."""
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
@@ -166,7 +164,8 @@ class CommandSteps(Reported):
         return total
 
     def _response(self, late: Any) -> tuple[Any, Any]:
-        """s and s' of the late time τ >= 0: 1 - e c - ζω e σ and ω² e σ with e = exp(-ζωτ), c =
+        """Return s and s' at the time τ >= 0 after a step: 1 - e c - ζω e σ and ω² e σ with e =
+        exp(-ζωτ), c =
         cosh(vτ), σ = sinh(vτ)/v and v² = ω² (ζ² - 1)."""
         middle = self.damping * self.bandwidth
         tau = ca.fmax(late, 0.0)
@@ -185,9 +184,9 @@ class CommandSteps(Reported):
 
 @dataclass(frozen=True, eq=False)
 class CommandedStates(Result):
-    """x_d(t), (k,): the commands of these states, 0 for the others; the reference of a flight.
+    """Reference x_d(t), (k,), of a flight: commands of some states, 0 for the others.
 
-    filtered: whether they go through the command filter; else they are steps.
+    filtered: whether the commands are filtered; otherwise they are steps.
     """
 
     json_keys = (
@@ -210,7 +209,7 @@ class CommandedStates(Result):
         return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
 
     def at(self, t: Any) -> ca.SX:
-        """x_d(t)."""
+        """Return x_d(t), (k,)."""
         names = self.commands.names
         chosen = np.array([[float(name == state) for name in names] for state in self.states])
         value = self.commands.at(t) if self.filtered else self.commands.end(t)

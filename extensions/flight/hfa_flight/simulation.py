@@ -1,4 +1,4 @@
-"""A closed loop compiled and simulated: one loop over its ticks."""
+"""Compilation of a closed loop, and its simulation tick by tick."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ _MOST_PARTS = 10_000
 
 
 class Tick(Protocol):
-    """Advances a loop by a tick.
+    """Advance of a loop by one tick.
 
     inputs: [t; y] at its start, and the held inputs.
-    results: [t; y] after each step, and the observed values before each, one step after the other.
+    results: [t; y] after each step, and the observed values before each step.
     """
 
     inputs: tuple[np.ndarray, ...]
     results: tuple[np.ndarray, ...]
 
     def __call__(self) -> None:
-        """Write the results that follow from the inputs."""
+        """Compute the results from the inputs, in place."""
 
 
 class CompiledLoop:
     """A loop compiled once and simulated many times.
 
-    flights: how many are to come, which decides whether machine code pays.
+    flights: expected number of flights, which decides whether machine code pays.
     tick: the function that advances the loop by a tick; the classical Runge-Kutta method of order 4
         unless given. The fastest mode of the policy then divides each step into as many parts as it
         needs. Raises BadInputError when these are too many.
@@ -79,7 +79,7 @@ class CompiledLoop:
         self._tick = self._runge_kutta(flights) if tick is None else tick(self)
 
     def _runge_kutta(self, flights: int) -> Tick:
-        """The tick of the Runge-Kutta method."""
+        """Return the tick of the Runge-Kutta method."""
         scenario = self.loop.scenario
         parts = _parts_of_a_step(self.loop)
         tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
@@ -91,7 +91,7 @@ class CompiledLoop:
         return np.array(self._observed(time, y, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """The deviation of the inputs, (m,)."""
+        """Return the deviation of the inputs, (m,)."""
         return observed[self._ends[0] : self._ends[1]]
 
     def fly(
@@ -104,14 +104,14 @@ class CompiledLoop:
         stop: Callable[[Deviations], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Deviations:
-        """The flight of its scenario, or of one that differs from it in numbers alone.
+        """Simulate the loop's scenario, or one that differs from it only in numbers.
 
-        parameters: of the plant
-        policy: in place of the loop's own, from which it differs in its held inputs alone
-        ticks: how many; those of the scenario unless given
-        stop: rows of a flight -> which of them end it; it is flown to the end of that tick
+        parameters: parameters of the plant
+        policy: replaces the loop's own, from which it differs only in its held inputs
+        ticks: number of ticks; default: those of the scenario
+        stop: rows of a flight -> mask of those that end it, at the end of that tick
 
-        NoSolutionError, naming the time, when a number is no longer finite and there is no `stop`.
+        Raises NoSolutionError with the time if a number is not finite and there is no `stop`.
         """
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:
@@ -167,7 +167,7 @@ class CompiledLoop:
         done: int,
         stop: Callable[[Deviations], np.ndarray] | None,
     ) -> np.ndarray:
-        """Return the mask of the steps begin ... done that end the flight; Raises NoSolutionError
+        """Return the mask of the steps begin ... done that end the flight. Raises NoSolutionError
         like `fly`."""
         if stop is not None:
             return stop(self._flight(rows, columns, begin, done))
@@ -189,7 +189,7 @@ class CompiledLoop:
         return np.concatenate([[time], commands[due], commands[due + 1]])
 
     def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Deviations:
-        """Steps begin ... end - 1 of all y (N, n), and the observed values there."""
+        """Return steps begin ... end - 1 of all y (N, n), and the observed values, as a flight."""
         parts = self.loop.parts(rows[begin:end])
         errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
         limited = parts.plant
@@ -237,7 +237,7 @@ def _tick(
 
 
 def _runge_kutta(rate: ca.Function, now: ca.SX, held: ca.SX, h: float) -> ca.SX:
-    """[t; y] after h seconds, by one step of the method of order 4 from `now`."""
+    """Return [t; y] after h seconds, by one Runge-Kutta step of order 4 from `now`."""
     t = now[0]
     y = now[1:]
     k1 = rate(t, y, held)

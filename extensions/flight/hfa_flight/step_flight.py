@@ -1,4 +1,4 @@
-"""A flight of a linear plant in discrete time, step by step: x⁺ = (A - B K) x."""
+"""Flight of a linear plant in discrete time, x⁺ = (A - B K) x."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class StepFlight(Result, Reported):
 
     @property
     def decays(self) -> bool:
-        """True if the spectral radius is below 1; exit code 0."""
+        """True if the spectral radius is below 1."""
         return self.radius < 1.0
 
     def report(self) -> Report:
@@ -83,15 +83,15 @@ class StepFlight(Result, Reported):
 def fly_steps(
     problem: DiscreteGame, K: np.ndarray, policy: str, start: np.ndarray, count: int
 ) -> StepFlight:
-    """The flight of u = -K x.
+    """Simulate u = -K x.
 
     problem: x⁺ = A x + B u, its costs and its discount
     K: (m, n)
     policy: name of K
     start: (n,)
-    count: of steps
+    count: number of steps
 
-    Raises NoSolutionError where it leaves all bounds on the way.
+    Raises NoSolutionError if the state grows without bound.
     """
     step = problem.step
     loop = step.A - step.B @ K

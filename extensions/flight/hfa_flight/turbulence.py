@@ -44,7 +44,8 @@ _LENGTH = {"dryden": 1750.0, "karman": 2500.0}
 
 
 class Shape(NamedTuple):
-    """Π (1 + z s) / Π (1 + p s), s in units of V/L: time constants, the last poles without zero."""
+    """Transfer function Π (1 + z s) / Π (1 + p s), s in units of V/L, by its time constants z and
+    p."""
 
     zeros: tuple[float, ...]
     poles: tuple[float, ...]
@@ -73,10 +74,10 @@ FILTERS = {
 class Turbulence:
     """Turbulence with the spectra of MIL-F-8785C.
 
-    level: light, moderate or severe, with the intensities and scales of the specification; or your
-        own intensity and scale of u, v and w, in the model's units.
-    altitude: of a level, in the model's unit of length; that of the trim unless given.
-    span: of the wing, in that unit; without it p, q and r are 0.
+    level: light, moderate or severe, with the intensities and scales of the specification, or
+        (intensity, scale) of u, v and w, in the model's units.
+    altitude: altitude for a level, in the model's unit of length; default: that of the trim.
+    span: wing span, in that unit; without it p, q and r are 0.
     spectrum: dryden or karman.
 
     Raises BadInputError for another level or spectrum, numbers that are not positive, and an
@@ -93,7 +94,7 @@ class Turbulence:
     spectrum: str = "dryden"
 
     def __post_init__(self) -> None:
-        """Check the words and numbers."""
+        """Raise BadInputError for an unknown level or spectrum, and for wrong numbers."""
         numbers = {"altitude": self.altitude, "span": self.span}
         if isinstance(self.level, tuple) and len(self.level) == 2:
             numbers["intensity"], numbers["scale"] = self.level
@@ -117,10 +118,10 @@ class Turbulence:
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at a trim.
 
-        interval: s, of a tick. ticks: how many the flight has. seed: of the noise.
+        interval: duration of a tick, s. ticks: number of ticks. seed: seed of the noise.
 
-        Raises BadInputError where no altitude is known, the specification has no such turbulence
-        there, or the equations take no component.
+        Raises BadInputError if no altitude is known, the specification has no such turbulence
+        there, or the equations support no component.
         """
         model = point.model
         feet = _feet(model)
@@ -158,7 +159,7 @@ class Turbulence:
         )
 
     def _altitude(self, point: OperatingPoint) -> float:
-        """The altitude, in the unit of the model."""
+        """Return the altitude, in the unit of the model."""
         if self.altitude is not None:
             return self.altitude
         model = point.model
@@ -175,8 +176,8 @@ class Turbulence:
 
 
 def _feet(model: Model) -> float:
-    """The length of a foot in the model's unit of length. Raises BadInputError where its speed is
-    neither in ft/s nor in m/s."""
+    """Return the length of a foot in the model's unit of length. Raises BadInputError if its speed
+    is neither in ft/s nor in m/s."""
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
@@ -193,9 +194,9 @@ class Scales(NamedTuple):
 
 
 def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
-    """Scale lengths, ft, and intensities, ft/s, of u, v, w at an altitude, ft.
+    """Return scale lengths, ft, and intensities, ft/s, of u, v, w at an altitude, ft.
 
-    Between 1000 and 2000 ft both are interpolated linearly. BadInputError below 10 ft, above
+    Between 1000 and 2000 ft both are interpolated linearly. Raises BadInputError below 10 ft, above
     80,000 ft, and where Figure 7 has no turbulence of the level.
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
@@ -225,17 +226,17 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 
 @dataclass(frozen=True)
 class TurbulentAir(Gust):
-    """u, v, w, p, q, r of a flight: white noise through filters, exact at the ticks, between which
-    they are linear. The flight begins in stationary turbulence.
+    """Turbulence u, v, w, p, q, r of a flight: filtered white noise, exact at the ticks and linear
+    between them. It is stationary from the start of the flight.
 
     p: filter σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s) of an independent noise. q =
         w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s), of the frozen gust along the
         body.
 
-    turbulence: its parameters. lengths, intensities: as of `Scales`.
-    altitude: ft, or None for an own intensity.
-    feet: length of a foot in the model's unit. speed: V, ft/s. interval: s, of a tick.
-    ticks: of the flight. seed: of the noise.
+    turbulence: its parameters. lengths, intensities: as in `Scales`.
+    altitude: ft, or None for a given intensity.
+    feet: length of a foot in the model's unit. speed: V, ft/s. interval: duration of a tick, s.
+    ticks: number of ticks. seed: seed of the noise.
     taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.
     """
 
@@ -258,29 +259,29 @@ class TurbulentAir(Gust):
 
     @property
     def held_size(self) -> int:  # type: ignore[override]
-        """Start of the tick, the values there and their slopes."""
+        """Number of held inputs: start of the tick, values there and their slopes."""
         return 1 + 2 * len(self.names)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Start of a tick, the values there, and their slopes."""
+        """Return the start of a tick, the values there, and their slopes."""
         now, later = self.values[tick : tick + 2]
         return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Disturbance of the model -> its value at t."""
+        """Return disturbance of the model -> value at t."""
         count = len(self.names)
         now = held[1 : 1 + count] + (t - held[0]) * held[1 + count :]
         return dict(zip(self.names, ca.vertsplit(now), strict=True))
 
     @cached_property
     def values(self) -> np.ndarray:
-        """The disturbances at the ticks, (ticks + 1, k), in the units of the model."""
+        """Disturbances at the ticks, (ticks + 1, k), in the units of the model."""
         components = AirFilter.of(self).drawn(self.ticks + 1, self.seed)
         return components @ self.factors
 
     @property
     def factors(self) -> np.ndarray:
-        """(6, k): components, ft/s and rad/s, to the disturbances of the model."""
+        """Factors (6, k) from components, ft/s and rad/s, to the disturbances of the model."""
         matrix = np.zeros((len(ADDED), len(self.names)))
         for row, name in enumerate(ADDED):
             unit = self.feet if name in "uvw" else 1.0
@@ -289,7 +290,7 @@ class TurbulentAir(Gust):
         return matrix
 
     def text(self, model: Model) -> str:
-        """Return the turbulence in words, in a line."""
+        """Return one line of text on the turbulence."""
         unit = "ft" if self.feet == 1.0 else "m"
         numbers = [
             " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
@@ -308,7 +309,7 @@ class TurbulentAir(Gust):
         )
 
     def left_out(self, model: Model) -> list[str]:
-        """The components that are not flown, with the reason, one sentence each."""
+        """Return sentences on the components that are omitted, with the reasons."""
         reasons: dict[str, list[str]] = {}
         for name in ADDED:
             if name in self.taken:
@@ -322,7 +323,8 @@ class TurbulentAir(Gust):
 
 @dataclass(frozen=True)
 class AirFilter:
-    """x' = A x + B n, (u, v, w, p, q, r) = C x, n white noise with unit one-sided power per rad/s.
+    """Filter x' = A x + B n, (u, v, w, p, q, r) = C x, with n white noise of unit one-sided power
+    per rad/s.
 
     A: (n, n). B: (n, 4). C: (6, n).
     """
@@ -334,7 +336,7 @@ class AirFilter:
 
     @classmethod
     def of(cls, air: TurbulentAir) -> AirFilter:
-        """The filter of a turbulence."""
+        """Return the filter of a turbulence."""
         along, across = FILTERS[air.turbulence.spectrum]
         parts = [
             _cascade(
@@ -373,7 +375,8 @@ class AirFilter:
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Φ and a root G of the noise of a tick, x+ = Φ x + G ξ: the discretization of C. Van Loan,
+        """Φ and a root G of the noise of a tick, x⁺ = Φ x + G ξ, by the discretization of C. Van
+        Loan,
         IEEE Transactions on Automatic Control 23 (1978) 395."""
         from scipy.linalg import expm
 
@@ -390,8 +393,8 @@ class AirFilter:
         return _root(self.covariance)
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
-        """Return the components at `count` ticks, (count, 6), from the stationary distribution
-        on."""
+        """Return the components at `count` ticks, (count, 6), starting from the stationary
+        distribution."""
         random = np.random.default_rng(seed)
         Phi, G = self.step
         x = self.root @ random.standard_normal(len(Phi))
@@ -407,7 +410,7 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """A, b, c of noise through first-order sections, the pure lag first.
+    """Return A, b, c of noise through first-order sections, the pure lag first.
 
     tau: L/V, s. size: gain at s = 0.
     """
@@ -437,7 +440,7 @@ def _together(parts: list[_Filter]) -> _Filter:
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """A root G of a covariance: G G' is it, up to rounding."""
+    """Return a root G of a covariance G G', up to rounding."""
     scale = np.sqrt(np.diag(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -106,7 +106,7 @@ def export(request: ExportRequest) -> int:
 
 
 def _is_fmu(request: ExportRequest) -> bool:
-    """Return whether a file .fmu is requested, not a folder."""
+    """Return whether an .fmu file is requested instead of a folder."""
     return request.output.suffix.lower() == ".fmu"
 
 

@@ -1,4 +1,4 @@
-"""The command `hfa fly`: one flight, or many members of one."""
+"""The command `hfa fly`: one flight, or many random members."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """The file of the plant, or the aircraft."""
+        """File of the plant, or name of the aircraft."""
         return super().origin() if self.steps is None else {"model": str(self.steps)}
 
 
@@ -128,7 +128,7 @@ def fly(request: FlyRequest) -> int:
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """Fly --model; return the exit code, 1 when the flight does not decay."""
+    """Simulate the plant of --model and return the exit code, 1 if the loop does not decay."""
     from controller.game.user_files import stored_game
     from hfa_discrete.implied_policy import discrete_critic
     from hfa_discrete.solution import solve_discrete
@@ -163,9 +163,9 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
 
 def _fly_members(request: FlyRequest) -> int:
-    """Fly the members of --samples or --draws, and return the exit code.
+    """Simulate the members of --samples or --draws and return the exit code.
 
-    It is 1 when no member, or with --draws not every one, stayed within its limits.
+    It is 0 if at least one member, or with --draws every one, stayed within its limits.
     """
     from hfa_flight.monte_carlo import MonteCarlo
     from hfa_flight.monte_carlo_report import member_report

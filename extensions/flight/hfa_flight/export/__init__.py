@@ -1,1 +1,1 @@
-"""The aircraft and its controller for other tools: C, FMI, MATLAB."""
+"""Export of the aircraft and its controller to C, FMI and MATLAB."""

@@ -39,11 +39,11 @@ _CALLED = """    double v[HFA_INPUTS];
 def c_model_texts(
     linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
 ) -> dict[str, str]:
-    """File -> its text: header and source and, with a policy, a loop of 100 Hz that uses them.
+    """Return file name -> text of header and source and, with a policy, of a 100 Hz loop.
 
     linear: the model at a trim
-    policy: about that trim, None for none; of gains that change in time the first
-    origin: where it comes from, lines of text
+    policy: policy about that trim, or None; the first gain of a time-varying one
+    origin: text on its origin
 
     Raises BadInputError for equations that C cannot express.
     """
@@ -123,7 +123,8 @@ def _policy_function(policy: FunctionPolicy) -> str:
 
 
 def _rates(model: Model) -> ca.Function:
-    """(x, u, w, p) -> dx. For a model without disturbances, w is one number without effect."""
+    """Return the function (x, u, w, p) -> dx. Without disturbances, w is one number without
+    effect."""
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))
     winds = components(w)[: len(model.disturbances)]

@@ -1,5 +1,5 @@
-"""A CasADi Function as plain C: functions of arrays, no library but math.h, no tables, no memory of
-their own."""
+"""Translation of CasADi Functions to plain C functions of arrays, which need only math.h and no
+memory."""
 
 from __future__ import annotations
 
@@ -62,12 +62,15 @@ def c_function(
     real: str = "double",
     operations: Mapping[int, str] = OPERATIONS,
 ) -> str:
-    """`static void name(const double *argument, ..., double *result, ...)`: the instructions of a
-    dense SX Function. Given operations replace those of the type double.
+    """Return C of a dense SX Function: `static void name(const double *argument, ..., double
+    *result, ...)`.
 
-    Columns of a matrix come one after the other. One function that it calls, of one argument and
-    one result, comes before it. Avoids compiler warnings about empty and unused variables.
-    BadInputError names an operation that is not known here."""
+    Matrices are stored column by column. A function that it calls, with one argument and one
+    result, precedes it. The text causes no compiler warnings about empty and unused variables.
+
+    operations: C of each operation, instead of that for the type double
+
+    Raises BadInputError for an operation that cannot be written as C."""
     inner = function.find_functions(0)
     for each in inner:
         if not each.is_a("SXFunction"):

@@ -17,11 +17,11 @@ UNUSED = "unused"
 
 
 def filled(package: str, file: str, **values: object) -> str:
-    """The text of a file, made from its template.
+    """Return the text of a file, made from its template.
 
-    package: that holds the template
-    file: name of the file; that of the template ends with .in
-    values: of the template's fields
+    package: package of the template
+    file: name of the file; the template's name ends with .in
+    values: values of the template's fields
     """
     return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)
 
@@ -32,10 +32,10 @@ def comment_lines(text: str) -> str:
 
 
 def positions(units: Mapping[str, str], prefix: str = "") -> str:
-    """The lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
+    """Return the lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
 
     units: name -> unit, "" for none
-    prefix: of the names
+    prefix: prefix of the names
     """
     lines = []
     for name, unit in units.items():
@@ -45,7 +45,7 @@ def positions(units: Mapping[str, str], prefix: str = "") -> str:
 
 
 def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
-    """Declaration -> C strings, of a table of names and of one of their units.
+    """Return declaration -> C strings of a table of names and of a table of their units.
 
     kind: in the names of both tables
     units: name -> unit
@@ -62,12 +62,12 @@ def _quoted(words: Iterable[str]) -> list[str]:
 
 
 def or_unused(units: dict[str, str]) -> dict[str, str]:
-    """The names and units, or the one entry of an array that would have none."""
+    """Return the names and units, or one unused entry if there are none."""
     return units or {UNUSED: ""}
 
 
 def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
-    """Constant arrays, matrices row by row."""
+    """Return the C text of constant arrays, matrices row by row."""
     lines = []
     for declaration, values in values_by_declaration.items():
         array = np.array(values)
@@ -88,7 +88,7 @@ def braced(values: Any) -> str:
 
 
 def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
-    """Name -> its unit."""
+    """Return name -> unit."""
     return dict(zip(names, model.units(tuple(names)), strict=True))
 
 
@@ -102,8 +102,8 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write UTF-8 text files that belong together, name -> text, all or none, into a folder that is
-    made if need be."""
+    """Write text files, name -> text, in UTF-8 to a folder, which is created if necessary; all or
+    none."""
     with all_or_none(folder):
         for name, text in texts.items():
             write_text(folder / name, text)

@@ -1,8 +1,8 @@
 """Loops for other tools, as data: the aircraft alone or with its policy, and linear
 models between the points of a sweep.
 
-An exported loop takes as arguments what a simulation computes: commands, references, disturbances
-and held inputs."""
+The arguments of an exported loop are commands, references, disturbances and held inputs, which a
+simulation would compute."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ LONGEST_STEP = 1e-3
 class Channel(NamedTuple):
     """A scalar signal of a loop.
 
-    unit: None where it depends on the controller
+    unit: its unit, or None if it depends on the controller
     start: its initial value
-    size: one scaled unit
-    rate_unit: of its rate, or None where it is not needed
+    size: nominal size
+    rate_unit: unit of its rate, or None if not needed
     """
 
     name: str
@@ -45,7 +45,7 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class Argument:
-    """A vector that is an input of the loop, in place of a known function of time or of a
+    """A vector that is an input of the loop, instead of a known function of time or a
     measurement."""
 
     value: ca.SX
@@ -56,13 +56,13 @@ class Argument:
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:
-        """The value, at any time and of any measurements."""
+        """Return the value, which does not depend on the argument."""
         return self.value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GivenInputs(Policy):
-    """u = v - U0 of the arguments v."""
+    """Policy u = v - U0 with the arguments v."""
 
     inputs: ca.SX
 
@@ -72,17 +72,17 @@ class GivenInputs(Policy):
 
 
 class Steering(NamedTuple):
-    """The source of the inputs of an exported loop, about a trim.
+    """Source of the inputs of an exported loop, about a trim.
 
-    policy: each state of its memory has a channel in `states`
+    policy: the policy; each state of its memory has a channel in `states`
     arguments: channels of v
     v: (k,), symbols
     reference: x_d, in v
-    states: channels of the memory, and of the filter
+    states: channels of the memory and of the filter
     filtered: (f,), symbols of the states of a filter of the arguments
     filtered_rate: (f,), their rates
-    sets_inputs: False where v are the inputs themselves
-    longest_step: s, of Runge-Kutta 4
+    sets_inputs: False if v are the inputs themselves
+    longest_step: s, largest Runge-Kutta step
     """
 
     policy: Policy
@@ -97,7 +97,7 @@ class Steering(NamedTuple):
 
 
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
-    """The inputs of the aircraft themselves, absolute."""
+    """Return a steering by the absolute inputs of the aircraft."""
     U = ca.SX.sym("U", len(model.inputs))
     policy = GivenInputs("none", U - ca.DM(np.array(point.inputs)))
     arguments = _channels(model, model.inputs, point.inputs)
@@ -105,7 +105,8 @@ def given_inputs(model: Model, point: OperatingPoint) -> Steering:
 
 
 def following_a_reference(model: Model, policy: Policy) -> Steering:
-    """A policy without memory of z = x - v, v the reference of the states of the linear model."""
+    """Return a steering by a policy of z = x - v without memory, with v the reference of the linear
+    model's states."""
     v = ca.SX.sym("reference", len(model.linear))
     arguments = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear]
     return Steering(policy, arguments, v, Argument(v))
@@ -113,13 +114,13 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLoop:
-    """y' = f(y, v), and the inputs u = g(y, v) of the aircraft where something sets them; absolute
-    values.
+    """Loop y' = f(y, v) in absolute values, with inputs u = g(y, v) of the aircraft if a policy
+    sets them.
 
-    function: (y, v) -> (f, g), g empty where u are among v
+    function: (y, v) -> (f, g), with g empty if u are part of v
     states, outputs, inputs: channels of y, u, v
-    flown: how many of the states, the first, are those of the aircraft
-    longest_step: s, that Runge-Kutta 4 may take
+    flown: number of aircraft states, which come first
+    longest_step: s, largest Runge-Kutta step
     """
 
     function: ca.Function
@@ -136,13 +137,13 @@ def exported_loop(
     steering: Steering | None = None,
     actuators: ActuatorBank | None = None,
 ) -> ExportedLoop:
-    """X' = f(X, U, w), y = [X; actuators; memory of the policy; filter], inputs [w; v].
+    """Return the loop of X' = f(X, U, w), with states [X; actuators; memory of the policy; filter]
+    and inputs [w; v].
 
-    w: the disturbances of the model
-    v, U: of the steering, v = U without one
-    actuators, memory: deviations from trim
+    w are the disturbances of the model. v and U are given by the steering, v = U without one.
+    Actuators and memory are deviations from trim.
 
-    Raises BadInputError when an actuator cannot hold the trim, or the policy measures states that
+    Raises BadInputError if an actuator cannot hold the trim, or the policy measures states that
     these actuators lack.
     """
     steering = steering or given_inputs(model, point)
@@ -178,7 +179,7 @@ def exported_loop(
 
 
 def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Channel]:
-    """Positions, and rates for order 2."""
+    """Return channels of the positions, and of the rates for order 2."""
     channels = []
     order = 0 if actuators is None else actuators.order
     if order >= 1:
@@ -191,8 +192,9 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
 
 
 def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
-    """x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of the states of the sweep; v = [u; s], s the
-    variables of the sweep as inputs `scheduled_NAME`, from the middle of the grid on."""
+    """Return the loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep with v = [u; s], where s
+    are the variables of the sweep as inputs `scheduled_NAME`, initially in the middle of the
+    grid."""
     sweep = between.sweep
     model = sweep.model
     middle = {
@@ -217,7 +219,8 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Signals of the model at these values; rates: with the units of their rates."""
+    """Return channels of the model's signals at these values; rates: in the units of their
+    rates."""
     channels = []
     for name, value in zip(names, values, strict=True):
         rate_unit = model.rate_unit(name) if rates else None

@@ -1,7 +1,6 @@
-"""The aircraft, alone or with its policy, as an FMU of FMI 2.0: library, sources and
-description.
+"""Export of the aircraft, alone or with its policy, as an FMU: library, sources and description.
 
-2.0 and not 3.0, because every tool that imports FMUs opens it.
+The version is FMI 2.0 instead of 3.0, because every tool that imports FMUs supports it.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
-    """Write the FMU, whole or not at all. Raises NoSolutionError when there is no C compiler, or it
+    """Write the complete FMU or nothing. Raises NoSolutionError if there is no C compiler, or it
     fails."""
     compiler = c_compiler()
     if compiler is None:
@@ -114,9 +113,8 @@ def _said(origin: Provenance) -> str:
 
 
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
-    """Return modelDescription.xml: states, their rates, the inputs of the aircraft where something
-    sets them, and those of the loop. An output is a state of the aircraft or an input that is
-    set."""
+    """Return modelDescription.xml: states, their rates, inputs of the aircraft that a policy sets,
+    and inputs of the loop. Outputs are the aircraft states and the inputs that are set."""
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -185,10 +183,10 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    """The shared library of C sources. Raises NoSolutionError where the compiler refuses them.
+    """Return the shared library of C sources. Raises NoSolutionError if the compiler refuses them.
 
-    compiler: the command
-    sources: name of a file -> its text
+    compiler: command of the compiler
+    sources: file name -> text
     """
     with temporary_folder() as folder:
         for name, text in sources.items():
@@ -215,5 +213,5 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
 
 
 def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
-    """The models between the points of a sweep as an FMU: a part of `hfa sweep`."""
+    """Write the interpolated models of a sweep as an FMU, for `hfa sweep`."""
     write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)

@@ -17,7 +17,8 @@ from trim.sweeps.sweep import Sweep
 
 
 class Interpolated(NamedTuple):
-    """Trim and linear model of the sweep's k states at N points, or without N at one point.
+    """Trims and linear models of the sweep's k states at N points; without the axis N for one
+    point.
 
     states: X0, (N, n).
     inputs: U0, (N, m).
@@ -36,16 +37,15 @@ class Interpolated(NamedTuple):
 class InterpolatedModel:
     """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
 
-    sweep: whose points are trimmed
+    sweep: the sweep, whose points all have a trim
 
-    Raises BadInputError when a variable has fewer than two values, or a point of the sweep has no
-    trim.
+    Raises BadInputError if a variable has fewer than two values, or a point has no trim.
     """
 
     sweep: Sweep
 
     def __post_init__(self) -> None:
-        """Refuse sweeps that cannot be interpolated."""
+        """Raise BadInputError for a sweep that cannot be interpolated."""
         plan = self.sweep.plan
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
@@ -65,12 +65,11 @@ class InterpolatedModel:
         return tuple(np.unique(column) for column in self.sweep.values.T)
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
-        """Trim and linear model at values of the variables.
+        """Return trims and linear models at values of the variables.
 
-        values: of every variable of the sweep, by name: a number, or (N,)
+        values: by name for every variable of the sweep, a number or (N,)
 
-        Raises BadInputError when a variable is missing or unknown, or a value lies outside of the
-        grid.
+        Raises BadInputError if a variable is missing or unknown, or a value lies outside the grid.
         """
         variables = self.sweep.variables
         if {*values} != {*variables}:
@@ -94,9 +93,10 @@ class InterpolatedModel:
         return Interpolated(*whole)
 
     def to_casadi(self) -> ca.Function:
-        """(values of the variables,) -> X0, U0, A, B, as `at`, but held at the ends of the grid.
+        """Return the function (values of the variables,) -> X0, U0, A, B, constant beyond the ends
+        of the grid.
 
-        `.generate("models.c")` of it writes C that needs no library.
+        Its method `.generate("models.c")` writes C that needs no library.
         """
         at = ca.SX.sym("at", len(self.axes))
         weights = ca.SX(1)
@@ -111,8 +111,8 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy's interpolator of all quantities: points (..., variables) -> (..., entries),
-        the entries of X0, U0, A and B one behind the other, each row by row."""
+        """SciPy's interpolator: points (..., variables) -> (..., entries), with the entries of X0,
+        U0, A and B in order, each row by row."""
         from scipy.interpolate import RegularGridInterpolator
 
         sizes = tuple(len(axis) for axis in self.axes)
@@ -121,8 +121,8 @@ class InterpolatedModel:
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """X0, U0, A and B over the grid: one axis for each variable, ascending, then the shape of
-        the quantity."""
+        """X0, U0, A and B over the grid, with one ascending axis for each variable, then the axes
+        of the quantity."""
         order = np.lexsort(self.sweep.values.T[::-1])
         sizes = tuple(len(axis) for axis in self.axes)
         tables = []
@@ -138,7 +138,8 @@ class InterpolatedModel:
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
-    """The weight of each value of an axis in linear interpolation at x, held at its ends."""
+    """Return the weight of each value of an axis in linear interpolation at x, constant beyond its
+    ends."""
     held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
     rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
     before = [ca.SX(1), *rising]
