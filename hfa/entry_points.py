@@ -175,7 +175,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     later = [name for name in both[1:] if name in offered(COMMANDS)]
     if later and words[1].startswith("-"):
         name = later[0].replace(".", " ")
-        raise BadInputError(f"what to {first} comes first: hfa {name} {shortened(words[1])} ...")
+        raise BadInputError(f"name what to {first} first: hfa {name} {shortened(words[1])} ...")
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
         what = f"word {shortened(words[1])!r} behind `hfa {first}`"

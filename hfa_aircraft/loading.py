@@ -166,5 +166,5 @@ def reloaded(source: tuple[str, str], parameters: dict[str, float]) -> Model:
     """
     model = load_model(source[0])
     if model.extras.source != source:
-        raise BadInputError(f"{source[0]} has changed since the work began; start again")
+        raise BadInputError(f"{source[0]} has changed since the run began; start again")
     return model.with_parameters(**parameters)

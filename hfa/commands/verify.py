@@ -59,7 +59,7 @@ def _critics(text: str) -> list[Path]:
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     note_read(folder)
     if not paths:
-        raise BadInputError(f"{text}: there is no critic in the folder ({' '.join(suffixes)})")
+        raise BadInputError(f"{text}: the folder contains no critic ({' '.join(suffixes)})")
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 
@@ -222,13 +222,13 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
                     f"--set {name} belongs to networks; give the file of one by --weights"
                 )
     if (request.discount is None) != (request.dt is None):
-        raise BadInputError("--discount and --dt belong together; neither has a default")
+        raise BadInputError("give --discount and --dt together; neither has a default")
     if request.discount is not None:
-        request.refuse(("picture",), "does not go with --discount; leave it out")
+        request.refuse(("picture",), "cannot be used with --discount; leave it out")
         if len(paths) != 1:
             raise BadInputError("--discount needs one critic; add --weights FILE")
         if "predefined_time" in request.set:
-            raise BadInputError("--set predefined_time does not go with --discount; leave it out")
+            raise BadInputError("--discount excludes --set predefined_time; leave it out")
     if not paths:
         request.refuse(("basis",), "belongs to --weights; for a law, use --set basis=...")
         return

@@ -56,6 +56,6 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """Return a range as an array, (N,). Raises BadInputError for more than `most` values."""
     if len(values) > most:
         raise BadInputError(
-            f"{name} has {len(values):,} points; at most {most:,} are allowed, take fewer"
+            f"{name} has {len(values):,} points; at most {most:,} are allowed, give fewer"
         )
     return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)

@@ -130,7 +130,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
     refused = hfa(
         "verify", "--model", plant, "--weights", single, "--set", "predefined_time=2", *discounted
     )
-    assert_refused(refused, BAD_INPUT, "--set predefined_time does not go with --discount")
+    assert_refused(refused, BAD_INPUT, "--discount excludes --set predefined_time")
     refused = hfa("verify", "--model", plant, "--set", "predefined_time=2")
     assert refused.err == ""
 

@@ -152,7 +152,7 @@ class _Files:
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
-                f"{files}: the force of the air at an angle of attack of 5 deg is not upward; check"
+                f"{files}: the aerodynamic force at alpha = 5 deg is not upward; check"
                 " the signs of its coefficients"
             )
         weight = _number(constants(names.MASS)) * _GRAVITY

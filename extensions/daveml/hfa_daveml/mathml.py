@@ -111,7 +111,7 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
     """The value of the first piece whose condition holds, else of `otherwise`."""
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
-        raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece holds")
+        raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece applies")
     value = expression(otherwise[0], value_of)
     for piece in reversed(element.findall("piece")):
         if len(piece) != 2:

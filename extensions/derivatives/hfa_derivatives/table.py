@@ -279,4 +279,6 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
     if {"mass", "weight"} <= set(values):
         raise entries["weight"].error("mass and weight are given; leave one out")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
-        raise entries["Ixz"].error("no body has these Ixx, Izz and Ixz; correct them")
+        raise entries["Ixz"].error(
+            "these Ixx, Izz and Ixz are not those of a rigid body; correct them"
+        )

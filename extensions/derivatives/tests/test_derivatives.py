@@ -445,7 +445,7 @@ def test_a_spreadsheet_is_the_same_aircraft(folder):
         ({"elevator": ["-20 m", "20 m"]}, "in m; give it in rad or deg"),
         ({"geometry": {"span": 33.4, "chord": 5.7}}, "wing_area missing"),
         ({"mass": {"mass": -1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}}, "give a positive number"),
-        ({"Ixz": 1e6}, "no body has these"),
+        ({"Ixz": 1e6}, "are not those of a rigid body"),
         ({"weight": 2750.0}, "mass and weight are given"),
         ({"per": "turn"}, "use rad or deg"),
         ({"span": 30.0}, "'span' is given twice"),

@@ -214,9 +214,7 @@ class _QLearner:
             weights = weights + self._of_next_states @ _weights(P)
         H = self._H(weights)
         if not np.abs(H).max() <= LARGEST_CRITIC_ENTRY:
-            raise NoSolutionError(
-                "Q-learning diverges: the value grows without end, no policy stabilizes the plant"
-            )
+            raise NoSolutionError("Q-learning diverges: no policy stabilizes the plant")
         if not self.has_saddle(H):
             raise NoSolutionError(
                 f"at delta = {self.problem.step.delta:g} the disturbance gains more than it pays"

@@ -75,7 +75,7 @@ class OneMinusCosine(Gust):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
             raise BadInputError(
-                f"the gust's peak is {self.peak} and its begin {self.begin}; give finite numbers"
+                f"the gust's peak is {self.peak} and its start {self.begin}; give finite numbers"
             )
 
     @property

@@ -93,7 +93,7 @@ class MonteCarlo(StatesAndInputs, Reported):
                 raise BadInputError(f"the {name} of a Monte Carlo must be a Waveform")
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the scenario of a Monte Carlo is drawn already; give the scenario before the draw"
+                "the scenario of a Monte Carlo is already drawn; give the scenario undrawn"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:

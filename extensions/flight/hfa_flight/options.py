@@ -88,7 +88,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
     times = [time for time, _ in steps]
     if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-        raise BadInputError(f"is {text!r}; the times must increase, from 0 on")
+        raise BadInputError(f"is {text!r}; the times must increase from 0 on")
     return steps
 
 

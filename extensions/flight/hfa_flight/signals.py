@@ -133,7 +133,7 @@ class CommandSteps(Reported):
             if self.names.count(name) > 1:
                 raise BadInputError(f"the command of {name} is given twice; give it once")
         if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
-            raise BadInputError("the times of the commands must increase, from 0 on")
+            raise BadInputError("the times of the commands must increase from 0 on")
         for name in ("bandwidth", "damping"):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 

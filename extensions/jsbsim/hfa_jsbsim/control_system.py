@@ -72,7 +72,7 @@ def _add_component(
     outputs = [child for child in component.children if child.name == "output"]
     for output in outputs:
         if output.text.startswith("-"):
-            raise output.error(f"JSBSim sets no {shortened(output.text)}; take the sign out")
+            raise output.error(f"JSBSim cannot set {shortened(output.text)}; remove the sign")
     names += [output.text for output in outputs]
     for case in component.children if component.name == "distributor" else ():
         names += [child.text for child in case.children if child.name == "property"]

@@ -186,7 +186,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
-            raise element.error("a template function is applied; write the function out")
+            raise element.error("a template function is applied; write the function in full")
         return properties.read(numbered(element, element.text, number), element.where)
     if name in ("value", "v"):
         return element.number()

@@ -204,7 +204,7 @@ def parsed(text: bytes, file: str) -> Element:
         open_elements.append(element)
         if len(open_elements) > _DEEPEST:
             raise element.error(
-                f"more than {_DEEPEST} elements in each other; this is not an aircraft file"
+                f"more than {_DEEPEST} elements nested in each other; this is not an aircraft file"
             )
 
     def end(_: str) -> None:
@@ -217,7 +217,7 @@ def parsed(text: bytes, file: str) -> Element:
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
             fault = f"the entity {shortened(name)} is a file, or long, or made of others"
-            raise BadInputError(f"{file}:{line}: {fault}; write its text in its place")
+            raise BadInputError(f"{file}:{line}: {fault}; replace it by its text")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end

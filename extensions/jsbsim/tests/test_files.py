@@ -50,7 +50,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
-            r"glider.xml:2: the entity b is a file, or long, or made of others; write its text",
+            r"glider.xml:2: the entity b is a file, or long, or made of others; replace it by its text",
         ),
         (
             '<!DOCTYPE a [<!ENTITY b "lol">\n<!ENTITY c "&b;&b;">]><fdm_config>&c;</fdm_config>',

@@ -334,4 +334,4 @@ def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:
         archive.writestr("critic/data.pkl", content)
-    assert "it numbers more objects than it has bytes" in refusal("memo.pt")
+    assert "its pickle has more objects than bytes" in refusal("memo.pt")

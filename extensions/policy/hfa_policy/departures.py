@@ -81,5 +81,5 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
             raise BadInputError(
                 f"the trim is at the {which} limit of {name}, "
                 f"{model.describe(name, float(values[index]))}, so that every flight leaves the "
-                f"envelope at once; hold {name} {side} that"
+                f"envelope at once; hold {name} {side} this limit"
             )

@@ -47,4 +47,4 @@ def _listed(points: Any) -> list[Any]:
             return list(points)
         except TypeError:  # NumPy and CasADi refuse to iterate in words of their own
             pass
-    raise BadInputError(f"points is one {type(points).__name__}; give a list of them")
+    raise BadInputError(f"points is a single {type(points).__name__}; give a list")

@@ -81,7 +81,7 @@ def message_of(folder, text):
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
         ("speed = {scale = 20.0}", "", "takes 4 observations and the deployment file has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
-        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "and in the file"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "and the file has"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
         ('"trim + 14 * a"', '"trim + 14 * b"', "contains the unknown name 'b'"),
         ('"trim + 14 * a"', '"trim"', "does not contain the action"),

@@ -57,7 +57,7 @@ def test_an_observed_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_missing_activation_is_given_in_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No option is suggested, for --set does not go with --policy."""
+    """No option is suggested, for --set cannot be used with --policy."""
     np.savez(tmp_path / "pi.npz", **{"0.weight": np.ones((3, 2)), "2.weight": np.ones((1, 3))})
     words = card(tmp_path)
     file = Path(words[-1])

@@ -18,7 +18,7 @@ def designed_game(request: PlantOptions, linear: LinearModel) -> NamedGame:
     """Return the game of the request's design about a trim, with the weights that it changes."""
     from hfa.options.games import NamedGame
 
-    why = "does not go with --design, whose weights are in the units of the declaration"
+    why = "cannot be combined with --design, whose weights are in the units of the declaration"
     request.refuse(("units",), f"{why}; leave it out")
     built = design_model(linear.point.model, linear, request.design)
     with said_of(f"design {built.design.name}"):

@@ -162,7 +162,7 @@ class ScheduledController(ByValue, Reported):
             )
         if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
-                f"{where} {self.model.schedule}s must increase, from at least one on"
+                f"{where} {self.model.schedule}s must increase, with at least one value"
             )
 
     def at(self, eta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -206,7 +206,7 @@ class ScheduledController(ByValue, Reported):
         if min(lowest - first, last - highest) < -_AT_THE_END * max(1.0, abs(first), abs(last)):
             raise BadInputError(
                 f"controller {self.name} covers {model.schedule} {self._between(first, last)};"
-                f" {self._between(lowest, highest)} is requested: design it for these values"
+                f" {self._between(lowest, highest)} is requested; design it for these values"
             )
 
     def _between(self, first: float, last: float) -> str:
@@ -384,11 +384,11 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
         raise
     except KeyError as error:
         raise BadInputError(
-            f"{path}: {error.args[0]} is missing; make the file anew with hfa design -o"
+            f"{path}: {error.args[0]} is missing; create the file again with hfa design -o"
         ) from error
     except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
-            f"{path}: its content is damaged ({error}); make the file anew"
+            f"{path}: its content is damaged ({error}); create the file again"
         ) from error
 
 

@@ -106,7 +106,7 @@ def _processes(count: int) -> Iterator[Run]:
                 child.start()
         except OSError as error:  # too many files are open, or too many processes run
             raise BadInputError(
-                f"no worker can be started ({error.strerror}); take fewer workers"
+                f"no worker can be started ({error.strerror}); use fewer workers"
             ) from error
         children.append(child)
         end.close()
@@ -209,7 +209,7 @@ def _cluster(address: str) -> Iterator[Run]:
                 yield partial(_run_in, pool, _AHEAD * threads)
             except (KilledWorker, CancelledError, CommClosedError) as error:
                 raise NoSolutionError(
-                    f"the cluster gave up a chunk ({type(error).__name__}); {_ADVICE}"
+                    f"the cluster abandoned a chunk ({type(error).__name__}); {_ADVICE}"
                 ) from error
     finally:
         logging.disable(logging.NOTSET)

@@ -326,13 +326,13 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         )
     if begun != VERSION:
         raise BadInputError(
-            f"{path} was begun by version {on_one_line(begun)} and this is {VERSION}: finish it "
+            f"{path} was started by version {on_one_line(begun)} and this is {VERSION}: finish it "
             "there, or start again"
         )
     other = _first_difference(path, expected)
     if other:
         raise BadInputError(
-            f"{path} is damaged or was made elsewhere: {other} differs from that of this "
+            f"{path} is damaged or of other origin: {other} differs from that of this "
             f"{job.what}; start anew"
         )
     if not _same_labels(path, job.row, labels):

@@ -74,7 +74,7 @@ def test_no_worker_starts_without_free_file_handles() -> None:
     with open_workers(2) as run:
         resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
         try:
-            with pytest.raises(BadInputError, match=r"\(Too many open files\); take fewer workers"):
+            with pytest.raises(BadInputError, match=r"\(Too many open files\); use fewer workers"):
                 list(run(_square, [(0, (0,))]))
         finally:
             resource.setrlimit(resource.RLIMIT_NOFILE, limits)
@@ -96,7 +96,7 @@ def test_task_kills_workers_of_cluster_is_one_line() -> None:
             results = dict(run(abs, [(key, (-key,)) for key in range(9)]))
         assert results == {key: key for key in range(9)}
         with (
-            pytest.raises(NoSolutionError, match="gave up a chunk"),
+            pytest.raises(NoSolutionError, match="abandoned a chunk"),
             open_workers(cluster.scheduler_address) as run,
         ):
             list(run(_die, [(0, (0,))]))

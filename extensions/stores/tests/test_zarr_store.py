@@ -220,7 +220,7 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
     attributes = json.loads((path / "zarr.json").read_text())
     attributes["attributes"]["toolchain"] = "0.0.9"
     (path / "zarr.json").write_text(json.dumps(attributes))
-    with pytest.raises(BadInputError, match=r"was begun by version 0\.0\.9 and this is \d"):
+    with pytest.raises(BadInputError, match=r"was started by version 0\.0\.9 and this is \d"):
         fill_store(row_job(), path, resume=True)
     assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
 
@@ -305,7 +305,7 @@ OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
 def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
     """With "big" every number was read in the wrong byte order and none was missing."""
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
-    with pytest.raises(BadInputError, match="damaged or was made elsewhere"):
+    with pytest.raises(BadInputError, match="damaged or of other origin"):
         fill_store(row_job(), path, resume=True)
 
 

@@ -111,7 +111,7 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError("it is damaged: the shape of a tensor is not of whole numbers")
     if any(abs(number) > LARGEST for number in numbers):
-        raise BadInputError("it is damaged: a tensor is larger than a file may be")
+        raise BadInputError("it is damaged: a tensor exceeds the largest size of a file")
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
@@ -135,7 +135,7 @@ def refuse_pickle_bomb(content: bytes) -> None:
     as these end the process when they are hashed."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
-            raise BadInputError("it is damaged: it numbers more objects than it has bytes")
+            raise BadInputError("it is damaged: its pickle has more objects than bytes")
         if count > _MOST_STEPS:
             raise BadInputError(f"its pickle has more than {_MOST_STEPS} steps; save weights alone")
     _refuse_shared_tuples(content)

@@ -117,7 +117,7 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
-    request.refuse(("weights", "basis", "design"), "is not an option of a bound; leave it out")
+    request.refuse(("weights", "basis", "design"), "does not apply to a bound; leave it out")
     own = request.model if request.own else None
     verified = check_cost_certificate(certificate, ProgressLine("check"), own)
     typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}

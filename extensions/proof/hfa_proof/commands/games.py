@@ -48,7 +48,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
         request = self
         if typed is not None and len(typed) != 1:
             raise BadInputError(
-                f"a game belongs to one value; give --{called_at(self.model)} with one value"
+                f"a game is defined at one value; give --{called_at(self.model)} with one value"
             )
         if typed is not None:  # from here on as in the commands of one trim
             in_degrees = self.model.schedule_unit == "deg"

@@ -74,7 +74,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
             self.refuse(_INTERVALS, "belongs to actuators; add --bandwidth LOW:HIGH, rad/s")
             return None
         if self.rate:
-            raise BadInputError("--rate does not go with --bandwidth; leave one out")
+            raise BadInputError("give --rate or --bandwidth, not both")
         effectiveness = self.effectiveness or (1.0, 1.0)
         return Intervals(self.bandwidth, effectiveness, self.delay or 0.0)
 
@@ -103,11 +103,11 @@ def schedule(request: ScheduleRequest) -> int:
     if request.weights is not None:
         request.refuse(
             ("delta", "Q", "R"),
-            "does not go with --weights, which gives the gains; leave it out",
+            "cannot be combined with --weights, which gives the gains; leave it out",
         )
         loop = loop_of_file(request.weights, request.design, family.model, intervals)
     else:
-        request.refuse(("design",), "goes with a controller; name its file by --weights FILE.npz")
+        request.refuse(("design",), "needs a controller; name its file by --weights FILE.npz")
         changes = request.changed_weights()
         loop = exact_gains(family, low, high, intervals, **changes)
     file = None

@@ -58,7 +58,7 @@ def prove_gain_on_boxes(
     P: (n, n), matrix of the game or critic, or None
     reason: result of `better_on_boxes`
     """
-    request.refuse(_OF_SQUARES, "is of --prover squares; leave it out")
+    request.refuse(_OF_SQUARES, "applies only to --prover squares; leave it out")
     words = "that of the game" if request.weights is None else str(request.weights)
     policy = ProvedPolicy.of_gain(gain, linear.inputs, words, P)
     settings = SearchSettings(request.seconds, request.degree, request.resume, reason)
@@ -69,7 +69,7 @@ def prove_on_boxes(request: RegionRequest) -> int:
     """Prove the region of a network or a deployment file and return the exit code."""
     from controller.riccati.gare import solve_game
 
-    request.refuse(_OF_SQUARES, "does not go with a network or --policy; leave it out")
+    request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; leave it out")
     if request.prover == "squares":
         raise BadInputError("--prover squares takes a gain or a polynomial; use boxes")
     linear, policy, game = _policy_of(request)
@@ -107,7 +107,7 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
     from controller.critic.critic_file import critic_in
 
     if request.policy is not None:
-        request.refuse(_OF_NETWORKS, "does not go with --policy; leave it out")
+        request.refuse(_OF_NETWORKS, "cannot be used with --policy; leave it out")
     named = request.game()
     assert named.linear is not None
     if request.policy is not None:

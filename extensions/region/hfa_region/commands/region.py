@@ -107,7 +107,7 @@ def region(request: RegionRequest) -> int:
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
-    request.refuse(("plant",), "is linear: its region has no edge; name an --aircraft")
+    request.refuse(("plant",), "is linear, and its region has no boundary; name an --aircraft")
     if request.check is not None:
         return _checked(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
@@ -236,7 +236,7 @@ def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | 
     statement = check_certificate(path, model=own).statement
     forget_read(path)
     if _subject(statement.loop) != _subject(loop):
-        raise BadInputError(f"{path} is of another loop; write to another file")
+        raise BadInputError(f"{path} concerns another loop; write to another file")
     return PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
 
 
