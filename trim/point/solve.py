@@ -79,7 +79,7 @@ def find_operating_point(
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadInputError(
             f"the equations overflow or divide by zero at this condition with these parameters; "
-            f"take other values ({error})"
+            f"use other values ({error})"
         ) from error
 
 

@@ -490,7 +490,7 @@ def _with_forces(
 
 
 def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
-    """The wing and the tail of a panel in air of this density, slug/ft^3."""
+    """Return the wing and the tail of a panel in air of this density, slug/ft^3."""
     tail_chord = _tail_chord(p)
     wing_volume = p.chord**2 * p.panel_span
     tail_volume = p.tail_area * tail_chord
@@ -551,5 +551,5 @@ UNSTEADY = replace(
 
 
 def unsteady_aircraft(parameters: Parameters) -> Model:
-    """The aircraft with these parameters and all effects."""
+    """Return the aircraft with these parameters and all effects."""
     return UNSTEADY.with_parameters(**parameters._asdict())

@@ -41,7 +41,7 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 
 
 def read_model(text: str) -> Model:
-    """The aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
+    """Return the aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
 
     BadInputError names the file and the variable that is missing, unknown or given twice, has
     another unit, or is not positive.
@@ -109,7 +109,7 @@ class _Files:
             )
 
     def model(self, source: tuple[str, str]) -> Model:
-        """The declaration of the aircraft."""
+        """Return the declaration of the aircraft."""
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
@@ -252,7 +252,7 @@ class _Files:
 
 
 def _number(expression: Any) -> float:
-    """The value of an expression without symbols."""
+    """Return the value of an expression without symbols."""
     return float(ca.evalf(ca.SX(expression)))
 
 
@@ -269,7 +269,7 @@ def _start(document: Document, variable: Variable) -> float:
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """The unit of the model, and the factor from the unit of a variable.
+    """Return the unit of the model, and the factor from the unit of a variable.
 
     Raises BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
     """

@@ -121,7 +121,7 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 
 
 def checked_document(document: Document) -> CheckedDocument:
-    """The check cases of a file, computed from its tables and formulas alone.
+    """Return the check cases of a file, computed from its tables and formulas alone.
 
     Raises BadInputError where a case names an unknown variable or another unit, or gives no value
     to an input without an initial one.

@@ -106,7 +106,7 @@ class Document:
     cases: tuple[CheckCase, ...]
 
     def error(self, place: str, fault: str) -> BadInputError:
-        """An error that names the file and the place in it."""
+        """Return an error that names the file and the place in it."""
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
@@ -116,7 +116,7 @@ class Document:
         return next((each for each in self.variables.values() if each.name == name), None)
 
     def range_of_tables(self, variable: Variable) -> tuple[float, float]:
-        """The least and the largest value of a variable within all tables over it."""
+        """Return the least and the largest value of a variable within all tables over it."""
         low = -math.inf
         high = math.inf
         for function in self.functions.values():
@@ -128,7 +128,7 @@ class Document:
 
 
 def read_document(path: str) -> Document:
-    """The content of a DAVE-ML file, version 1 or 2.
+    """Return the content of a DAVE-ML file, version 1 or 2.
 
     BadInputError names the file and the element that is missing, unknown, defined twice or not a
     number. Raises OSError where the file cannot be read.
@@ -170,7 +170,7 @@ class _Reader:
         )
 
     def document(self) -> Document:
-        """The whole file."""
+        """Return the whole file."""
         header = self._root.find("fileHeader")
         functions = [self._function(each) for each in self._root.iter("function")]
         variables = [self._variable(each) for each in self._root.iter("variableDef")]
@@ -279,7 +279,7 @@ class _Reader:
     def _ungridded(
         self, element: ElementTree.Element, result: str
     ) -> GriddedTable | UngriddedTable:
-        """The table of <dataPoint>s: one or two arguments, then the value."""
+        """Return the table of <dataPoint>s: one or two arguments, then the value."""
         place = f"function of {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
         if {row.size for row in rows} not in ({2}, {3}):
@@ -347,7 +347,7 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """The numbers in an element."""
+        """Return the numbers in an element."""
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])

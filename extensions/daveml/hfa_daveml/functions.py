@@ -70,7 +70,7 @@ class Expressions:
 
 
 def _limited(variable: Variable, value: Any) -> Any:
-    """A value within the limits of a variable."""
+    """Return a value within the limits of a variable."""
     return _between(value, variable.least, variable.most)
 
 

@@ -56,7 +56,7 @@ _CONSTANTS = {"pi": math.pi, "exponentiale": math.e, "true": 1.0, "false": 0.0}
 
 
 def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """The value of a formula.
+    """Return the value of a formula.
 
     value_of: value of a variable by its varID
 
@@ -77,7 +77,7 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """An operator on its arguments; `csymbol` names one that MathML lacks."""
+    """Return an operator on its arguments; `csymbol` names one that MathML lacks."""
     name = operator.tag
     if name == "csymbol":
         name = (operator.text or "").strip()
@@ -96,7 +96,7 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _number(element: ElementTree.Element) -> float:
-    """A number; `e-notation` writes it in two parts."""
+    """Return a number; `e-notation` writes it in two parts."""
     try:
         if element.get("type") == "e-notation":
             mantissa = (element.text or "").strip()
@@ -108,7 +108,7 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """The value of the first piece whose condition holds, else of `otherwise`."""
+    """Return the value of the first piece whose condition holds, else of `otherwise`."""
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece applies")

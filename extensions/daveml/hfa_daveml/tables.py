@@ -31,7 +31,7 @@ class GriddedTable:
         return [(float(points[0]), float(points[-1])) for points in self.breakpoints]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """The value at the arguments, one an axis."""
+        """Return the value at the arguments, one for each axis."""
         return interpolator(self.values, self.breakpoints, arguments)
 
 
@@ -83,7 +83,7 @@ class UngriddedTable:
 
 
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
-    """The table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
+    """Return the table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
 
     Raises ValueError where two points are equal, or all of them lie on a line.
     """

@@ -35,8 +35,8 @@ _WIDEST = 0.3
 
 
 def read_model(text: str) -> Model:
-    """The aircraft of a TOML or CSV file of derivatives, or of a TOML file that names another
-    aircraft and values of its parameters.
+    """Return the aircraft of a TOML or CSV file of derivatives, or of a TOML file that names
+    another aircraft and values of its parameters.
 
     BadInputError names the file, the entry and its row.
     """
@@ -48,8 +48,8 @@ def read_model(text: str) -> Model:
 
 
 def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
-    """The six-degree-of-freedom aircraft of a table of geometry, mass, inertias and non-dimensional
-    stability derivatives, as a `Model` over a flat Earth in standard air.
+    """Return the six-degree-of-freedom aircraft of a table of geometry, mass, inertias and
+    non-dimensional stability derivatives, as a `Model` over a flat Earth in standard air.
 
     table: the path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers
         in the table's `units`, or texts with a unit: "2.4 deg". Derivatives are per rad, or per deg
@@ -71,7 +71,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
 
 
 def _model(table: Table) -> Model:
-    """The declaration of an aircraft with this table."""
+    """Return the declaration of an aircraft with this table."""
     surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
     usual = 0.1 * _mass(table) * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
@@ -194,7 +194,7 @@ class _Equations:
         }
 
     def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
-        """The part of a coefficient that these arguments cause."""
+        """Return the part of a coefficient that these arguments cause."""
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
             if meaning.coefficient == name and meaning.argument in arguments:
@@ -206,7 +206,8 @@ class _Equations:
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """The rate of alpha, rad/s, on which the lift depends: the solution of a linear equation.
+        """Return the rate of alpha, rad/s, on which the lift depends: the solution of a linear
+        equation.
 
         The drag that depends on it lies along the flight and does not turn it.
         specific: (3,) force over mass without the forces that depend on this rate.

@@ -18,8 +18,8 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:
-    """The aircraft of a TOML file with `aircraft` and [parameters], in the units of its model, or
-    None where the file has no `aircraft`.
+    """Return the aircraft of a TOML file with `aircraft` and [parameters], in the units of its
+    model, or None where the file has no `aircraft`.
 
     BadInputError names the file and its fault.
     """

@@ -58,7 +58,7 @@ def plant_model(
 
 
 def _product(row: np.ndarray, values: Sequence[Any]) -> Any:
-    """The inner product of numbers and symbols."""
+    """Return the inner product of numbers and symbols."""
     return sum(row[j] * values[j] for j in range(len(row)))
 
 

@@ -46,7 +46,7 @@ class Entry:
     where: str
 
     def error(self, message: str) -> BadInputError:
-        """An error that names the place of the entry."""
+        """Return an error that names the place of the entry."""
         return BadInputError(f"{self.where}: {message}")
 
 
@@ -81,7 +81,7 @@ class Table:
 
 
 def read_table(path: str) -> Table:
-    """The table of a TOML file, or of a CSV file with rows name, value, unit.
+    """Return the table of a TOML file, or of a CSV file with rows name, value, unit.
 
     BadInputError names the entry and its row.
     """
@@ -92,8 +92,8 @@ def read_table(path: str) -> Table:
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
-    """The table of a dictionary, whose groups are dictionaries or left out. BadInputError names the
-    entry."""
+    """Return the table of a dictionary, whose groups are dictionaries or left out. BadInputError
+    names the entry."""
     return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
 
 
@@ -103,7 +103,8 @@ def _of_toml(path: str) -> dict[str, Entry]:
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
-    """The entries of nested dictionaries. Raises BadInputError where two groups hold one name."""
+    """Yield the entries of nested dictionaries. Raises BadInputError where two groups hold one
+    name."""
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}
@@ -116,7 +117,7 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _rows(path: str, content: bytes) -> dict[str, Entry]:
-    """The entries of a CSV file: name, value, unit; limits are written low:high."""
+    """Return the entries of a CSV file: name, value, unit; limits are written low:high."""
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -138,7 +139,7 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 
 def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> Table:
-    """The table of all entries."""
+    """Return the table of all entries."""
     texts = {name: _text(name, entries) for name in _TEXTS}
     system = texts["units"] or "si"
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
@@ -200,7 +201,7 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
 
 
 def _number(name: str, entry: Entry, unit: str) -> float:
-    """The value of an entry in a unit. A number without a unit is in that unit."""
+    """Return the value of an entry in a unit. A number without a unit is in that unit."""
     value: Any = entry.value
     stated = ""
     if isinstance(value, str):

@@ -83,15 +83,16 @@ def check_discrete(
     more: Mapping[str, np.ndarray] | None = None,
     scope: Scope | None = None,
 ) -> Verdict:
-    """The verdict on a critic of a game in discrete time, compared with the exact solution.
+    """Return the verdict on a critic of a game in discrete time, compared with the exact solution.
 
     A critic of V or dV/dx has the policy that it implies there, not R⁻¹B'P; a K that came without P
     is compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B K itself
-    must be stable: the exact solution of a discounted problem need not stabilize, and then the
-    verdict is that it is exact, does not stabilize and fails. A network, or a value that is not
+    must be stable. The exact solution of a discounted problem may fail to stabilize; the verdict is
+    then FAIL, although the critic is exact. A network, or a value that is not
     quadratic, is also searched over a box of states and flown from there.
 
-    more: of the critic too: L (k, n) of w = L x, H of its Q-function over (x, u, w) or (x, u)
+    more: further matrices of the critic: L (k, n) of w = L x, H of its Q-function over (x, u, w) or
+        (x, u)
     scope: further checks
 
     L2 gain and margins belong to continuous time and are not checked. Raises NoSolutionError where
@@ -112,7 +113,7 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """The mistake of a critic, as the reasons package names it, or "" without one.
+    """Return the mistake of a critic, as the reasons package names it, or "" without one.
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """

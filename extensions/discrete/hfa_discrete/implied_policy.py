@@ -19,8 +19,8 @@ _LEFT = 1e-9
 
 
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
-    """The critic with the policy that its value implies in discrete time, or with its own policy
-    where it has one.
+    """Return the critic with the policy that its value implies in discrete time, or with its own
+    policy where it has one.
 
     A value that is not quadratic, of a network or of more weights, becomes a network of V and u.
     """

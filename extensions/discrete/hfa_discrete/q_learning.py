@@ -108,7 +108,7 @@ def learn_steps(
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. Policy iteration, which squares
     the error, is tried at its pauses, and counts where it settles at a policy that stabilizes the
     linear fit of the steps. Raises BadInputError for steps that do not determine H. Raises
-    NoSolutionError where the disturbance gains more than it pays for, or nothing settles.
+    NoSolutionError if the disturbance gains more than it costs, or the iteration does not converge.
     """
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
@@ -205,7 +205,7 @@ class _QLearner:
 
         H: the Q-function before, or None for the first step
 
-        Raises NoSolutionError where w gains more than it pays for, and where the value grows
+        Raises NoSolutionError where w gains more than it costs, and where the value grows
         without end.
         """
         weights = self._of_costs
@@ -217,8 +217,8 @@ class _QLearner:
             raise NoSolutionError("Q-learning diverges: no policy stabilizes the plant")
         if not self.has_saddle(H):
             raise NoSolutionError(
-                f"at delta = {self.problem.step.delta:g} the disturbance gains more than it pays"
-                " for; ask for a larger delta (`hfa solve` names the smallest)"
+                f"at delta = {self.problem.step.delta:g} the disturbance gains more than it costs"
+                "; ask for a larger delta (`hfa solve` names the smallest)"
             )
         return H
 

@@ -48,7 +48,7 @@ class AnalysedDiscreteGame(Result, Reported):
 def analyse_discrete(
     problem: DiscreteGame, progress: Progress | None = None
 ) -> AnalysedDiscreteGame:
-    """The certified solution of a game in discrete time, and its smallest delta.
+    """Return the certified solution of a game in discrete time, and its smallest delta.
 
     progress: called during the search for the smallest delta
 
@@ -59,8 +59,8 @@ def analyse_discrete(
 
 
 def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
-    """The report of a solution: P, K, the checks of its certificate and the spectral radii of
-    A - B K and of sqrt(discount) (A - B K)."""
+    """Return the report of a solution: P, K, the checks of its certificate and the spectral radii
+    of A - B K and of sqrt(discount) (A - B K)."""
     solution = analysed.solution
     states = solution.names.states
     inputs = solution.names.inputs

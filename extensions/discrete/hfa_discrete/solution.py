@@ -168,7 +168,8 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """The tests of a P, (n, n), of a game in discrete time: Bellman's equation, signs, loops."""
+    """Return the tests of a P, (n, n), of a game in discrete time: Bellman's equation, signs,
+    loops."""
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
@@ -210,7 +211,7 @@ def _certified(form: StepForm) -> _Certified:
 
 
 def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
-    """The tests of X alone: Bellman's equation, signs, both closed loops."""
+    """Return the tests of X alone: Bellman's equation, signs, both closed loops."""
     gains = form.policies(X)
     size = float(largest(X)) or 1.0
     loop = form.A - form.B @ gains.K

@@ -13,7 +13,7 @@ from hfa_support.errors import BadInputError
 
 
 def step_model(path: Path) -> Model:
-    """The model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
+    """Return the model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
 
     Raises BadInputError where the plant is in continuous time.
     """

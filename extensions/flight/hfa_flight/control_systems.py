@@ -105,7 +105,7 @@ def from_control(
         raise BadInputError(f"{name} depends on time; make its dependence on time an input")
     if model.layout.has_nan:
         raise BadInputError(
-            f"{name} cannot be traced: float or math makes numbers of symbols; use NumPy's"
+            f"{name} cannot be traced: float or math converts symbols to numbers; use NumPy's"
             " functions"
         )
     return model

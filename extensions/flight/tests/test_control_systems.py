@@ -58,7 +58,7 @@ def test_a_system_of_python_control_is_traced() -> None:
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], math.sin(x[0])]),
-            "float or math makes numbers of symbols",
+            "float or math converts symbols to numbers",
         ),
         (
             lambda: system(lambda t, x, u, p: [x[1], np.sin(t)]),

@@ -35,14 +35,15 @@ def written() -> tuple[str, ...]:
 
 
 def classes_of(text: str) -> list[type[Result]]:
-    """The classes of "module:Class module:Class?", without the format that they are added to."""
+    """Return the classes of "module:Class module:Class?", without the format that they are added
+    to."""
     places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
 
 
 @cache
 def formats() -> dict[str, Any]:
-    """The schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
+    """Return the schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
     results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
     for text in written():
         if not _is_whole(text):
@@ -75,12 +76,13 @@ def _name(result: type[Result]) -> str:
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """The schema of a result within another one: it is no output there, which the title marks."""
+    """Return the schema of a result within another one: it is no output there, which the title
+    marks."""
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
 def _joined(text: str) -> dict[str, Any]:
-    """The schema of a result with the entries that are added to it."""
+    """Return the schema of a result with the entries that are added to it."""
     first, *added = classes_of(text)
     schema = json_schema(first)
     for kind, place in zip((*added, Stamp), (*text.split()[1:], ""), strict=True):

@@ -46,8 +46,8 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:
-    """The annotation of the field or property that a path leads to, or the class where the path is
-    empty."""
+    """Return the annotation of the field or property that a path leads to, or the class where the
+    path is empty."""
     none = types.NoneType
     is_optional = False
     for name in path:
@@ -57,8 +57,8 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """The annotation of a property or field of a class or of its nearest base. Raises KeyError
-    without one."""
+    """Return the annotation of a property or field of a class or of its nearest base. Raises
+    KeyError without one."""
     for ancestor in kind.__mro__:
         value = vars(ancestor).get(name)
         function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
@@ -73,7 +73,8 @@ def _annotation(kind: Any, name: str) -> Any:
 
 
 def _for_type_checkers(module: types.ModuleType, text: str) -> dict[str, Any]:
-    """The classes of an annotation that its module imports for type checkers alone, by name."""
+    """Return the classes of an annotation that its module imports for type checkers alone, by
+    name."""
     found: dict[str, Any] = {}
     for block in ast.parse(inspect.getsource(module)).body:
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
@@ -87,7 +88,8 @@ def _for_type_checkers(module: types.ModuleType, text: str) -> dict[str, Any]:
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
-    """The JSON Schema of a class of results; parts are referred to by "#/$defs/" and their name."""
+    """Return the JSON Schema of a class of results; parts are referred to by "#/$defs/" and their
+    name."""
     properties: dict[str, Any] = {}
     required = []
     if kind.schema:
@@ -105,7 +107,7 @@ def json_schema(kind: type[Result]) -> dict[str, Any]:
 
 
 def type_schema(hint: Any) -> dict[str, Any]:
-    """The JSON Schema of an annotation."""
+    """Return the JSON Schema of an annotation."""
     if isinstance(hint, type) and issubclass(hint, Result):
         return {"$ref": f"#/$defs/{hint.__name__}"}
     if hint in _PLAIN:
@@ -133,7 +135,7 @@ def type_schema(hint: Any) -> dict[str, Any]:
 
 
 def parts_of(kind: type[Result]) -> list[type[Result]]:
-    """The classes of results that a class refers to, directly or not."""
+    """Return the classes of results that a class refers to, directly or not."""
     parts: list[type[Result]] = []
     waiting = list(_annotations(kind))
     while waiting:

@@ -132,8 +132,8 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
     """Return the (N, k) derivative of the measured quantities of a record by an error of a column.
 
     Correcting an error c subtracts c d from the column: d is 1 for a bias, the column itself for a
-        scale, and minus its slope for a delay. A change of an input, and in turbulence of any
-        column, also changes the simulation."""
+    scale, and minus its slope for a delay. A change of an input, and in turbulence of any column,
+    also changes the simulation."""
     responses = search.responses
     record = search.records[number]
     y = fit.responses[number].y

@@ -105,7 +105,7 @@ class Motion:
 
 
 def motion_of(x: Any, winds: Winds) -> Motion:
-    """The motion of a state, whose fields are those of the model's states."""
+    """Return the motion of a state, whose fields are those of the model's states."""
     to_body = rotation(x.roll, x.pitch, x.yaw).T
     own_wind = wind_axes(x.alpha, x.beta)
     velocity = x.speed * own_wind[:, 0]

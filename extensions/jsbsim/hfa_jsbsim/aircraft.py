@@ -195,7 +195,7 @@ class Equations:
         return ca.vertcat(*map(ca.SX, point))
 
     def _winds(self, gusty: bool) -> Winds:
-        """The air over ground and the gusts in it, of their symbols."""
+        """Return the air over ground and the gusts in it, of their symbols."""
         gusts = None
         if gusty:
             north, east, up = (self.gusts[name] for name in GUSTS)
@@ -274,7 +274,7 @@ class Equations:
         self._follow("aero/h_b-mac-ft", self._reference_height)
 
     def _of_mass(self, name: str) -> Any:
-        """A property of mass."""
+        """Return a property of mass."""
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
@@ -407,7 +407,7 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _effects(self) -> list[Effect]:
-        """The effects of all engines."""
+        """Return the effects of all engines."""
         return [
             self.properties.value_of(writer, file.full_name("thrust"), file.mount.where)
             for file, writer in zip(self.parts.engines, self._engines, strict=True)

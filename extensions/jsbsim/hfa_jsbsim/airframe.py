@@ -151,7 +151,7 @@ def structural_to_body(offset: Any) -> Any:
 
 
 def read_tanks(propulsion: Element | None) -> list[Tank]:
-    """The tanks of an aircraft."""
+    """Return the tanks of an aircraft."""
     return [] if propulsion is None else [_tank(element) for element in propulsion.all("tank")]
 
 
@@ -233,12 +233,12 @@ _FUELS = {
 
 
 def read_point_masses(element: Element) -> list[PointMass]:
-    """The point masses of <mass_balance>."""
+    """Return the point masses of <mass_balance>."""
     return [_point_mass(child) for child in element.all("pointmass")]
 
 
 def read_empty(element: Element) -> Body:
-    """The empty aircraft."""
+    """Return the empty aircraft."""
     places = {child.attributes.get("name"): child.vector("IN") for child in element.all("location")}
     empty_weight = element.value_of("emptywt", 0.0, "LBS")
     return Body(empty_weight, places.get("CG", np.zeros(3)), _inertia(element))
@@ -305,7 +305,7 @@ def _inertia(element: Element) -> np.ndarray:
 
 
 def _point_mass(element: Element) -> PointMass:
-    """A point mass, with the inertia of its form if it has one."""
+    """Return a point mass, with the inertia of its form if it has one."""
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")
     form = element.find("form")

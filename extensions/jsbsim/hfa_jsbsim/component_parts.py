@@ -13,7 +13,7 @@ from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """The number or property in a child of an element."""
+    """Return the number or property in a child of an element."""
     child = element.find(name)
     return default if child is None else properties.value(child.text, child)
 
@@ -28,17 +28,17 @@ def coefficients(component: Element, properties: Properties, count: int) -> list
 
 
 def inputs_of(component: Element, properties: Properties) -> list[Any]:
-    """The values of all inputs."""
+    """Return the values of all inputs."""
     return [_input(child, properties) for child in component.all("input")]
 
 
 def input_of(component: Element, properties: Properties) -> Any:
-    """The value of the first input."""
+    """Return the value of the first input."""
     return _input(component.need("input"), properties)
 
 
 def _input(child: Element, properties: Properties) -> Any:
-    """The value of the property that an <input> names. Raises BadInputError for a number."""
+    """Return the value of the property that an <input> names. Raises BadInputError for a number."""
     if number_of(child.text) is not None:
         raise child.error(f"<input> is {shortened(child.text)}; name a property")
     return properties.value(child.text, child)
@@ -72,7 +72,7 @@ def settling(component: Element, properties: Properties) -> Any:
 
 
 def detents(component: Element) -> tuple[float, float]:
-    """The first and the last position of a <kinematic>."""
+    """Return the first and the last position of a <kinematic>."""
     settings = list(component.need("traverse").all("setting"))
     if len(settings) < 2:
         raise component.error("<kinematic> has one setting only; give at least two")

@@ -115,7 +115,7 @@ class EngineFile:
         return low + 0.6 * (high - low)
 
     def full_name(self, name: str) -> str:
-        """The full name of one of its properties."""
+        """Return the full name of one of its properties."""
         return f"propulsion/engine[{self.number}]/{name}"
 
 
@@ -275,7 +275,7 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
 
 
 def throttle_of(file: EngineFile, around: Surroundings) -> Any:
-    """The position of its throttle."""
+    """Return the position of its throttle."""
     name = f"fcs/throttle-pos-norm[{file.number}]"
     return ca.SX(around.properties.read(name, file.mount.where))
 

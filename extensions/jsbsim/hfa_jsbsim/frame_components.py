@@ -38,7 +38,7 @@ class _Past:
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """The factors of inputs and of the last output in a lag."""
+    """Return the factors of inputs and of the last output in a lag."""
     return step * rate / (2.0 + step * rate), (2.0 - step * rate) / (2.0 + step * rate)
 
 
@@ -176,7 +176,8 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """The position between detents, which moves at the rate of the interval that it is in."""
+    """Return the position between detents, which moves at the rate of the interval that it is
+    in."""
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]

@@ -39,7 +39,7 @@ def _fraction(value: Any) -> Any:
 
 
 def _rounded(value: Any) -> Any:
-    """The nearest whole number, a half away from zero."""
+    """Return the nearest whole number, a half away from zero."""
     whole = ca.floor(ca.fabs(value) + 0.5)
     return ca.if_else(value < 0, -whole, whole)
 
@@ -182,7 +182,7 @@ def function_value(element: Element, properties: Properties, number: int | None 
 
 
 def _value(element: Element, properties: Properties, number: int | None) -> Any:
-    """The value of a part of a function."""
+    """Return the value of a part of a function."""
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
@@ -218,7 +218,7 @@ def _is_minus_zero(value: Any) -> bool:
 
 
 def numbered(element: Element, name: str, number: int | None) -> str:
-    """A name of a property with the number of the engine in the place of #."""
+    """Return a name of a property with the number of the engine in the place of #."""
     if "#" not in name:
         return name
     if number is None:
@@ -328,7 +328,7 @@ _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis
 
 
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
-    """The value of a <table> at its independent variables."""
+    """Return the value of a <table> at its independent variables."""
     if "type" in element.attributes:
         raise element.error("a table with a type takes no independentVar here; leave the type out")
     table = read_table(element)

@@ -90,11 +90,11 @@ class Parts:
                 raise engine.error(refusal(engine))
 
     def section(self, name: str) -> Element | None:
-        """The first section of this name."""
+        """Return the first section of this name."""
         return next((part for part in self.sections if part.name == name), None)
 
     def systems(self) -> list[Element]:
-        """The sections of the control system, in JSBSim's order."""
+        """Return the sections of the control system, in JSBSim's order."""
         return [part for name in SYSTEMS for part in self.sections if part.name == name]
 
     def _needed(self, name: str) -> Element:

@@ -82,7 +82,7 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """The blade angle, deg, and the rate of its state if a governor moves it.
+    """Return the blade angle, deg, and the rate of its state if a governor moves it.
 
     The governor turns the blades by the difference of speeds, rpm - wanted, in deg/s, and stops
     them at their limits within a step of JSBSim, so that a limit is a steady state too.

@@ -160,7 +160,7 @@ class Properties:
         return self._writers
 
     def add_state(self, component: Element) -> ca.SX:
-        """The symbol of a new state of the control system."""
+        """Return the symbol of a new state of the control system."""
         symbol = ca.SX.sym(_identifier(component, [state.symbol for state in self.filters]))
         self.filters.append(FilterState(symbol, component))
         return symbol
@@ -303,7 +303,7 @@ class Properties:
             return default
 
     def read_centered(self, name: str, commands: ca.SX) -> Any:
-        """The value of a property with the stick in its middle and integrators at 0."""
+        """Return the value of a property with the stick in its middle and integrators at 0."""
         every = [writer for writers in self._writers.values() for writer in writers]
         values = [writer.value for writer in every]
         self.centered = True
@@ -316,7 +316,7 @@ class Properties:
         return ca.substitute(value, commands, ca.SX.zeros(commands.numel()))
 
     def value(self, text: str, element: Element) -> Any:
-        """A number, or the value of the property that a text names."""
+        """Return a number, or the value of the property that a text names."""
         if len(element.lines) > 1 and element.name != "test":
             raise element.error(f"<{element.name}> holds several lines; give a number or a name")
         if not text:

@@ -108,7 +108,7 @@ def _magnitude(element: Element) -> str:
 
 
 def _direction(element: Element) -> np.ndarray | None:
-    """(3,) of length 1, or None without a direction."""
+    """Return a vector (3,) of length 1, or None without a direction."""
     child = element.find("direction")
     if child is None:
         return None
@@ -118,7 +118,7 @@ def _direction(element: Element) -> np.ndarray | None:
 
 
 def _to_body(element: Element, motion: Motion) -> ca.SX:
-    """(3, 3): body axes from those of the frame of a force."""
+    """Return the (3, 3) rotation to body axes from those of the frame of a force."""
     frame = element.attributes.get("frame", "BODY")
     if frame == "LOCAL":
         return motion.to_body

@@ -84,8 +84,8 @@ _MODES = {
 
 
 def read_model(text: str, partial: bool = False) -> Model:
-    """The `Model` of "jsbsim:NAME" or of an aircraft's XML file, with or without choices behind a
-    question mark: "jsbsim:737?engines=states&throttles=each".
+    """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file, with or without choices
+    behind a question mark: "jsbsim:737?engines=states&throttles=each".
 
     partial: leave out motors, rotors and gas cells, which cannot be read, in place of refusing
     them. BadInputError, with file and line, where an element cannot be read.
@@ -120,7 +120,7 @@ def _choices(text: str, partial: bool) -> Choices:
 
 
 def _find(text: str) -> tuple[Path, Folders]:
-    """The file that a text names, and where its parts may come from."""
+    """Return the file that a text names, and where its parts may come from."""
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
@@ -134,7 +134,7 @@ def _find(text: str) -> tuple[Path, Folders]:
 
 
 def _in_data(name: str, root: Path | None) -> Path:
-    """The file of an aircraft of JSBSim."""
+    """Return the file of an aircraft of JSBSim."""
     if root is None:
         raise BadInputError(
             f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
@@ -150,8 +150,8 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """The folder of JSBSim's data, which holds `aircraft`, `engine` and `systems`: $JSBSIM_ROOT, or
-    that of the installed package jsbsim, which is not imported. None without both.
+    """Return the folder of JSBSim's data, which holds `aircraft`, `engine` and `systems`:
+    $JSBSIM_ROOT, or that of the installed package jsbsim, which is not imported. None without both.
 
     Raises BadInputError when $JSBSIM_ROOT holds no folder `aircraft`.
     """
@@ -271,8 +271,8 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """The note on kinematics that take time between an input and the forces, or "" without
-        one."""
+        """Return the note on kinematics that take time between an input and the forces, or ""
+        without one."""
         symbol = self.inputs[name].symbol
         components = [
             component
@@ -286,7 +286,8 @@ class _Declaration:
         return f"{what}; --method jsbsim gives it its time"
 
     def _left_out(self, throttle: str) -> str:
-        """The note on a throttle that engines follow at once, or "" where their lags are states."""
+        """Return the note on a throttle that engines follow at once, or "" where their lags are
+        states."""
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
         left_out = [lag for lag in lags if lag and lag not in self.equations.states]
@@ -368,8 +369,8 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """The highest speed, rpm, at which a propeller does not get slower, or 0 without one. A
-        variable without a value has its declared start."""
+        """Return the highest speed, rpm, at which a propeller does not get slower, or 0 without
+        one. A variable without a value has its declared start."""
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]
@@ -393,7 +394,7 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """The equations in still and in moving air."""
+        """Return the equations in still and in moving air."""
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -457,7 +458,7 @@ class _Declaration:
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
 
     def _spool_errors(self) -> list[str]:
-        """The outputs that are errors of spools."""
+        """Return the outputs that are errors of spools."""
         return [name for name in self.equations.outputs if name.startswith("spool_error")]
 
     def _engine_modes(self) -> dict[str, tuple[str, ...]]:
@@ -473,7 +474,7 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """A function that gives starting values of a trim from the imposed ones.
+        """Return a function that gives starting values of a trim from the imposed ones.
 
         The speed is the true speed of kcas or mach, the angle of attack follows the lift
         coefficient of level flight, propellers turn at a usual advance ratio. Values are numbers,
@@ -513,7 +514,7 @@ class _Declaration:
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
-    """The outputs that are positions of surfaces which commands move."""
+    """Yield the outputs that are positions of surfaces which commands move."""
     for name, full_name in _POSITIONS.items():
         key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
         if equations.properties.writer(full_name) is None:
@@ -523,20 +524,21 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
 
 
 def _usual(name: str, parts: Parts) -> float:
-    """The value of an input or a parameter that is not declared since nothing depends on it."""
+    """Return the value of an input or a parameter that is not declared since nothing depends on
+    it."""
     return 1.0 if name.startswith("engine") else 0.0
 
 
 def _lag(file: EngineFile) -> Signal:
-    """The signal of the lag of an engine."""
+    """Return the signal of the lag of an engine."""
     if file.lag.startswith("manifold"):
         return Signal("inHg", 3.0, 0.0, start=file.usual_lag)
     return Signal("%", 10.0, 0.0, start=file.usual_lag)
 
 
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:
-    """The signal of a propeller's speed. is_alone: whether the engine is the only one; others may
-    be out."""
+    """Return the signal of a propeller's speed. is_alone: whether the engine is the only one;
+    others may be out."""
     prop = file.thruster
     ratio = file.gear_ratio
     usual = prop.value_of("maxrpm", 0.0)
@@ -550,5 +552,5 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
 
 
 def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
-    """The names of JSBSim's properties, and each without its folder: vc-kts."""
+    """Return the names of JSBSim's properties, and each without its folder: vc-kts."""
     return {name.rpartition("/")[2]: short for name, short in aliases.items()} | dict(aliases)

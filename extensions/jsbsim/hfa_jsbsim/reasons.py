@@ -64,7 +64,7 @@ def _is_power(name: str) -> bool:
 
 
 def _of_lift(solve: Solve) -> Iterator[str]:
-    """The greatest lift, where it does not carry the weight."""
+    """Yield the greatest lift, where it does not carry the weight."""
     greatest: tuple[float, float] | None = None
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))

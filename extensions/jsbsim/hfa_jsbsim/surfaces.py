@@ -26,7 +26,8 @@ class PilotInput:
 
 
 def names_read_by(element: Element) -> list[str]:
-    """The properties that functions and tables of a section read, angles of surfaces first."""
+    """Return the properties that functions and tables of a section read, angles of surfaces
+    first."""
     names: dict[str, None] = {}
     pending = [element]
     while pending:

@@ -30,7 +30,7 @@ class Attributes(dict[str, str]):
         self.taken: set[str] = set()
 
     def get(self, name: str, default: Any = None) -> Any:
-        """The text of an attribute."""
+        """Return the text of an attribute."""
         self.taken.add(name)
         return super().get(name, default)
 
@@ -76,11 +76,11 @@ class Element:
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
-        """An error about this element."""
+        """Return an error about this element."""
         return BadInputError(f"{self.where}: {fault}")
 
     def error_at(self, line: int, fault: str) -> BadInputError:
-        """An error about a line of its text."""
+        """Return an error about a line of its text."""
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
@@ -122,7 +122,7 @@ class Element:
         raise self.error(f'<{self.name}> has the unit "{shortened(own_unit)}"; give it in {unit}')
 
     def as_number(self, text: str) -> float:
-        """A text of this element as a number."""
+        """Return a text of this element as a number."""
         value = number_of(text)
         if value is None:
             raise self.error(f"<{self.name}> holds {shortened(text)!r}, not a number")
@@ -131,7 +131,7 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """The number of its first child of this name, or the default without one."""
+        """Return the number of its first child of this name, or the default without one."""
         child = self.find(name)
         return default if child is None else child.number(unit)
 
@@ -274,7 +274,7 @@ class Folders:
         return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
     def read(self, path: Path) -> Element:
-        """The root element of a file; each file is read once."""
+        """Return the root element of a file; each file is read once."""
         if path not in self._files:
             try:
                 text = regular_file(path).read_bytes()
@@ -293,7 +293,7 @@ class Folders:
         return str(path)
 
     def opened(self, element: Element) -> Element:
-        """The element itself, or the root of the file that it names."""
+        """Return the element itself, or the root of the file that it names."""
         name = element.attributes.get("file", "")
         return self.read(self._found(element, name)).take() if name else element
 
@@ -313,7 +313,7 @@ class Folders:
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
-        """The file that an element names, in the folders where JSBSim looks for it."""
+        """Return the file that an element names, in the folders where JSBSim looks for it."""
         relative = Path(name if name.endswith(".xml") else f"{name}.xml")
         own_folders = [self.aircraft]
         kind = "engine" if element.name in ("engine", "thruster") else "systems"

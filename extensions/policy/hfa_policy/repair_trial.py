@@ -4,8 +4,8 @@ Some changes of correct files also improve the flights. A policy that is too str
 improves with any change that weakens it, a badly trained one with many changes. Therefore a change
 is reported only if the policy flies well with it and clearly better than with the file as written,
 and if no other gain is about as good. Such a gain counts only if it helps, because a weak policy of
-the wrong sign flies as well as none. With the cost of the training
-in the file, a change must also bring the policy near the optimum of this cost.
+the wrong sign flies as well as none. If the file contains the cost of the training, a change must
+also bring the policy near the optimum of this cost.
 """
 
 from __future__ import annotations

@@ -51,8 +51,7 @@ class AircraftVectorEnvironment(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Advance all episodes by one sample and restart those that ended. Their `infos` contain
         the last observation, the return, length and time that Stable-Baselines3 logs as ep_rew_mean
-        and
-        ep_len_mean, and the departures from the envelope."""
+        and ep_len_mean, and the departures from the envelope."""
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
         ended = stepped.lost | stepped.over

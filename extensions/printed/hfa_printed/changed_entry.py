@@ -124,7 +124,7 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
 
 
 def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
-    """The edits of a text with which the rough answer has every printed digit."""
+    """Return the edits of a text with which the rough answer has every printed digit."""
     slips = _edits(text)
     values = np.array([float(edit) for edit in slips])
     blocks = file.answer.values()

@@ -87,7 +87,7 @@ class Comparison:
 
 
 def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
-    """The printed answer compared with that of a plant whose value is x'P x."""
+    """Return the printed answer compared with that of a plant whose value is x'P x."""
     return compare_answer(file, answer_of(plant, P))
 
 
@@ -130,7 +130,7 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """The position in the upper triangle where the block is symmetric."""
+    """Return the position in the upper triangle where the block is symmetric."""
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)
     return position

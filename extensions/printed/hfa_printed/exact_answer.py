@@ -70,7 +70,7 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """The game as a value of `controller.game`; of continuous time in v = u + R⁻¹N'x."""
+        """Return the game as a value of `controller.game`; of continuous time in v = u + R⁻¹N'x."""
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))

@@ -110,7 +110,7 @@ _COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_uni
 
 
 def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdict:
-    """The verdict on the printed answer of a TOML file.
+    """Return the verdict on the printed answer of a TOML file.
 
     progress: called with the entries of the plant that were searched and their number.
 

@@ -71,7 +71,7 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
 
 
 def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
-    """The aircraft and the flights that the options name; the scheduling variable is left.
+    """Return the aircraft and the flights that the options name; the scheduling variable is left.
 
     errors: every identified parameter may be off by this many of its standard errors."""
     from hfa_proof.search.family import Family
@@ -94,7 +94,7 @@ def refuse_no_certificate(output: Path | None) -> None:
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:
-    """The loop under the gains of a file; with a design a controller with memory on its
+    """Return the loop under the gains of a file; with a design a controller with memory on its
     actuators."""
     from hfa_proof.search.loops import loop_of_schedule, loop_of_servo
 

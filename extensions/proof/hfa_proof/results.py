@@ -109,7 +109,7 @@ def outputs_in_words(subject: Subject) -> tuple[str, ...]:
 
 
 def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
-    """The model, the hash of its file, and every parameter with its value."""
+    """Return the model, the hash of its file, and every parameter with its value."""
     named = ", ".join(f"{name} {model.describe(name, value)}" for name, value in parameters.items())
     file = model.extras.source[1]
     source = f", file of SHA-256 {file[:16]}" if file else ""

@@ -63,11 +63,11 @@ def _numbers(stated: Any) -> np.ndarray:
 
 
 class Given(NamedTuple):
-    """An entry as the user gives it.
+    """An entry from the user's data.
 
-    value: in the form of a statement's content
-    option: which names it
-    same: (stated, own) -> whether the two are the same; exactly, unless given
+    value: its value, in the form of a statement's content
+    option: the option that gives it
+    same: (stated, own) -> whether the values agree; default: exact equality
     """
 
     value: Any
@@ -90,7 +90,7 @@ def close_to(relative: float) -> Callable[[Any, Any], bool]:
 
 
 def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
-    """A comparison of numbers by name, each to within its own width."""
+    """Return a comparison of numbers by name, each to within its own width."""
 
     def same(stated: Any, own: Any) -> bool:
         return set(stated) == set(own) and all(

@@ -117,7 +117,8 @@ def error_of(view: View, matrix: np.ndarray) -> float:
 
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
-    """The hypothesis that explains most of the error, of those that are about as good the first."""
+    """Return the hypothesis that explains most of the error, of those that are about as good the
+    first."""
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
         return _NO_CAUSE
@@ -349,7 +350,7 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """The mistake that explains most, of the network at the origin or over the box.
+    """Return the mistake that explains most, of the network at the origin or over the box.
 
     others: of a view the answers of other games.
     """

@@ -101,14 +101,14 @@ class View(NamedTuple):
         return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
 
     def relative(self) -> View:
-        """The view with every entry relative to its exact value, or to a small part of the
+        """Return the view with every entry relative to its exact value, or to a small part of the
         largest."""
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
 
     def transposed(self) -> View:
-        """The transposed view."""
+        """Return the transposed view."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
@@ -205,7 +205,8 @@ def _nearest_power_of_ten(ratio: float) -> int:
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
-    """The sign or a decimal slip of the entry that is farthest off, of P with its mirror image."""
+    """Yield the sign or a decimal slip of the entry that is farthest off, of P with its mirror
+    image."""
     if view.known < 1 + REDUNDANT:
         return
     errors = np.abs(view.judged - view.exact) * view.weights

@@ -126,7 +126,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
 
 
 def _lqr(game: Game, lqr: Game) -> Family:
-    """The game without disturbance."""
+    """Return the game without disturbance."""
     without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
     return Family(
         lambda noun, _: f"this is the LQR {noun} {without}", lambda _: solved(lqr), is_lqr=True
@@ -240,7 +240,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """The game of each family whose answer is nearest.
+    """Yield the game of each family whose answer is nearest.
 
     explained: how far a search must take the difference down.
     """
@@ -298,7 +298,7 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """The answer with this diagonal of "Q" or "R"."""
+    """Yield the answer with this diagonal of "Q" or "R"."""
     weights = np.diag(getattr(game, name))
     changed = np.flatnonzero(np.abs(diagonal - weights) > _SAME_WEIGHT * np.abs(weights))
     says = f"with {name} = diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"

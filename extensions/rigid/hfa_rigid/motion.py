@@ -113,14 +113,14 @@ def flow_rates(velocity: Any, acceleration: Any) -> tuple[Any, Any, Any]:
 
 
 def turn_rate(x: Any) -> Any:
-    """The rate of the yaw angle, rad/s."""
+    """Return the rate of the yaw angle, rad/s."""
     return (x.pitch_rate * ca.sin(x.roll) + x.yaw_rate * ca.cos(x.roll)) / ca.cos(x.pitch)
 
 
 def state_rates(
     x: Any, velocity: Any, velocity_rate: Any, rotation_rate: Any, climb: Any
 ) -> dict[str, Any]:
-    """The rates of `STATES` by name.
+    """Return the rates of `STATES` by name.
 
     velocity: (3,) through the air, body axes. velocity_rate: (3,) its `acceleration`.
     rotation_rate: (3,) `angular_acceleration`. climb: rate of the altitude.
@@ -142,7 +142,7 @@ def state_rates(
 
 
 def _inverse(matrix: Any) -> Any:
-    """The inverse of a symmetric (3, 3) matrix, by its cofactors."""
+    """Return the inverse of a symmetric (3, 3) matrix, by its cofactors."""
     rows = ca.horzsplit(matrix)
     cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
     return ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

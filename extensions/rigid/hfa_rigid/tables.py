@@ -71,12 +71,13 @@ def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
 
 
 def _middle(points: np.ndarray) -> float:
-    """The breakpoint from which the arguments of lines count."""
+    """Return the breakpoint from which the arguments of lines count."""
     return float(points[len(points) // 2])
 
 
 def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """The interpolated value of a table of lines in row-major order: one axis after the other.
+    """Return the interpolated value of a table of lines in row-major order: one axis after the
+    other.
 
     lines: (2, n1 - 1, 2, n2 - 1, ...), of each axis the levels and the slopes"""
     if not cells:

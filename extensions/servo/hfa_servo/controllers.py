@@ -137,7 +137,7 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
-    """The controller of one linear model. Raises NoSolutionError when it is not certified.
+    """Return the controller of one linear model. Raises NoSolutionError when it is not certified.
 
     The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
     either sees, are states of the controller behind its own: e' = y - r.

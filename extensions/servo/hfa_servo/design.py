@@ -113,7 +113,7 @@ class Shaping(NamedTuple):
     schedule: Mapping[str, Sequence[float]] = MappingProxyType({})
 
     def outputs_at(self, scheduling_value: float) -> dict[str, OutputWeight]:
-        """The weights with their gains at a value of the scheduling variable."""
+        """Return the weights with their gains at a value of the scheduling variable."""
         factors = {
             name: float(np.interp(scheduling_value, self.breakpoints, row))
             for name, row in self.schedule.items()
@@ -387,7 +387,7 @@ def _shaping_of(
 
 
 def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
-    """The settings of [actuators.INPUT]."""
+    """Return the settings of [actuators.INPUT]."""
     actuators = {}
     for key, numbers in entries.get("actuators", {}).items():
         if numbers.get("order") in (1, 2):

@@ -197,7 +197,7 @@ class GeneralizedPlant(Reported):
         )
 
     def transposed(self) -> GeneralizedPlant:
-        """The plant whose controller is the transpose of this one's."""
+        """Return the plant whose controller is the transpose of this one's."""
         return GeneralizedPlant(
             self.A.T,
             self.C1.T,
@@ -222,7 +222,7 @@ class GeneralizedPlant(Reported):
         return cls(A, B[:, :k], B[:, k:], C[:r], D[:r, k:], C[r:], D[r:, :k], D[:r, :k], D[r:, k:])
 
     def in_axes(self, axes: Axes) -> GeneralizedPlant:
-        """The plant in other axes of its state."""
+        """Return the plant in other axes of its state."""
         return replace(
             self,
             A=axes.square(self.A),
@@ -270,8 +270,8 @@ class GeneralizedPlant(Reported):
 def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
 ) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
-    """The generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11, D22,
-    delta; its delta or None, and notes.
+    """Return the generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11,
+    D22, delta; its delta or None, and notes.
 
     found: its entries that `read_arrays` has read already. BadInputError names the file.
     """
@@ -509,7 +509,7 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
 def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
-    """The closed loop is stable and, by the bounded-real lemma, of gain below δ."""
+    """Return the closed loop is stable and, by the bounded-real lemma, of gain below δ."""
     abscissa = spectrum(A).abscissa
     found = [
         below(
@@ -686,8 +686,7 @@ def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:
-    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M, whatever they
-    are.
+    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M.
 
     M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by
     row, and no small entry vanishes in the rounding of a large one."""

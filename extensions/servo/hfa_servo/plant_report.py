@@ -78,7 +78,7 @@ class PlantSolution(Result, Reported):
         raise NotImplementedError
 
     def report(self) -> Report:
-        """The law with its matrices, the loop and the checks."""
+        """Return the law with its matrices, the loop and the checks."""
         matrices = [
             matrix_table(name, rows, columns, getattr(self.solution, name))
             for name, (rows, columns) in self.matrices.items()
@@ -171,7 +171,7 @@ class StateSolution(PlantSolution):
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
-    """The report on the controller of a generalized plant, of the arrays of its file.
+    """Return the report on the controller of a generalized plant, of the arrays of its file.
 
     delta: bound of the gain; None: in the notation of the file."""
     plant, stored_delta, notes = stored_plant(file, arrays)
@@ -182,7 +182,7 @@ def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Rep
 def solution_of_plant(
     plant: GeneralizedPlant, delta: float | None, origin: str, notes: Sequence[str] = ()
 ) -> PlantSolution:
-    """The controller of a generalized plant.
+    """Return the controller of a generalized plant.
 
     delta: bound of the gain; None: `USUAL_MARGIN` times the smallest
     origin: name of the plant

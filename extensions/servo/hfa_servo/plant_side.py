@@ -56,7 +56,7 @@ class Side(NamedTuple):
         return Game(A=A, B=self.B, E=E, Q=(Q + Q.T) / 2.0, R=self.N.T @ self.N, delta=delta)
 
     def form(self, delta: float) -> NormalForm:
-        """The normal form of the game, with the sizes of the terms it was computed from."""
+        """Return the normal form of the game, with the sizes of the terms it was computed from."""
         form = NormalForm.of(self.game(delta))
         sizes = self._sizes(delta).in_coordinates(form.T, np.diag(form.units))
         return replace(form, made_of=sizes)

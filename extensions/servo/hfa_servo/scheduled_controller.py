@@ -223,7 +223,7 @@ class ScheduledController(ByValue, Reported):
         return self.dynamics
 
     def report(self) -> Report:
-        """The table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
+        """Return the table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
         rows = self.about.get("angles", [])
         limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
         by = self.model.schedule
@@ -334,7 +334,7 @@ def _key(model: Model) -> str:
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
-    """The arrays, names and texts of a controller by the keys that files and data have."""
+    """Return the arrays, names and texts of a controller by the keys that files and data have."""
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
     for key in _ARRAYS:
@@ -393,7 +393,7 @@ def load_controller(path: str | Path, model: Model) -> ScheduledController:
 
 
 def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | GainSchedule:
-    """The controller or the schedule of gains of a file.
+    """Return the controller or the schedule of gains of a file.
 
     A controller that is u = -K(η) x of the states of the linear model is a schedule too. Raises
     BadInputError like `load_controller` and `load_gain_schedule`."""
@@ -409,7 +409,7 @@ def _is_controller(content: Mapping[str, Any]) -> bool:
 
 
 def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledController:
-    """The controller of the arrays of a file."""
+    """Return the controller of the arrays of a file."""
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.extras.variants):
         raise BadInputError(

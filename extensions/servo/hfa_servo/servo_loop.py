@@ -77,7 +77,8 @@ def servo_plant(
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
 ) -> DesignModel:
-    """The linear model with these actuators, its sensors the measurements of the controller."""
+    """Return the linear model with these actuators, its sensors the measurements of the
+    controller."""
     loop = Design(
         "loop",
         controller.inputs,
@@ -197,7 +198,8 @@ class MarginTable(Checked, Result, Reported):
         return model.describe(model.schedule, row.scheduled_at)
 
     def report(self) -> Report:
-        """The verdict, and the smallest margins of each loop and of each scheduling value."""
+        """Return the verdict, and the smallest margins of each loop and of each scheduling
+        value."""
         model = self.controller.model
         by_loop: dict[tuple[str, ...], list[_Cell]] = {}
         by_value: dict[tuple[str, ...], list[_Cell]] = {}

@@ -58,7 +58,7 @@ class ServoPolicy(Policy):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """The rate of the states x of the controller."""
+        """Return the rate of the states x of the controller."""
         A, B, _, _, W = self._matrices(measurements)
         rate = ca.mtimes(A, memory) + ca.mtimes(B, self._inputs(t, measurements))
         if not self.controller.W.any():

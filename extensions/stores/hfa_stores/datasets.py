@@ -33,7 +33,7 @@ def dataset(result: Any) -> xarray.Dataset:
 
 
 def _of_point(point: OperatingPoint) -> xarray.Dataset:
-    """Every state, input and output by name, with its unit."""
+    """Return every state, input and output by name, with its unit."""
     import xarray
 
     values = {

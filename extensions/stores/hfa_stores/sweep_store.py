@@ -99,7 +99,7 @@ RESULTS = (
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
-    """Every point of the plan in the store at `path`, as `xarray.Dataset`; options of
+    """Return every point of the plan in the store at `path`, as `xarray.Dataset`; options of
     `fill_store`."""
     job = RowJob("sweep", _POINT, _template(plan), run_points, plan.task)
     return fill_store(job, path, **options)

@@ -97,7 +97,7 @@ class RowJob(NamedTuple):
         return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
 
     def rows_of(self, number: int) -> slice:
-        """The rows of a chunk."""
+        """Return the rows of a chunk."""
         first = number * self.chunk
         return slice(first, min(first + self.chunk, self.rows))
 
@@ -109,7 +109,7 @@ def array_of_rows(
     chunk: int,
     attributes: Mapping[str, Any],
 ) -> Any:
-    """A lazy `xarray.Variable` for the template of a job.
+    """Return a lazy `xarray.Variable` for the template of a job.
 
     axes, shape: of the array, that of the rows first.
     fill: value and type of entries not computed yet.
@@ -171,7 +171,7 @@ def fill_store(
 
 
 def open_store(path: Path) -> Any:
-    """A store as `xarray.Dataset`, whose arrays are read when they are used."""
+    """Return a store as `xarray.Dataset`, whose arrays are read when they are used."""
     _require_xarray()
     import xarray
 
@@ -243,8 +243,8 @@ def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
 
 
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
-    """The first 8 bytes of a SHA-256: of the job, the array's name, the chunk's number and its
-    values, little-endian."""
+    """Return the first 8 bytes of a SHA-256: of the job, the array's name, the chunk's number and
+    its values, little-endian."""
     subject = [place.identity, name, place.number, values.dtype.name, values.shape]
     digest = hashlib.sha256(json.dumps(subject).encode())
     digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
@@ -317,7 +317,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
-            f"{path} is not a {job.what} store of this version, or damaged; start anew, without "
+            f"{path} is not a {job.what} store of this version, or damaged; start again, without "
             "--resume, under another name"
         ) from error
     if not same_job:
@@ -333,7 +333,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     if other:
         raise BadInputError(
             f"{path} is damaged or of other origin: {other} differs from that of this "
-            f"{job.what}; start anew"
+            f"{job.what}; start again"
         )
     if not _same_labels(path, job.row, labels):
         raise BadInputError(
@@ -342,7 +342,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
 
 def _deciding(attributes: Mapping[str, Any]) -> str:
-    """The attributes that decide the results, as JSON: the order of the variables counts."""
+    """Return the attributes that decide the results, as JSON: the order of the variables counts."""
     compared = {
         key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
     }
@@ -382,7 +382,8 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(path: Path, row: str) -> dict[str, list[Any]]:
-    """The names and units in a store: each array whose first axis is not that of rows or chunks."""
+    """Return the names and units in a store: each array whose first axis is not that of rows or
+    chunks."""
     stored = open_store(path)
     return {
         str(name): variable.values.tolist()
@@ -431,7 +432,7 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
-    """Return whether an array has a chunk, which spans its other axes."""
+    """Return whether the chunk of this number is stored for an array."""
     indices = (number, *(0 for _ in array.shape[1:]))
     return (folder / array.metadata.encode_chunk_key(indices)).is_file()
 

@@ -374,7 +374,7 @@ def test_an_extreme_parameter_is_refused(
     parameters: Parameters, name: str, value: float, free: tuple[str, ...]
 ) -> None:
     """One at which the first guess, the rates or their Jacobian overflow."""
-    with pytest.raises(BadInputError, match=f"{WORDS}; take other values"):
+    with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
         find_operating_point(
             choice.aircraft(parameters=parameters._replace(**{name: value})),
             release(level_flight(0.0), free=free),

@@ -220,7 +220,8 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
 def _no_chain(
     name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
 ) -> BadInputError:
-    """The error of a tensor that is not in the chain. For several networks it proposes one."""
+    """Return the error of a tensor that is not in the chain. For several networks it proposes
+    one."""
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
     networks = roots(tensors)
     if len(networks) < 2:

@@ -417,8 +417,8 @@ def _evaluate(
 def _inputs_of(
     graph: Any, constants: set[str], states: int, inputs: int
 ) -> dict[str, tuple[int, ...]]:
-    """The name and the shape of each input: the state, or of a Q the state and the input of the
-    plant, in one row or in two.
+    """Return the name and the shape of each input: the state, or of a Q the state and the input of
+    the plant, in one row or in two.
 
     Raises BadInputError for anything else.
     """
@@ -501,8 +501,8 @@ def _evaluated(
     node: Any,
     arrays: Mapping[str, Any],
 ) -> tuple[list[np.ndarray], str]:
-    """The outputs of a node, of most operators the first, and the precision of a constant that it
-    holds."""
+    """Return the outputs of a node (for most operators only the first), and the precision of its
+    constant, if any."""
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"

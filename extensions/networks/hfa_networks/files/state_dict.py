@@ -271,7 +271,7 @@ def _normalizer_of(
 
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
-    """The one of a kind that belongs to the layers."""
+    """Return the one of a kind that belongs to the layers."""
     if len(found) < 2:
         return next(iter(found.values()), None)
     begins = {name.partition(".")[0] for name in layers}

@@ -58,7 +58,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
 
 
 def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
-    """The tensors, floats as doubles, and the precision of the file.
+    """Return the tensors, floats as doubles, and the precision of the file.
 
     Raises BadInputError where they are no finite numbers of at least 32 bits, or too many.
     """
@@ -234,9 +234,9 @@ def _refuse_large(archive: zipfile.ZipFile) -> None:
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return a member of a zip file, limited in size whatever its directory states.
+    """Return a member of a zip file, limited in its actual size, independent of the stated one.
 
-    Raises BadInputError where it is larger, or packed as neither torch nor NumPy does.
+    Raises BadInputError if it is larger, or has a compression that neither torch nor NumPy uses.
     """
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1

@@ -179,7 +179,7 @@ class _Reader:
         return max(len(self._powers[variable]) for variable in row)
 
     def _polynomial(self, first: Row, last: Row) -> Row:
-        """The product of two polynomials of the inputs."""
+        """Return the product of two polynomials of the inputs."""
         total: dict[int, Fraction] = {}
         for left, factor in first.items():
             for right, other_factor in last.items():
@@ -189,7 +189,7 @@ class _Reader:
         return {monomial: factor for monomial, factor in total.items() if factor}
 
     def _monomial(self, powers: tuple[int, ...]) -> int:
-        """The variable of a product of inputs."""
+        """Return the variable of a product of inputs."""
         if powers not in self._monomials:
             before = {self._monomial(powers[:-1]): _ONE}
             last = {powers[-1]: _ONE}

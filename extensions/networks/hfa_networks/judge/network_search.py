@@ -98,7 +98,7 @@ class Comparison(NamedTuple):
         return functions
 
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
-        """The kind of each error, and the errors, of the symbols z.
+        """Return the kind of each error, and the errors, of the symbols z.
 
         Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
         constant, on which no policy depends.

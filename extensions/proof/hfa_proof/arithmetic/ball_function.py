@@ -62,7 +62,7 @@ class BallFunction:
             ) from error
 
     def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """The outputs, by the instructions of the function one after the other."""
+        """Return the outputs, by the instructions of the function one after the other."""
         work: list[Any] = [None] * self._size
         results: list[list[Any]] = [[None] * size for size in self._sizes]
         for code, operation, target, source in self._steps:

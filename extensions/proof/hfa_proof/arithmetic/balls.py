@@ -19,7 +19,7 @@ READING = 2.0**-51
 
 
 def exact(value: float) -> arb:
-    """The ball of radius 0 at a double."""
+    """Return the ball of radius 0 at a double."""
     return arb(float(value))
 
 
@@ -37,7 +37,7 @@ def matrix(values: Any) -> arb_mat:
 
 
 def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
-    """A matrix of balls that hold the intervals between two matrices of doubles."""
+    """Return a matrix of balls that hold the intervals between two matrices of doubles."""
     rows, columns = low.shape
     pairs = zip(low.ravel().tolist(), high.ravel().tolist(), strict=True)
     return arb_mat(rows, columns, [arb(a).union(arb(b)) for a, b in pairs])

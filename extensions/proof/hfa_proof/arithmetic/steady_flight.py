@@ -90,7 +90,8 @@ def steady_flight(
     limited: Sequence[str] = (),
     measured: Sequence[str] = (),
 ) -> SteadyFlight:
-    """The trim equations and the linear model of a model, as functions of its parameters too.
+    """Return the trim equations and the linear model of a model, as functions of its parameters
+    too.
 
     model: the aircraft
     imposed: variables and outputs that the trim imposes, besides the scheduling variable

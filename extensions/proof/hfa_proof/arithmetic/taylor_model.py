@@ -39,7 +39,7 @@ class TaylorModel:
         return cls(arb(value) if isinstance(value, int) else value)
 
     def map(self, linear: Callable[[Any], Any]) -> TaylorModel:
-        """A linear map of every part."""
+        """Return a linear map of every part."""
         return TaylorModel(*map(linear, self.parts))
 
     def __add__(self, other: Any) -> TaylorModel:
@@ -85,7 +85,7 @@ class TaylorModel:
         return TaylorModel.of(other) / self
 
     def transpose(self) -> TaylorModel:
-        """The transpose of a matrix."""
+        """Return the transpose of a matrix."""
         return self.map(lambda part: part.transpose())
 
     def polynomial_at(self, s: float) -> Any:
@@ -110,7 +110,7 @@ class TaylorModel:
         return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:
-        """An enclosure of every value on the box."""
+        """Return an enclosure of every value on the box."""
         return self.parts[0] + self._off_center
 
     def corners(self) -> list[Any]:

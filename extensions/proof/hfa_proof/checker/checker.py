@@ -246,10 +246,10 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
 def _plant(
     statement: GameStatement, witness: GameWitness, *, decimals: bool
 ) -> tuple[TaylorModel, TaylorModel]:
-    """Return A and B, for the doubles or for every number that reads as them.
+    """Return A and B, for the stored doubles or for every decimal that rounds to them.
 
-    The trim of the doubles lies within its radii about the center, and so within the larger ones of
-    all of them, where each has no other trim: they are one branch."""
+    The trim of the doubles lies within its radii about the center, and therefore within the larger
+    radii for all decimals, within which each trim is unique. All trims are therefore one branch."""
     plant = statement.plant
     if isinstance(plant, Plant):
         return TaylorModel(matrix(plant.A)), TaylorModel(matrix(plant.B))

@@ -48,7 +48,7 @@ class LoopBox:
 def closed_loop(
     linear: LinearModelBox, model: Model, controller: Controller, actuators: Actuators | None
 ) -> TaylorModel:
-    """(n, n), ζ' = F ζ on a box, without actuators or with fixed ones."""
+    """Return F (n, n) of ζ' = F ζ on a box, without actuators or with fixed ones."""
     if isinstance(actuators, FixedActuators):
         apart = actuated_loop(linear, model, controller, actuators)
         count = len(actuators.order)
@@ -156,7 +156,7 @@ def controller_on(controller: Controller, low: float, high: float) -> list[Taylo
 
 
 def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float) -> TaylorModel:
-    """A table of matrices, linear between its breakpoints, on a box between two of them."""
+    """Return a table of matrices, linear between its breakpoints, on a box between two of them."""
     holding = [
         i
         for i, (first, last) in enumerate(pairwise(breakpoints.tolist()))

@@ -171,7 +171,7 @@ class Fields:
         return tuple(terms)
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
-        """An entry of nested lists of finite numbers as an array.
+        """Return an entry of nested lists of finite numbers as an array.
 
         name: of the entry
         shape: length of each level of lists, or None for any length

@@ -38,8 +38,8 @@ class Solution(NamedTuple):
 def solution_on(
     weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
 ) -> Solution:
-    """The solution that makes A - S P Hurwitz. Raises Rejected unless it is proved to be near the
-    stated P(s), and its lowest eigenvalue to have the sign `lowest`.
+    """Return the solution that makes A - S P Hurwitz. Raises Rejected unless it is proved to be
+    near the stated P(s), and its lowest eigenvalue to have the sign `lowest`.
 
     F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at symmetric P,
     and its one root near a symmetric P(s) is symmetric, because its transpose is a root too."""

@@ -19,7 +19,7 @@ _CLOSING = ("digest", "provenance", "checksum")
 
 
 def sealed(head: str, origin: str) -> str:
-    """The text of a certificate.
+    """Return the text of a certificate.
 
     head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
     origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added

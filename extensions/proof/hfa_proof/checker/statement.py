@@ -357,7 +357,7 @@ class GameStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model | None) -> GameStatement:
-        """The statement of a certificate.
+        """Return the statement of a certificate.
 
         entries: of the statement
         model: of the aircraft, or None where the game is of a plant's matrices
@@ -448,7 +448,7 @@ KINDS: dict[str, Any] = {
 
 
 def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """The statement in a file; own: the user's model, if the statement concerns one."""
+    """Return the statement in a file; own: the user's model, if the statement concerns one."""
     require(isinstance(kind, str) and kind in KINDS, "kind", kind)
     entries = Fields("statement", content)
     model = None
@@ -576,7 +576,7 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 
 
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
-    """The runs of a certificate's entry.
+    """Return the runs of a certificate's entry.
 
     entries: where the entry is
     name: of the entry, rows [low, high, least, most]

@@ -188,7 +188,7 @@ def _check_branch(
 
 
 def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
-    """The one trim within `SAME_TRIM` of the stated one, the parameters without errors."""
+    """Return the one trim within `SAME_TRIM` of the stated one, the parameters without errors."""
     polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
     box = TrimBox(trim.breakpoint, trim.breakpoint, polynomials, radii)
@@ -204,8 +204,8 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """The trim of the other box lies where this one has no other trim than its own: for all errors
-    of the parameters that both boxes have, else without errors."""
+    """Return the trim of the other box lies where this one has no other trim than its own: for all
+    errors of the parameters that both boxes have, else without errors."""
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
         there = _polynomial_at(other.trim, name, scheduling_value)
@@ -218,7 +218,7 @@ def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: fl
 
 
 def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[arb]:
-    """(value, z_1, ...) at a scheduling value of the box."""
+    """Return (value, z_1, ...) at a scheduling value of the box."""
     c0, c1, c2, *errors = trim.polynomials[name]
     if trim.low == trim.high:
         return [c0, *errors]
@@ -229,5 +229,5 @@ def _polynomial_at(trim: TrimBox, name: str, scheduling_value: float) -> list[ar
 
 
 def equations_of(flight: Flight, measured: Sequence[str] = ()) -> SteadyFlight:
-    """The equations of the flight's trims."""
+    """Return the equations of the flight's trims."""
     return steady_flight(flight.model, flight.imposed, tuple(flight.limits), measured)

@@ -124,7 +124,7 @@ class Motion:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
-        """The motion of a certificate.
+        """Return the motion of a certificate.
 
         entries: of the motion
         flight: whose trims the boxes enclose

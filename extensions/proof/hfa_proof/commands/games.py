@@ -43,7 +43,7 @@ class SolutionRequest(PlantOptions, OutputOptions):
     at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
 
     def stated(self) -> Stated:
-        """The game that the options name."""
+        """Return the game that the options name."""
         typed = self.at
         request = self
         if typed is not None and len(typed) != 1:

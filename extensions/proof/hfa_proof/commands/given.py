@@ -45,13 +45,13 @@ def names_aircraft(request: PlantOptions) -> bool:
 
 
 def aircraft_option(request: PlantOptions) -> str:
-    """The option that names the aircraft, for a message."""
+    """Return the option that names the aircraft, for a message."""
     named = [name for name in _OF_THE_AIRCRAFT if name in request.typed]
     return f"--{named[0]}" if named else f"--{called_at(request.model)}"
 
 
 def at_one_value(request: PlantOptions) -> Any:
-    """The request of one trim, its scheduling variable in the unit of the model."""
+    """Return the request of one trim, its scheduling variable in the unit of the model."""
     if request.at is None:
         return request
     if len(request.at) != 1:
@@ -119,7 +119,7 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """The plant of --model, its weights, and the critic."""
+    """Return the plant of --model, its weights, and the critic."""
     request.refuse(
         (*_OF_THE_AIRCRAFT, "at"), "names an aircraft, but the certificate is about a plant"
     )
@@ -170,7 +170,7 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
 def _given_controller(
     statement: ScheduleStatement | ModelsStatement, request: CheckRequest
 ) -> dict[str, Given]:
-    """The controller of --weights, through the actuators of --design."""
+    """Return the controller of --weights, through the actuators of --design."""
     assert request.weights is not None
     option = f"--weights {request.weights}"
     model = statement.flight.model

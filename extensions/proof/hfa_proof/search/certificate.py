@@ -78,7 +78,7 @@ class Proof(Reported):
 
 
 def witness_content(value: Any) -> Any:
-    """A witness as JSON data: balls as decimals, arrays as lists."""
+    """Return a witness as JSON data: balls as decimals, arrays as lists."""
     if isinstance(value, Mapping):
         return {name: witness_content(entry) for name, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -120,7 +120,7 @@ def _checked_verdict(statement: Statement, data: Content) -> str:
 
 
 def _flight_said(flight: Flight) -> tuple[str, Content]:
-    """The aircraft, its trims, limits and errors of parameters, in words and as data."""
+    """Return the aircraft, its trims, limits and errors of parameters, in words and as data."""
     model = flight.model
     lines = [_aircraft_said(flight)]
     lines.append(f"trims at {_values_said(model, flight.imposed)}")
@@ -239,7 +239,8 @@ def _weights_said(weights: Weights) -> list[str]:
 
 
 def _matrix_said(values: np.ndarray) -> str:
-    """Return a matrix in words: I, its diagonal, else its SHA-256; the entries are data."""
+    """Return a short text for a matrix: I, its diagonal, or its SHA-256; the data contain its
+    entries."""
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
         if set(diagonal.tolist()) == {1.0}:

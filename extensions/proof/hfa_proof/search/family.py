@@ -117,7 +117,7 @@ class Family:
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """The trim in doubles. Raises TrimError."""
+        """Return the trim in doubles. Raises TrimError."""
         model = self.model
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)
@@ -245,8 +245,8 @@ class TrimSearch:
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
-        """Unknown -> the radius within which its root is sought: √n times the step of Newton's
-        method, C F, times `room`, and a little of its nominal value.
+        """Return unknown -> the radius within which its root is sought: √n times the step of
+        Newton's method, C F, times `room`, and a little of its nominal value.
 
         C: about F_w⁻¹
         residual: F at the center

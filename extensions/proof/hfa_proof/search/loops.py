@@ -60,7 +60,8 @@ class Loop:
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """The interval, cut at the breakpoints. Raises BadInputError when they do not reach."""
+        """Return the interval, cut at the breakpoints. Raises BadInputError when they do not
+        reach."""
         if not low < high:
             raise BadInputError(
                 f"the interval goes from {low:g} to {high:g}; give the lower end first"
@@ -127,7 +128,7 @@ def loop_of_servo(
     model: Model,
     intervals: Intervals | None = None,
 ) -> Loop:
-    """The loop of a scheduled controller with constant commands, through actuators.
+    """Return the loop of a scheduled controller with constant commands, through actuators.
 
     controller: whose commands are left out
     actuators: input -> actuator, of its design
@@ -170,8 +171,8 @@ def loop_of_servo(
 def exact_gains(
     family: Family, low: float, high: float, intervals: Intervals | None, **changes: Any
 ) -> Loop:
-    """The gains of the exact game between two scheduling values; with actuators those of an LQR on
-    the aircraft with its slowest actuators. changes: of the usual game."""
+    """Return the gains of the exact game between two scheduling values; with actuators those of an
+    LQR on the aircraft with its slowest actuators. changes: of the usual game."""
     model = family.model
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
     breakpoints = np.linspace(low, high, count)
@@ -187,7 +188,8 @@ def exact_gains(
 
 
 def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, Any]) -> Game:
-    """The game of the aircraft with actuators of first order, whose positions cost nothing."""
+    """Return the game of the aircraft with actuators of first order, whose positions cost
+    nothing."""
     n, m = game.B.shape
     A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])
     B = np.vstack([np.zeros((n, m)), slowest * np.eye(m)])

@@ -1,4 +1,4 @@
-"""Reports of proofs, in words, tables and data."""
+"""Reports of proofs: text, tables and data."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 
 
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
-    """The intervals (low, high) between `low` and `high` that no run covers, ascending.
+    """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
 
     runs: in any order; they may overlap
     """
@@ -127,7 +127,7 @@ def _not_covered(statement: ScheduleStatement) -> str:
 
 
 def proof_report(statement: Statement, data: Content) -> Report:
-    """The report of a proof.
+    """Return the report of a proof.
 
     statement: what was proved
     data: of the report
@@ -252,8 +252,8 @@ def count_said(run: Run) -> str:
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
 ) -> Report:
-    """The report of a proof about a game: of its solution the statements one by one and P, of a
-    critic its distances from the solution.
+    """Return the report of a proof about a game: of its solution the statements one by one and P,
+    of a critic its distances from the solution.
 
     data: of the proof, with the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
@@ -318,14 +318,14 @@ def _solution_parts(data: Content, states: tuple[str, ...]) -> list[Part]:
 
 
 def _hurwitz(closed_loop: bool | None) -> str:
-    """Return the proved property of a closed loop in words; None: open."""
+    """Return a sentence on the proved property of a closed loop, or None if it is open."""
     if closed_loop is None:
         return "open: a mode may lie on the axis"
     return "proved Hurwitz" if closed_loop else "proved not Hurwitz"
 
 
 def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """The proved bounds and where the breakpoints are; the matrices are data."""
+    """Return the proved bounds and the breakpoints; the matrices are in the data."""
     model = statement.flight.model
     breakpoints = statement.breakpoints
     unit = model.schedule_unit
@@ -368,6 +368,6 @@ def _entries(statement: ModelsStatement) -> list[tuple[Any, ...]]:
 
 
 def interval_said(flight: Flight) -> str:
-    """The scheduling values of a flight: "dihedral from 5 to 15 deg"."""
+    """Return the scheduling values of a flight: "dihedral from 5 to 15 deg"."""
     unit = flight.model.schedule_unit
     return f"{flight.model.schedule} from {flight.low:g} to {flight.high:g} {unit}"

@@ -240,7 +240,7 @@ class ScheduleSearch:
         )
 
     def proof(self) -> Proof:
-        """The statement with its witness."""
+        """Return the statement with its witness."""
         witness: Content = {
             name: [proved.content for proved in boxes] for name, boxes in self.boxes.items()
         }
@@ -262,7 +262,7 @@ class ScheduleSearch:
         return data
 
     def linear_model(self, box: Box) -> LinearModelBox:
-        """The aircraft on a box."""
+        """Return the aircraft on a box."""
         if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
             raise Rejected("the errors of the parameters are enclosed on narrower boxes only")
         return self.trims.linear_model(box)
@@ -348,7 +348,7 @@ class MotionSearch:
         return rates
 
     def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """The boxes on which the rate is proved, or none when it is not on all of them."""
+        """Return the boxes on which the rate is proved, or none when it is not on all of them."""
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
         for whole in told(self._boxes, progress):

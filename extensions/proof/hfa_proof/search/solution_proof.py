@@ -101,7 +101,7 @@ class ExactGame:
     def of(
         cls, game: Game, family: Family | None = None, scheduling_value: float | None = None
     ) -> ExactGame:
-        """A game with enclosures of its A and B.
+        """Return a game with enclosures of its A and B.
 
         game: in doubles
         family: whose linear model A and B are; None: they are the matrices of the game, exactly
@@ -170,7 +170,8 @@ class ExactGame:
         return frequencies
 
     def _frequencies_of_both_signs(self) -> Iterator[float]:
-        """One ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the axis."""
+        """Yield one ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the
+        axis."""
         values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
         near = sorted(np.abs(values[nearest].imag).tolist())
@@ -303,8 +304,8 @@ def prove_solution(
     scheduling_value: float | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """The stabilizing solution, enclosed, of the model of a family at a scheduling value or of a
-    game given by its matrices.
+    """Return the stabilizing solution, enclosed, of the model of a family at a scheduling value or
+    of a game given by its matrices.
 
     `data` of the result has P, the printed one, and `relative_radius`, within which the exact
     solution lies (Frobenius), also for every parameter that reads as the same decimal where the
@@ -437,8 +438,8 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
-    """The entry of the trim in a witness: unknown -> center, and its radius for doubles and for
-    numbers that read as them, or empty for a plant without a trim."""
+    """Return the entry of the trim in a witness: unknown -> center and its radii for doubles and
+    for all decimals that round to them, or empty for a plant without a trim."""
     if trim is None:
         return {}
     rows = {}

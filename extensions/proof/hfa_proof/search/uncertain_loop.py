@@ -103,7 +103,7 @@ def _points(
 
 
 def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """The form in (ζ, d, e) that must be positive: -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q -
+    """Return the form in (ζ, d, e) that must be positive: -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q -
     z'X_2 z."""
     n, size = rates.shape
     growth = np.eye(size)[:, :n] @ H @ rates

@@ -1,9 +1,8 @@
 """Step to a better V: with fixed multipliers of the level, the V of smallest mean over the set.
 
 V and multipliers are optimized alternately (Jarvis-Wloszek, Lyapunov based analysis and controller
-synthesis for
-polynomial systems using sum-of-squares optimization, 2003); each step nearly keeps the last set and
-extends it where V' < 0 permits.
+synthesis for polynomial systems using sum-of-squares optimization, 2003); each step nearly keeps
+the last set and extends it where V' < 0 permits.
 """
 
 from __future__ import annotations
