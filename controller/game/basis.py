@@ -23,7 +23,7 @@ PAPER_STATES = 6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basis(Reported):
-    """ψ_m(z) = Π_i z_i^exponents[m, i], V(z) = W'ψ(z) (paper Section 3.2).
+    """Basis ψ_m(z) = Π_i z_i^exponents[m, i] of V(z) = W'ψ(z) (paper Section 3.2).
 
     name: its name
     exponents: (M, n), nonnegative integers; the first n(n+1)/2 rows are z_i z_j for i <= j, row by

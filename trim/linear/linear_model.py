@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearModel(StatesAndInputs, ByValue, Result, Reported):
-    """x' = A x + B u + E w, y - Y0 = C x + D u + F w with x = X - X0, u = U - U0 (paper Eq. 9).
+    """Linear model x' = A x + B u + E w, y - Y0 = C x + D u + F w; x = X - X0, u = U - U0 (Eq. 9).
 
     A: (n, n), ∂f/∂X; unit of a row's rate per column's unit. Names index it:
         A["pitch_rate", "alpha"].

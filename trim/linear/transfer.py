@@ -17,7 +17,7 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Transfer(Result):
-    """output / input = gain Π(s - zero) / Π(s - pole), without what cancels.
+    """Transfer function gain Π(s - zero) / Π(s - pole), without pole-zero cancellations.
 
     output: its name.
     input: its name.

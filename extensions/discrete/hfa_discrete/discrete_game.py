@@ -15,7 +15,8 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscreteGame(Reported):
-    """x⁺ = A x + B u + E w,  J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w): u minimizes, w maximizes.
+    """Game in discrete time, x⁺ = A x + B u + E w, J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w); u
+    minimizes and w maximizes J.
 
     step: A, B, E, Q, R and delta of one step
     discount: α, above 0 and at most 1

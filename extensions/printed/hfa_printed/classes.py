@@ -156,7 +156,7 @@ def _stands_out(comparison: Comparison) -> bool:
 
 
 def _sizes(comparison: Comparison) -> np.ndarray:
-    """|exact|, at least half a unit of its digits."""
+    """Return |exact|, at least half a unit of its digits."""
     return np.maximum(np.abs(comparison.exact), comparison.half_units)
 
 

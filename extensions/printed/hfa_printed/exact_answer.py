@@ -25,7 +25,8 @@ _SETTLED = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """x' = A x + B u + E w or x⁺ = A x + B u + E w, and the cost x'Qx + 2x'Nu + u'Ru - γ²w'w.
+    """Plant x' = A x + B u + E w or x⁺ = A x + B u + E w, with the cost x'Qx + 2x'Nu + u'Ru -
+    γ²w'w.
 
     A: (n, n)
     B: (n, m)

@@ -39,7 +39,7 @@ class Subject(Protocol):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Every parameter of the model -> value."""
+        """Parameter of the model -> value, for every parameter."""
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
@@ -119,7 +119,7 @@ def parameters_in_words(model: Model, parameters: Mapping[str, float]) -> str:
 def polynomial_in_words(
     terms: Iterable[tuple[float, Sequence[int]]], variables: Sequence[str]
 ) -> str:
-    """Σ coefficient variables^exponents, each coefficient to six digits."""
+    """Return Σ coefficient variables^exponents as text, each coefficient to six digits."""
     monomials = []
     for coefficient, exponents in terms:
         powers = zip(variables, exponents, strict=True)

@@ -70,7 +70,7 @@ def angular_velocity(x: Any) -> Any:
 
 
 def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
-    """v' = f/m + g - ω × v: (3,) rate of the velocity's components in body axes.
+    """Return v' = f/m + g - ω × v, (3,), the rate of the body-axis velocity.
 
     velocity, rates: (3,) v and ω. specific_force: (3,) force without weight over mass.
     gravity: (3,) acceleration of gravity in body axes.
@@ -79,7 +79,7 @@ def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -
 
 
 def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
-    """ω' = I⁻¹ (M - ω × I ω): (3,) rates of ω in body axes, rad/s².
+    """Return ω' = I⁻¹ (M - ω × I ω), (3,), in body axes, rad/s².
 
     rates: (3,) ω. moment: (3,) M about the center of gravity. inertia: (3, 3) I, symmetric.
     """

@@ -52,7 +52,8 @@ class LinearController:
 
 
 class Feedback(NamedTuple):
-    """x' = A x + B y + W (u_applied - u),  u = C x + D y of the sensors y of a design model.
+    """Controller x' = A x + B y + W (u_applied - u), u = C x + D y, with y the sensors of a design
+    model.
 
     limit, checks: as of `LinearController`
     """

@@ -28,7 +28,7 @@ RANK = 1e-10
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignModel(Reported):
-    """z' = A z + B u + E w,  y = C z + D u + noise,  of `design` about the operating point of
+    """Design model z' = A z + B u + E w, y = C z + D u + noise, about an operating point of
     `model`.
 
     design: the designed quantity model: the linear model of the aircraft

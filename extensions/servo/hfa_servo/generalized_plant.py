@@ -83,8 +83,8 @@ Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GeneralizedPlant(Reported):
-    """x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u; without C2
-    every state is measured and nothing else (state feedback).
+    """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u;
+    without C2 exactly the states are measured (state feedback).
 
     A: (n, n)
     B1: (n, k)
@@ -305,7 +305,7 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OutputFeedback(Reported):
-    """x̂' = Ak x̂ + Bk y,  u = Ck x̂ + Dk y, and what certifies it.
+    """Certified controller x̂' = Ak x̂ + Bk y, u = Ck x̂ + Dk y.
 
     Ak: (n, n) of the controller
     Bk: (n, p)
@@ -664,9 +664,8 @@ def _coupling_by_radius(
 
 
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
-    """Return whether the controller of X and Y is seen to keep the gain below δ, however large the
-    errors
-    of X and Y: then every condition holds."""
+    """Return whether the closed loop with the controller of X and Y is verified to have a gain
+    below δ, in which case all conditions hold independent of errors in X and Y."""
     try:
         controller = central_controller(plant, X, Y, delta)
         return all(check.ok for check in loop_checks(*closed_plant(plant, controller), delta))
@@ -686,7 +685,7 @@ def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def scaled_root(M: np.ndarray) -> np.ndarray:
-    """F with F F' = M, (n, n), for M positive semidefinite: rows in the units of M.
+    """Return F (n, n) with F F' = M for a positive semidefinite M, rows in the units of M.
 
     M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by
     row, and no small entry vanishes in the rounding of a large one."""

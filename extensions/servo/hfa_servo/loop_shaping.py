@@ -126,8 +126,8 @@ def following_model(
     paid: np.ndarray,
     rates: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of x_m' = A x_m + B w: x_m = [x; u] is the optimal answer of x' = A x + B u to
-    commands w of the outputs `regulated` x, w = [r; r'; r_end].
+    """Return A and B of x_m' = A x_m + B w, where x_m = [x; u] is the optimal response of x' = A x
+    + B u to commands w of the outputs `regulated` x, w = [r; r'; r_end].
 
     u' = Γ w - K (x_m - Π w): Π, Γ hold the outputs on the commands for ever (Francis), K is the LQR
     of the remaining distance of x_m.

@@ -14,7 +14,7 @@ from trim.point.operating_point import OperatingPoint
 
 
 class MeasuredOutputs:
-    """y - Y0 = C x + D a + F w + G a' of named outputs of the linear model at a trim.
+    """Outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim, by name.
 
     x, a, a': deviations of the states of the linear model, of the positions of the actuators, and
         the rates of the actuators; INPUT_position and INPUT_rate are outputs too

@@ -18,7 +18,7 @@ from controller.riccati.normal_form import precise_inverse
 
 
 class Axes(NamedTuple):
-    """y = D W'U⁻¹ x of a state x.
+    """Coordinates y = D W'U⁻¹ x of a state x.
 
     units: the diagonal of U, (n,), powers of two
     W: (n, n), orthogonal but for rounding

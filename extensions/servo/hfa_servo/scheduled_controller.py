@@ -50,8 +50,8 @@ _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledController(ByValue, Reported):
-    """x' = A(η) x + B(η) y + W(η) (u_applied - u),   u = C(η) x + D(η) y,   U_command = U0 + u,
-    x(0) = 0.
+    """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y,
+    U_command = U0 + u, x(0) = 0.
 
     η is the measured scheduling variable of `model`; every matrix is linear in it between
     `breakpoints` and constant beyond the ends. y = [measured; commanded], as deviations from the

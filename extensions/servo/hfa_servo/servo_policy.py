@@ -27,8 +27,8 @@ _MATRICES = ("A", "B", "C", "D", "W")
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ServoPolicy(Policy):
-    """x' = A(η) x + B(η) y + W(η) (u_applied - u),  u = C(η) x + D(η) y,  η the measured scheduling
-    state, x the memory.
+    """Policy x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y, η the measured
+    scheduling state, x the memory.
 
     controller: whose matrices these are
     commands: what its outputs are to follow: `CommandSteps`, or another value with its names, at,

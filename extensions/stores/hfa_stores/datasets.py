@@ -71,7 +71,8 @@ def _of_linear(model: LinearModel) -> xarray.Dataset:
 
 
 def _of_sweep(swept: Sweep) -> xarray.Dataset:
-    """States, inputs, A, B and eigenvalues over the axes of the grid, or over the points of a list,
+    """Return a dataset of states, inputs, A, B and eigenvalues over the axes of the grid, or over
+    the points of a list,
     with names, units and reasons."""
     import xarray
 

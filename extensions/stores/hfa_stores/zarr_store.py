@@ -93,7 +93,7 @@ class RowJob(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """SHA-256 of all that decides the results."""
+        """SHA-256 of everything that determines the results."""
         return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
 
     def rows_of(self, number: int) -> slice:

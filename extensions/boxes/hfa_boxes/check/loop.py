@@ -26,7 +26,7 @@ _SMALLEST_HOLE = 30
 
 @dataclass(frozen=True, eq=False)
 class Loop(Plant):
-    """x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
+    """Closed loop x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
 
     policy: state deviations (n,) -> input deviations (m,); an optional second argument is the trim:
         all states, inputs and parameters
@@ -118,7 +118,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:
-        """z' and the limited outputs."""
+        """Expressions of z' and the limited outputs."""
         return self.plant.rates(ca.DM(self.equilibrium.x) + self.symbols.z + self.symbols.e)
 
     @cached_property

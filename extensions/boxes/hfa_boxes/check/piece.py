@@ -33,7 +33,7 @@ _FLATTEST = 4
 
 
 class Polynomial(NamedTuple):
-    """W(y) = Σ coefficient Π y_i^power.
+    """Polynomial W(y) = Σ coefficient Π y_i^power.
 
     n: number of variables y
     terms: pairs of coefficient and powers

@@ -19,7 +19,7 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """x' = f(x, u), u between the limits of the inputs.
+    """Plant x' = f(x, u) with inputs between their limits.
 
     model: the equations; the states of its linear model are the moving states
     parameters: every parameter of the model -> value
@@ -59,7 +59,7 @@ class Plant:
 
     @property
     def nominal(self) -> np.ndarray:
-        """(n + m,), nominal values of the moving states and the inputs."""
+        """Nominal values of the moving states and the inputs, (n + m,)."""
         signals = self.model.signals
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
 

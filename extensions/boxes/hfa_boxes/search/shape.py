@@ -123,7 +123,7 @@ class Extents(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """V(y) = Σ coefficient monomial, y = M z; its set is {V <= 1} about 0.
+    """Polynomial V(y) = Σ coefficient monomial with y = M z; its set is {V <= 1} about 0.
 
     M: (n, n)
     basis: the monomials
@@ -190,7 +190,7 @@ class Shape:
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
     def of_level(self, level: float) -> Shape:
-        """V divided by a level."""
+        """Return V divided by a level."""
         return replace(self, coefficients=self.coefficients / level)
 
     def stretched(self, factors: np.ndarray) -> Shape:

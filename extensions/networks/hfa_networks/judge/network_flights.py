@@ -101,7 +101,7 @@ class TimeAxis(Protocol):
         """
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the loop without disturbance."""
+        """Return the closed loop without disturbance."""
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
         """Return the loop under w = L* z.
@@ -136,13 +136,13 @@ class InTime:
         return np.asarray(solve_continuous_lyapunov(linear.T, -change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the loop without disturbance."""
+        """Return the closed loop without disturbance."""
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._game.A) @ z + ca.DM(self._game.B) @ policy(z)
         return _FlowLoop(z, rates, self._exact, self.duration, b)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Under d = L* z."""
+        """Return the closed loop under the worst disturbance d = L* z."""
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
         loop = _FlowLoop(z, rates, self._exact, self.duration, b)
@@ -178,11 +178,11 @@ class InSteps:
         return np.asarray(solve_discrete_lyapunov(moved.T, change.T @ self.price @ change))
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the loop without disturbance."""
+        """Return the closed loop without disturbance."""
         return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Under w = L* x."""
+        """Return the closed loop under the worst disturbance w = L* x."""
         return self._loop_of(self._worst, policy, b, self.price)
 
     def _loop_of(

@@ -123,7 +123,7 @@ def _arctangent(y: Any, x: Any) -> Any:
 
 
 def _power(x: Any, y: Any) -> Any:
-    """x^y = exp(y log x) for x > 0. Raises Undecided for an x that may not be positive."""
+    """Return x^y = exp(y log x) for x > 0. Raises Undecided for an x that may not be positive."""
     if not constant_part(x) > 0:
         raise Undecided("a power of a base that may not be positive")
     return (y * x.log()).exp()

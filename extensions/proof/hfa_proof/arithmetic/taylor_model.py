@@ -106,7 +106,7 @@ class TaylorModel:
 
     @cached_property
     def _off_center(self) -> Any:
-        """An enclosure of every value less c_0."""
+        """Return an enclosure of all values minus c_0."""
         return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:
@@ -123,7 +123,7 @@ class TaylorModel:
         return c0 + (s * c1 + square * c2 + self._errors)
 
     def through(self, function: Callable[[arb_series], arb_series]) -> TaylorModel:
-        """f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
+        """Return f(c_0 + δ) = f + f' δ + f''/2 δ² + f'''(ξ)/6 δ³ with ξ in the range."""
         near = function(arb_series([self.parts[0], 1], prec=3))
         far = function(arb_series([self.range(), 1], prec=4))
         delta = TaylorModel(arb(0), *self.parts[1:])

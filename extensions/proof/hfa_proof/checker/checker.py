@@ -193,7 +193,7 @@ def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
 def _check_scheduled_rate(
     statement: ScheduleStatement, motion: Motion, progress: Progress | None
 ) -> list[LinearModelBox]:
-    """V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
+    """Check V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
     between."""
     flight = statement.flight
     boxes = covering(

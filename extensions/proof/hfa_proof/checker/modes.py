@@ -48,8 +48,8 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """V = ζ'P ζ, P > 0, decreases: A'P + P A ± growth < 0 on the box, growth the change of P at the
-    largest rate. Raises Rejected unless proved."""
+    """Raise Rejected unless V = ζ'P ζ, P > 0, is proved to decrease: A'P + P A ± growth < 0 on the
+    box, with growth the change of P at the largest rate."""
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
         if -1 in eigenvalue_signs(end, turn):
@@ -82,8 +82,9 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
 
 
 def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piece]) -> None:
-    """ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ is stable for each
-    constant ω of the interval, all λ within theirs and delays up to the one stated.
+    """Raise Rejected unless it is proved that ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t -
+    τ_i(t)), u = U ζ is stable for each constant ω of the interval, all λ within theirs and delays
+    up to the one stated.
 
     In v = λ_0 (u + d) + e, λ_0 is the middle and r the half width of the effectiveness: |e| <= |z|,
     z = r (u + d); d = u(t - τ) - u is minus an integral of u' = q / τ over at most τ, so that the

@@ -68,8 +68,8 @@ def solution_on(
 
 
 def lyapunov_operator(loop: arb_mat) -> arb_mat:
-    """L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row: (L E)_ij = Σ A_c,ki E_kj + E_im
-    A_c,mj."""
+    """Return L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row: (L E)_ij = Σ A_c,ki E_kj
+    + E_im A_c,mj."""
     entries = [divmod(entry, loop.nrows()) for entry in range(loop.nrows() ** 2)]
     return arb_mat(
         [[loop[k, i] * (j == m) + loop[m, j] * (i == k) for k, m in entries] for i, j in entries]

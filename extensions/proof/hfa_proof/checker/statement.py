@@ -123,7 +123,7 @@ class Flight:
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """x' = A x + B u + E w, given by its matrices.
+    """Plant x' = A x + B u + E w, given by its matrices.
 
     A: (n, n)
     B: (n, m)
@@ -172,7 +172,8 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """x_c' = A x_c + B y, u = C x_c + D y, linear in the scheduling value between breakpoints.
+    """Controller x_c' = A x_c + B y, u = C x_c + D y, linear in the scheduling value between
+    breakpoints.
 
     Gains u = -K x are a controller without states, D = -K.
     breakpoints: (g,), increasing

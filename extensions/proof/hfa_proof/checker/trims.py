@@ -28,7 +28,7 @@ from hfa_proof.checker.witness import TrimBox
 
 @dataclass(frozen=True, eq=False)
 class LinearModelBox:
-    """x' = A x + B u, y = C x + D u on a box, as Taylor models of matrices.
+    """Linear model x' = A x + B u, y = C x + D u on a box, as Taylor models of matrices.
 
     trim: the box
     A: (n, n)

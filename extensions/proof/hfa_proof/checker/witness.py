@@ -41,7 +41,7 @@ class TrimBox:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> TrimBox:
-        """Takes the entries `range` and `trim`; others may follow."""
+        """Read the entries `range` and `trim`; others may follow."""
         low, high = entries.pair("range")
         require(flight.low <= low < high <= flight.high, "range", [low, high])
         trims = entries.fields("trim")
@@ -76,7 +76,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """V = ζ'H ζ for the actuators of an interval of bandwidths.
+    """Lyapunov function V = ζ'H ζ for the actuators of an interval of bandwidths.
 
     bandwidth: lowest and highest, rad/s
     H: (n, n), symmetric
@@ -111,7 +111,7 @@ class ModesBox:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """V = ζ'P ζ, P linear between breakpoints, for a scheduling value that moves.
+    """Lyapunov function V = ζ'P ζ, P linear between breakpoints, for a moving scheduling value.
 
     breakpoints: (l,)
     P: (l, n, n), symmetric

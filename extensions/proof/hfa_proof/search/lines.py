@@ -112,7 +112,7 @@ def _shares(
     inverse: np.ndarray,
     additions: Sequence[arb_mat],
 ) -> np.ndarray | None:
-    """h = y/x of `_candidates`, or None where G has no positive inverse."""
+    """Return h = y/x of `_candidates`, or None if G has no positive inverse."""
     G = np.diag(distances)
     for addition in additions:
         rows = addition.tolist()

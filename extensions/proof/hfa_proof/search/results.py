@@ -143,7 +143,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def inputs_offset(self) -> Matrix:
-        """(G, m) U0."""
+        """Inputs U0 at each breakpoint, (G, m)."""
         return self.statement.inputs[..., 0]
 
     @property

@@ -297,7 +297,7 @@ class ScheduleSearch:
 
 
 class MotionSearch:
-    """V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
+    """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
 
     V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all between. P
     solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between: V is

@@ -81,7 +81,7 @@ def _piece(
 def _points(
     loop: LoopBox, actuators: UncertainActuators, bandwidth: tuple[float, float]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """ζ' and (q, z) as rows of (ζ, d, e), at both ends of the box and of the bandwidths."""
+    """Return ζ' and (q, z) as rows of (ζ, d, e), at both ends of the box and of the bandwidths."""
     least, most = actuators.effectiveness
     n = loop.G.nrows()
     a = loop.G.ncols()
@@ -113,7 +113,7 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """H and X that serve all of the points (rates, rows), in doubles, or None when there are none.
+    """Return H and X for all of the points (rates, rows), in doubles, or None if none are found.
 
     The largest t with the form of `decrease` - t I >= 0 at all points, 0 <= H <= I, 0 <= X <= 100,
     in the modes of their mean, is found by Clarabel (Goulart and Chen, 2024); t > 0 is needed."""
