@@ -206,7 +206,8 @@ def _part_by_shape(array: np.ndarray, game: Game) -> str:
 def single_parts(
     entries: Mapping[str, Any], plant: PlantNames, functions: Basis | ca.Function | None
 ) -> dict[str, np.ndarray]:
-    """Return those of W (M,), P and K that the entries contain, by name, in the units of the plant.
+    """Return W (M,), P and K by name, as far as the entries contain them, in the units of the
+    plant.
 
     functions: basis of W
     """

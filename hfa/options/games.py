@@ -196,7 +196,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
             if named.discrete is not None and not may_be_discrete:
                 raise BadInputError(
                     f"{self.plant} is in discrete time; hfa solve, learn and verify --weights"
-                    " take it"
+                    " accept it"
                 )
             return named
         if not self.own and self.dynamics in VARIANTS and self.at is None:

@@ -135,7 +135,7 @@ def read_document(path: str) -> Document:
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
-        raise BadInputError(f"{path}: declares entities or is not UTF-8; write the file without")
+        raise BadInputError(f"{path}: has entities or is not UTF-8; save it as UTF-8 without")
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, RecursionError) as error:

@@ -1,7 +1,7 @@
 """Search for one entry of the plant whose change makes the printed answer right.
 
-Every text that one slip of the pen makes of an entry is tried, entry after entry: the plants with
-its values are solved together, roughly, and those whose digits are right again, with a certificate.
+Every text that differs from an entry by one misprint is tried. All such plants are solved together
+to low accuracy, and those with the right digits again with a certificate.
 """
 
 from __future__ import annotations

@@ -137,7 +137,8 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 
 
 def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
-    """Path and value of every entry. Raises LookupError for one that the table does not have."""
+    """Yield path and value of every entry. Raises LookupError for an entry that is not in the
+    table."""
     waiting = [(name, value) for name, value in content.items()]
     while waiting:
         path, value = waiting.pop(0)

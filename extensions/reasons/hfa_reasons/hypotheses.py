@@ -205,8 +205,8 @@ def _nearest_power_of_ten(ratio: float) -> int:
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
-    """Yield the sign or a decimal slip of the entry that is farthest off, of P with its mirror
-    image."""
+    """Yield a wrong sign or decimal point of the entry with the largest error, for P together with
+    its mirror image."""
     if view.known < 1 + REDUNDANT:
         return
     errors = np.abs(view.judged - view.exact) * view.weights

@@ -252,7 +252,7 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """A new store without results. Raises BadInputError when something is there already.
+    """Create a store without results. Raises BadInputError if the path exists.
 
     It is made under a temporary name and renamed, so that it appears whole.
     """

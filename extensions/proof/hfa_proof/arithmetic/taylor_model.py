@@ -101,12 +101,12 @@ class TaylorModel:
 
     @cached_property
     def _beyond_slope(self) -> Any:
-        """An enclosure of every value less c_0 + c_1 s."""
+        """Enclosure of all values minus (c_0 + c_1 s)."""
         return _SQUARE * self.parts[2] + self._errors
 
     @cached_property
     def _off_center(self) -> Any:
-        """Return an enclosure of all values minus c_0."""
+        """Enclosure of all values minus c_0."""
         return _ALL * self.parts[1] + self._beyond_slope
 
     def range(self) -> Any:

@@ -24,7 +24,7 @@ def model_of(name: Any, source: Any, own: Model | None) -> Model:
     if own is not None:
         if (own.name, own.extras.source[1]) != (name, source):
             raise BadInputError(
-                f"the certificate concerns {shown(name)} of another file than that of {own.name}"
+                f"the certificate concerns {shown(name)} from a file other than that of {own.name}"
             )
         return own
     flexible = None if source else aircraft_of(name)

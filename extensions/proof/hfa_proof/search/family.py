@@ -166,8 +166,8 @@ class Family:
         steady = first.rates == dict.fromkeys(model.steady, 0.0)
         if not (steady and model.schedule not in first.free and len(first.free) == count):
             raise BadInputError(
-                f"a proof takes trims at a given {model.schedule}, all rates 0, with {count} "
-                f"unknowns; here free are {', '.join(first.free)}: change --hold and --free"
+                f"a proof needs trims at a given {model.schedule}, all rates 0, with {count} "
+                f"unknowns; the free ones are {', '.join(first.free)}: change --hold and --free"
             )
 
 

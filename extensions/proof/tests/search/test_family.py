@@ -131,7 +131,7 @@ def test_trims_that_statement_is_not_about_are_refused() -> None:
     ):
         replace(flights, flights=release(LEVEL_FLIGHT, hold={"speed": table})).check(0.0, 20.0)
     for free in ("alpha", "dihedral"):
-        with pytest.raises(BadInputError, match="a proof takes trims at a given dihedral"):
+        with pytest.raises(BadInputError, match="a proof needs trims at a given dihedral"):
             replace(flights, flights=release(LEVEL_FLIGHT, free=(free,))).check(0.0, 20.0)
 
 
