@@ -233,7 +233,7 @@ def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> Non
             r"shape \(6, 5\); .* takes 5 x 6",
             lambda: replace(plan, policy=GainPolicy("wide", np.zeros((6, 5)))),
         ),
-        ("drawn already", lambda: replace(plan, scenario=plan.member(0))),
+        ("already drawn", lambda: replace(plan, scenario=plan.member(0))),
     ):
         with pytest.raises(BadInputError, match=said):
             make()
