@@ -451,7 +451,7 @@ def test_drawn_aircraft_trim():
         ({"alpha": lambda a: np.where(np.arange(len(a)) > 100, a[100], a)}, "repeats one value"),
         ({"alpha": lambda a: np.where(np.arange(len(a)) // 6 == 9, a[54], a)}, "value 6 times"),
         ({"alpha": lambda a: np.where(a == a.max(), np.inf, a)}, "alpha is infinite"),
-        ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples and time 200"),
+        ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples and time has 200"),
         ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 values"),
         ({"rudder": None}, "has no column rudder; add it, or hold it"),
         ({"time": None}, "has no column time"),
