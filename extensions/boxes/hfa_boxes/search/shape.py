@@ -44,7 +44,7 @@ _SLOWEST = 1e-9
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
 #: -V' is at least this part of its value for the first V and the linear loop.
-_DECAY = 0.006
+_DECAY = 0.02
 #: The nearest of the quarter of samples drawn evenly in the logarithm of their distance from 0,
 #: over the set.
 _NEAREST = 1e-3
