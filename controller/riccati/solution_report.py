@@ -16,7 +16,7 @@ from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
 from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, checks_block
 from hfa_support.reporting.report import Report
@@ -149,9 +149,20 @@ def lqr(linear: LinearModel | ArrayLike, *more: Any, **weights: Any) -> Analysed
     (5, 6)
     """
     if not isinstance(linear, LinearModel):
-        linear = LinearModel(np.asarray(linear), *more[:1])
+        if not more:
+            raise BadInputError("lqr: B is missing; call lqr(A, B, Q, R)")
+        linear = LinearModel(np.asarray(linear), more[0])
         more = more[1:]
-    return solve(game_on(linear, *more, **weights))
+    return regulator(linear, *more, **weights)
+
+
+@checks_arguments
+def regulator(linear: LinearModel, Q: Any = None, R: Any = None) -> AnalysedGame:
+    """Return the solution of the game on a linear model without a disturbance.
+
+    Q, R: as for `hfa.game`
+    """
+    return solve(game_on(linear, Q, R))
 
 
 def _margins_table(analysed: AnalysedGame) -> Table:
