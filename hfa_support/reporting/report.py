@@ -163,10 +163,9 @@ class Reported:
             AttributeError, which suggests the nearest attributes."""
             if name[0] == "_":
                 raise AttributeError(name)
-            error = no_attribute(self, name)
             with suppress(BadInputError, TypeError):
                 return self[name]
-            raise error
+            raise no_attribute(self, name)
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:
