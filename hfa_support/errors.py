@@ -113,11 +113,14 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
 
     by_key = {each.lower().replace("-", "_"): each for each in known}
     wanted = name.lower().replace("-", "_")
-    if meant := [by_key[key] for key in (wanted, *MEANINGS.get(wanted, ())) if key in by_key]:
+    meanings = [wanted, *MEANINGS.get(wanted, ())]
+    meant = [by_key[key] for key in meanings if key in by_key]
+    if meant:
         return meant
     if len(wanted) >= _SHORTEST_BEGINNING:
         longer = [each for key, each in by_key.items() if key.startswith(wanted)]
-        if longer := longer or [each for key, each in by_key.items() if wanted in key]:
+        longer = longer or [each for key, each in by_key.items() if wanted in key]
+        if longer:
             return longer[:_MOST_MEANT]
     near = difflib.get_close_matches(wanted, by_key, n=_MOST_MEANT, cutoff=0.75)
     likeness = {key: difflib.SequenceMatcher(a=wanted, b=key).ratio() for key in near}
