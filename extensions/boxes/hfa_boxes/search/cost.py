@@ -22,6 +22,7 @@ from hfa_boxes.check.piece import Piece, Polynomial
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_fit import CostProblem, Fit, Wanted
 from hfa_boxes.search.kinks import kink_at
+from hfa_boxes.search.out_of_time import OutOfTimeError
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
@@ -88,10 +89,6 @@ class _Proved(NamedTuple):
 def _reached(proved: Sequence[_Proved], level: float) -> bool:
     """Return whether the proved pieces nearly reach a level."""
     return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
-
-
-class OutOfTimeError(NoSolutionError):
-    """Error of a level that has used its share of the processor time."""
 
 
 class CostSearch:
@@ -237,9 +234,7 @@ class CostSearch:
 
     def _tell(self, done: float, whole: float, text: str = "") -> None:
         if self._left() < self._least_left:
-            raise OutOfTimeError(
-                f"half of the remaining time was used, {done:.0%} of its cube decided"
-            )
+            raise OutOfTimeError("half of the remaining time was used", text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 

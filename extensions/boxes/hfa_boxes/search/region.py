@@ -18,6 +18,7 @@ from hfa_boxes.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
 from hfa_boxes.search.kinks import kink_at
+from hfa_boxes.search.out_of_time import OutOfTimeError
 from hfa_boxes.search.shape import Bound, Growth, Samples, Shape
 from hfa_proof.checker.reading import Rejected
 from hfa_proof.results import place_in_words
@@ -71,14 +72,6 @@ class BoxRegion:
     origin: str
     bound: Bound
     stopped: str
-
-
-class OutOfTimeError(NoSolutionError):
-    """Error of a search whose time is over."""
-
-    def __init__(self, done: float, step: str) -> None:
-        """done: decided share of the cube; step: description of the last step"""
-        super().__init__(f"the time was over after {step}, {1.0 - done:.2g} of the cube undecided")
 
 
 class RegionSearch:
@@ -277,7 +270,7 @@ class RegionSearch:
 
     def _count(self, done: float, whole: float, text: str = "") -> None:
         if time.process_time() > self._deadline:
-            raise OutOfTimeError(done, text)
+            raise OutOfTimeError("the time was over", text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 

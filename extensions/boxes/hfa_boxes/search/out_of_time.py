@@ -1,0 +1,18 @@
+"""The end of the processor time of a search on boxes."""
+
+from __future__ import annotations
+
+from hfa_support.errors import NoSolutionError
+
+
+class OutOfTimeError(NoSolutionError):
+    """Error of a proof or a fit whose processor time is over."""
+
+    def __init__(self, what: str, step: str, done: float) -> None:
+        """Store the message.
+
+        what: clause on the time, such as "the time was over"
+        step: description of the last step
+        done: decided share of the cube
+        """
+        super().__init__(f"{what} after {step}, {1.0 - done:.2g} of the cube undecided")
