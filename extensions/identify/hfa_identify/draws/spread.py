@@ -144,7 +144,7 @@ class DrawnAircraft:
             for name in names
         }
         drawn = [linearize(point.model, point) for point in points]
-        return self._draws(len(points), bands, drawn)
+        return self._alone(bands, drawn)
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
         """Return the spread of the modes of a linear model, and of the largest real part of its
@@ -164,7 +164,7 @@ class DrawnAircraft:
                 frequency = [each.frequency for each in same]
                 bands[f"{mode.name} damping{of}"] = band_of(mode.damping, damping, "1")
                 bands[f"{mode.name} frequency{of}"] = band_of(mode.frequency, frequency, "1/s")
-        return self._draws(len(points), bands, drawn)
+        return self._alone(bands, drawn)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
         """Return the spread of the stability and cost of a gain; u = -K z about the trim of each
@@ -191,25 +191,23 @@ class DrawnAircraft:
             costs.append(flight_cost(drawn, solution, K).worst)
         own = _abscissa(game.A - game.B @ K)
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
-        found = self._draws(len(points), bands, ())
+        found = self._draws(len(points), bands)
         worst = max(costs, default=np.nan)
         return replace(
             found,
             stable=stable,
-            stable_alone=None,
             cost_lost_worst_percent=worst,
             unsolved=unsolved,
         )
 
-    def _draws(
-        self, trimmed: int, bands: Mapping[str, Band], drawn: Sequence[LinearModel]
-    ) -> Draws:
+    def _alone(self, bands: Mapping[str, Band], drawn: Sequence[LinearModel]) -> Draws:
         """Return the result without a gain, from the linear models of the aircraft with a trim."""
         stable = sum(_abscissa(each.A) < 0.0 for each in drawn)
-        count = len(self.models)
-        return Draws(
-            count, self.seed, self.parameters, trimmed, None, None, bands, stable_alone=stable
-        )
+        return replace(self._draws(len(drawn), bands), stable_alone=stable)
+
+    def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
+        """Return the result of a number of trimmed aircraft, without their stability."""
+        return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
 
 
 def _abscissa(A: np.ndarray) -> float:
