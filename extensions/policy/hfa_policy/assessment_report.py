@@ -218,9 +218,8 @@ class Assessment(Result, Reported):
         first = min(departures, key=lambda departure: departure.time)
         count = sum(flown.flights - flown.inside for flown in self._rough)
         total = sum(flown.flights for flown in self._rough)
-        flights = f"{count} of {total} flights with {self._rough[0].disturbed_by}"
-        verb = "leaves" if count == 1 else "leave"
-        return f"{flights} {verb} the envelope ({departure_text(first)})"
+        flights = f"flights with {self._rough[0].disturbed_by}"
+        return f"{_leaving(count, total, flights)} ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
         """Return a sentence on the slow mode of the aircraft that the policy does not change,
@@ -244,8 +243,7 @@ class Assessment(Result, Reported):
         if not outcomes:
             return ""
         starts = sum(point.flights.starts for point in self.points if point.flights is not None)
-        lost = sum(outcome.lost for outcome in outcomes)
-        text = f"{lost} of {starts} flights {'leaves' if lost == 1 else 'leave'} the envelope"
+        text = _leaving(sum(outcome.lost for outcome in outcomes), starts, "flights")
         departures = [each.departure for each in outcomes if each.departure is not None]
         if not departures:
             return text
@@ -499,6 +497,15 @@ class Assessment(Result, Reported):
         from hfa_policy.assessment_figure import drawn_assessment
 
         return np.array(drawn_assessment(self, pyplot_figure(9.0, 4.0)).axes)
+
+
+def _leaving(count: int, total: int, flights: str) -> str:
+    """Return "1 of 2 flights leaves the envelope".
+
+    flights: description of all flights
+    """
+    verb = "leaves" if count == 1 else "leave"
+    return f"{count} of {total} {flights} {verb} the envelope"
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
