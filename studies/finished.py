@@ -49,7 +49,7 @@ def row_by_row(
 
     names: of all aircraft
     asked: aircraft of the new rows; None: those without a stored row
-    decides: settings of all rows (JSON values), stored beside them
+    decides: settings of all rows (JSON values), stored with them
     row_of: name -> row, with the name as "aircraft"
     """
     stored = finished(path, decides)

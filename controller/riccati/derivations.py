@@ -28,7 +28,7 @@ LAST = 2.0**-4
 
 
 class FromEigenvectors(NamedTuple):
-    """Solutions from the eigenvectors of the Hamiltonians of a stack, nan where there is none.
+    """Solutions from the eigenvectors of the Hamiltonians of a stack, nan without one.
 
     X: (N, n, n)
     correction: (N,), last Newton step, relative to X

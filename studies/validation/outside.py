@@ -53,8 +53,8 @@ class ReleasedTrim(NamedTuple):
 
 
 class TrimDifference(NamedTuple):
-    """Return the difference of ours from theirs at one trim: the largest of four deflections, the
-    thrust relative to theirs, the largest eigenvalue."""
+    """Differences of ours from theirs at one trim: the largest of four deflections, the thrust
+    relative to theirs, the largest eigenvalue."""
 
     speed: float
     dihedral: float

@@ -1,11 +1,11 @@
 """The documentation is true: the shown commands run and print the shown output, and links lead
 somewhere.
 
-A ```python block is run, and saved where its first line is "# FILE.py"; a ```text block right after
-it is what it prints. In a ```console block, lines that begin with "$ " are commands, which go on
-after a backslash, and the lines after a command are what it prints; "# exit 1" at the end of a
-command is its exit code. A line "..." matches any number of lines, and the last line, which names
-where an output comes from, may be left out. The blocks of one document run in order, in one folder
+A ```python block is run. It is saved if its first line is "# FILE.py". A ```text block right after
+it shows its output. In a ```console block, lines that begin with "$ " are commands, and a command
+continues after a backslash. The lines after a command show its output. "# exit 1" at the end of a
+command is its exit code. A line "..." matches any number of lines. The last line of an output,
+which names its origin, may be left out. The blocks of one document run in order, in one folder
 and one namespace; blocks in other languages, or in none, are not run, and those marked as in
 ```console slow only where slow ones are asked for. docs/pictures/NAME has the pictures that the
 commands of docs/NAME.md draw."""

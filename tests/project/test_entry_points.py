@@ -184,7 +184,7 @@ for entry in commands().values():
 
 
 def test_commands_load_without_packages_of_extras() -> None:
-    """The help of every command is printed, and what is missing is named in one line."""
+    """The help of every command is printed, and a missing package is named in one line."""
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
 

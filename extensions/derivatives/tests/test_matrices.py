@@ -14,7 +14,7 @@ B = np.array([[0.0], [1.0]])
 
 
 def test_matrices_alone_are_a_linear_model() -> None:
-    """It has modes, responses, names and a point, as that of an aircraft has."""
+    """A model of matrices has modes, responses, names and a point."""
     linear = hfa.LinearModel(A, B)
     assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
     assert linear.modes[0].eigenvalue in np.linalg.eigvals(A)

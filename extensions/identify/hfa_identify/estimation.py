@@ -313,7 +313,7 @@ def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Return the pairs of estimates with a large correlation."""
+    """Yield the pairs of estimates with a large correlation."""
     table = correlations(C)
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):

@@ -35,7 +35,7 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Return the thrust missing at full throttle, or the excess at idle."""
+    """Yield the thrust missing at full throttle, or the excess at idle."""
     full = None
     if parts.engines and "throttle" not in imposed:
         full = solve({"throttle": 1.0}, ("speed_dot",))

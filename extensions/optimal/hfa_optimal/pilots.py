@@ -54,5 +54,5 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """Return a policy that runs at the ticks of its own scenario."""
+    """Return a policy that runs at the ticks of a scenario."""
     return Pilot(name, flights.compiled(policy, scenario))

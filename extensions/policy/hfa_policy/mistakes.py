@@ -12,7 +12,7 @@ from hfa_policy.repair_trial import better_repairs
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Return the mistakes that the files show or, if there are none, those whose repair clearly
+    """Yield the mistakes that the files show or, if there are none, those whose repair clearly
     improves the flights. Policies of several samples are not searched."""
     if assessor.deployed.past:
         return

@@ -29,7 +29,7 @@ _COUNT_AT_FIRST = 1e-4
 def mistakes_of_normalizer(
     deployed: Deployed, stored: Zip, normalizer: Normalizer | None
 ) -> Iterator[Mistake]:
-    """Return the mistakes of the normalizer: omitted, superfluous, or of another checkpoint."""
+    """Yield the mistakes of the normalizer: omitted, superfluous, or of another checkpoint."""
     given = deployed.deployment.policy.get("normalizer")
     if given is None:
         training = _normalizer_in_training(deployed, stored)

@@ -82,7 +82,7 @@ class _Found(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Return the changes of the deployment that improve the flights clearly, the best first, or
+    """Yield the changes of the deployment that improve the flights clearly, the best first, or
     none where the flights are good already."""
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
@@ -149,7 +149,7 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """Return the reported changes: the best of each kind, the best first, or none where the
+        """Yield the reported changes: the best of each kind, the best first, or none where the
         delay alone explains the flights."""
         if self._is_only_late():
             return

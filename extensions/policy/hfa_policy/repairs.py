@@ -63,7 +63,7 @@ def _with_gains(
 
 
 def _exchanges(card: Deployment) -> Iterator[Repair]:
-    """Return the changes that exchange two observations."""
+    """Yield the changes that exchange two observations."""
     names = list(card.observation)
     for one, other in combinations(range(len(names)), 2):
         order = list(range(len(names)))
@@ -94,7 +94,7 @@ def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
-    """Return the changes that exchange two actions; a box stays with its place, as it is the
+    """Yield the changes that exchange two actions; a box stays with its place, as it is the
     network's."""
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
@@ -114,7 +114,7 @@ def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Return the changes of actions on angles that are 57 times too large in the map."""
+    """Yield the changes of actions on angles that are 57 times too large in the map."""
     card = deployed.deployment
     angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]
     if angles:
@@ -130,7 +130,7 @@ def _units(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:
-    """Return the changes from absolute values to deviations from trim, and the reverse."""
+    """Yield the changes from absolute values to deviations from trim, and the reverse."""
     for about, text in ((0.0, "absolute values"), ("trim", "deviations from trim")):
         observation = {name: {**entry, "about": about} for name, entry in card.observation.items()}
         if observation != card.observation:
@@ -139,7 +139,7 @@ def _abouts(card: Deployment) -> Iterator[Repair]:
 
 
 def _scales(deployed: Deployed) -> Iterator[Repair]:
-    """Return the changes of the units of angles, and of scales omitted or applied twice."""
+    """Yield the changes of the units of angles, and of scales omitted or applied twice."""
     card = deployed.deployment
     scales = np.array([entry.get("scale", 1.0) for entry in card.observation.values()])
     in_degrees = np.where(_angles(deployed), _DEGREES, 1.0)

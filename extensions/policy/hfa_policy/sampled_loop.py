@@ -137,9 +137,9 @@ class Delays(NamedTuple):
 
     radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable
         one.
-    limit: s, first unstable delay in whole samples, from the deployed one on; None if there is none
+    limit: s, first unstable delay in whole samples, from the deployed one on; None without one
         up to `searched`.
-    fine: s, first unstable delay to 5 % of a sample; None if there is none up to `searched`.
+    fine: s, first unstable delay to 5 % of a sample; None without one up to `searched`.
     searched: s, the longest delay examined.
     """
 

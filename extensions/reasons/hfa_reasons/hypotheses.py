@@ -294,7 +294,7 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Return signs, degrees and scales implied by the factors of states or inputs: the mistake,
+    """Yield signs, degrees and scales implied by the factors of states or inputs: the mistake,
     what each must be divided by, and what was fitted."""
     flipped = factors < 0.0
     with np.errstate(all="ignore"):

@@ -224,8 +224,8 @@ class Fit:
         return found
 
     def _solve(self) -> None:
-        """Return the coefficients of the largest W, measured by its mean over samples and the least
-        ratio t of W to the wanted costs."""
+        """Compute the coefficients of the largest W, measured by its mean over samples and the
+        least ratio t of W to the wanted costs."""
         rows = np.concatenate(self._rows)
         sides = np.concatenate(self._sides)
         y = self._ball(4000) @ self.M.T

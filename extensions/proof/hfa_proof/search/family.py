@@ -64,7 +64,7 @@ def bisected(
     narrowest: float,
     start: float = -math.inf,
 ) -> Iterator[tuple[Box, Proved | None]]:
-    """Return each box with the result of `prove`, or its halves where it returns None or cannot
+    """Yield each box with the result of `prove`, or its halves where it returns None or cannot
     decide.
 
     A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are

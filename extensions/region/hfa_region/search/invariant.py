@@ -156,7 +156,7 @@ class _Candidate:
 
 
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
-    """Return V of the loop without disturbance, and Lyapunov matrices of similar size."""
+    """Yield V of the loop without disturbance, and Lyapunov matrices of similar size."""
     yield region.origin, region.V.scaled(1.0 / region.rho)
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
     for P in lyapunov_matrices(region.plant, _CANDIDATES):
@@ -165,7 +165,7 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
 
 
 def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
-    """Return each V that has a level with V' < 0 at all samples."""
+    """Yield each V that has a level with V' < 0 at all samples."""
     for origin, V in _functions(region):
         plant = DisturbedPlant(loop, V)
         T = V.coordinates()

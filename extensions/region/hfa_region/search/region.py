@@ -183,7 +183,7 @@ class RegionSearch:
             self._progress(done, self._seconds, what)
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Return positive definite matrices of candidate Lyapunov functions."""
+        """Yield positive definite matrices of candidate Lyapunov functions."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
             yield "P of the game", (self._P + self._P.T) / 2
         for P in lyapunov_matrices(self.plant, _CANDIDATES):
@@ -333,7 +333,7 @@ class _Turn:
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """Return P > 0 (n, n) with A'P + P A = -diag(w²), A of the linear loop, for several weights w
+    """Yield P > 0 (n, n) with A'P + P A = -diag(w²), A of the linear loop, for several weights w
     (n,): first 1 / nominal, then with each entry multiplied by 0.1 to 10."""
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
