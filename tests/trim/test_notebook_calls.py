@@ -245,16 +245,12 @@ def test_lqr_is_the_game_without_disturbance() -> None:
 
 
 def test_lqr_refuses_a_disturbance() -> None:
-    """A delta or E would make the regulator that of a game; B may not be left out."""
+    """A delta or E would make the regulator that of a game."""
     linear = _linear()
     weights = (np.eye(6), np.eye(5))
     for more in ({"delta": 100.0}, {"E": np.eye(6)}):
         with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
             hfa.lqr(linear, *weights, **more)
-    with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
-        hfa.lqr(linear.A, linear.B, *weights, 100.0)
-    with pytest.raises(BadInputError, match="B is missing"):
-        hfa.lqr(linear.A)
 
 
 def test_zeros_lower_the_rank_of_the_system() -> None:

@@ -50,6 +50,14 @@ def test_lqr_of_matrices_is_that_of_the_game() -> None:
         assert pytest.approx(expected) == found.K
 
 
+def test_lqr_of_matrices_refuses_a_disturbance() -> None:
+    """A fifth number would make the regulator that of a game; B may not be left out."""
+    with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
+        hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
+    with pytest.raises(BadInputError, match="B is missing"):
+        hfa.lqr(A)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
