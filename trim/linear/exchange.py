@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from inspect import isfunction, signature
-from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from hfa_support.errors import BadInputError, no_attribute, on_one_line
 from trim.linear.responses import Names, chosen
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import control
 
     from trim.linear.linear_model import LinearModel
@@ -49,7 +50,7 @@ def of_control(model: LinearModel, name: str) -> Any:
 
         def call(*arguments: Any, inputs: Names = None, outputs: Names = None, **more: Any) -> Any:
             system = state_space(chosen(model, inputs, outputs))
-            matrices = [getattr(system, each) for each in takewhile("ABCD".__contains__, wanted)]
+            matrices = [getattr(system, each) for each in _leading_matrices(wanted)]
             try:
                 return function(*(matrices or [system]), *arguments, **more)
             except Exception as error:  # whatever python-control raises
@@ -62,3 +63,13 @@ def of_control(model: LinearModel, name: str) -> Any:
         functions = [each for each, value in vars(control).items() if isfunction(value)]
         raise no_attribute(model, name, *dir(system), *functions)
     return getattr(system, name)
+
+
+def _leading_matrices(names: Iterable[str]) -> list[str]:
+    """Return the names A, B, C, D with which the arguments of a function begin: of ctrb(A, B)."""
+    leading = []
+    for name in names:
+        if name not in ("A", "B", "C", "D"):
+            break
+        leading.append(name)
+    return leading
