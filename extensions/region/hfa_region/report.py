@@ -46,6 +46,7 @@ def region_report(region: Region) -> Report:
         starts.get(Outcome.LEFT),
         starts.get(Outcome.LOST),
         bounds.limits,
+        region.stopped,
     )
     rows = [("proved", at_least(statement.rho, 6), "1", "")]
     nowhere = (np.inf, None)
@@ -59,6 +60,7 @@ def region_report(region: Region) -> Report:
         share = np.sqrt(level / statement.rho)
         rows.append((name, f"{level:.6g}", f"{share:.3g}", place_in_words(statement.loop, place)))
     table = Table(("level", "V", "linearly", "at"), rows)
+    stopped = (f"No larger set is proved: {region.stopped}.",) if region.stopped else ()
     binding = ", ".join(bounds.limits) or "none"
     parts: tuple[str | Table, ...] = (
         _sentence(statement),
@@ -67,6 +69,7 @@ def region_report(region: Region) -> Report:
         table,
         f"Limits that bind: {binding}. V is {region.origin}, of degree {found.degree}; "
         + _where_proved(statement, region.proved.parts),
+        *stopped,
         _V(statement),
         _not_covered(statement),
     )

@@ -109,12 +109,14 @@ class FoundSet(ProvedSet):
     lost_at: the lowest V of an initial condition whose trajectory diverges; None where none does.
         Trajectories that neither converge nor diverge within the time are not counted.
     limits_that_bind: signals whose limits the set touches, nearly.
+    stopped: "interrupted" after Ctrl-C, else "".
     """
 
     schema = "hfa.region/1"
     made_by = "hfa prove region"
     json_keys = (
-        f"{ProvedSet.json_keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind"
+        f"{ProvedSet.json_keys} origin decrease_fails_at leaves_limits_at lost_at limits_that_bind "
+        "stopped"
     )
 
     origin: str
@@ -122,6 +124,7 @@ class FoundSet(ProvedSet):
     leaves_limits_at: Place | None
     lost_at: Place | None
     limits_that_bind: Sequence[str]
+    stopped: str = ""
 
 
 @dataclass(frozen=True)

@@ -54,19 +54,37 @@ def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
     return certified(path, loop, 0.72)
 
 
-def test_the_largest_set_of_the_oscillator_under_push() -> None:
-    """The largest set of the oscillator under a push."""
+@pytest.fixture(scope="module")
+def undisturbed() -> Region:
+    """Return a region of the oscillator without disturbance."""
     model = load_model(VAN_DER_POL)
     linear = linearize(model, find_operating_point(model))
     loop = saturated_loop(linear, np.zeros((0, 2)))
     known = PolynomialFunction.quadratic(solve_continuous_lyapunov(linear.A.T, -np.eye(2)))
     level = ProvedLevel(RegionStatement(loop, known.terms, 1.0, {}), {}, 1)
     bounds = Bounds((np.inf, None), {}, ())
-    undisturbed = Region(level, known, "given", bounds, Plant(loop), known.coordinates())
+    return Region(level, known, "given", bounds, Plant(loop), known.coordinates())
+
+
+def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> None:
+    """The largest set of the oscillator under a push."""
     data = region_report(invariant_region(undisturbed, {"push": SIZE})).data
     assert data["disturbances"] == {"push": SIZE}
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.03 * data["rho"]
     assert data["extents"] == pytest.approx({"position": 1.21, "velocity": 1.51}, abs=0.01)
+
+
+def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> None:
+    """Ctrl-C ends the search after the V that is being proved."""
+    tried = []
+
+    def interrupt(done: float, whole: float, what: str = "", /) -> None:
+        tried.append(what)
+        raise KeyboardInterrupt
+
+    found = invariant_region(undisturbed, {"push": SIZE}, interrupt)
+    assert found.stopped == "interrupted"
+    assert len(tried) == 2
 
 
 @pytest.mark.slow

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from cli import complaints_about
+from cli import SCRIPT, complaints_about
+from ended_runs import until
 from flint import arb
 from forged_regions import KINDS
 from pendulum_regions import (
@@ -21,17 +26,19 @@ from pendulum_regions import (
 )
 
 from hfa.main import main
-from hfa_aircraft.model import Model
+from hfa_aircraft.model import Model, Signal
+from hfa_boxes.interruption import interruptible
 from hfa_proof.arithmetic.ball_function import BallFunction, Undecided
 from hfa_proof.checker.reading import Rejected
 from hfa_region.check.certificate import check_certificate, read_content
 from hfa_region.check.checker import check_region
 from hfa_region.check.polynomial import Polynomial, exponents_of
-from hfa_region.check.statement import RegionStatement
+from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_region.search.function import PolynomialFunction
+from hfa_region.search.level import ProvedLevel
 from hfa_region.search.plant import Outcome, Plant, outcomes
-from hfa_region.search.region import gone_starts
+from hfa_region.search.region import RegionSearch, gone_starts
 
 
 def run(*words: str) -> int:
@@ -213,6 +220,59 @@ def test_a_search_goes_on_from_its_certificate(
     assert json.loads(capsys.readouterr().out)["origin"] == "V of the certificate"
     assert run(*words, "--Q", "5,5", "-o", str(again)) == 2
     assert "another loop" in capsys.readouterr().err
+
+
+# Interrupted.
+
+
+def test_an_interrupted_search_reports_its_region() -> None:
+    """Ctrl-C, which `hfa` answers by its end, ends the time of the search."""
+    sink = Model("sink", {"x": Signal(min=-1.0, max=1.0)}, {}, _cubic, trim={"x": 0.0})
+    loop = SaturatedLoop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, np.zeros((0, 1)))
+    before = signal.getsignal(signal.SIGINT)
+    saved: list[ProvedLevel] = []
+
+    def interrupt(done: float, whole: float, what: str = "", /) -> None:
+        if not saved:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with interruptible(interrupt) as progress:
+        search = RegionSearch(
+            loop, None, seconds=600.0, degree=6, progress=progress, save=saved.append
+        )
+        found = search.found()
+    assert signal.getsignal(signal.SIGINT) is before
+    assert found.proved is saved[-1]
+    assert "No larger set is proved: interrupted." in found.report().text()
+    assert found.report().data["stopped"] == "interrupted"
+
+
+def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
+    """x' = -x + x³: V = x² decreases below |x| = 1."""
+    return {"x": -x.x + x.x**3}, {}
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_ends_as_when_time_is_over(tmp_path: Path) -> None:
+    """The certificate is checked and continued."""
+    words = ["prove", "region", "--aircraft", PENDULUM, "--prover", "squares"]
+    words += ["--seconds", "600", "-o", "region.json"]
+    process = subprocess.Popen(
+        [SCRIPT, *words],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    certificate = tmp_path / "region.json"
+    assert until(certificate.exists)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
+    assert "No larger set is proved: interrupted." in out
+    assert main(["prove", "--aircraft", PENDULUM, "--check", str(certificate)]) == 0
+    assert run(*words[2:-4], "--seconds", "0.1", "--resume", "-o", str(certificate)) == 0
 
 
 # In a verdict.

@@ -165,6 +165,7 @@ def _is_network(request: RegionRequest) -> bool:
 
 def _prove(request: RegionRequest) -> int:
     from hfa_boxes.check.statement import Gain
+    from hfa_boxes.interruption import interruptible
     from hfa_region.check.certificate import write_certificate
     from hfa_region.check.loop import refuse_curved
     from hfa_region.commands.on_boxes import better_on_boxes, prove_gain_on_boxes
@@ -188,19 +189,19 @@ def _prove(request: RegionRequest) -> int:
         if request.output is not None:
             write_certificate(request.output, proved.statement, proved.witness, origin)
 
-    progress = ProgressLine("region")
-    search = RegionSearch(
-        loop,
-        P,
-        seconds=request.seconds,
-        degree=request.degree,
-        progress=progress,
-        save=None if request.disturbance else save,
-    )
-    found = search.found(known)
-    if request.disturbance:
-        found = invariant_region(found, request.disturbance, progress)
-        save(found.proved)
+    with interruptible(ProgressLine("region")) as progress:
+        search = RegionSearch(
+            loop,
+            P,
+            seconds=request.seconds,
+            degree=request.degree,
+            progress=progress,
+            save=None if request.disturbance else save,
+        )
+        found = search.found(known)
+        if request.disturbance:
+            found = invariant_region(found, request.disturbance, progress)
+            save(found.proved)
     if request.picture is not None:
         from hfa_region.picture import region_figure
         from hfa_support.reporting.figure import save as save_figure

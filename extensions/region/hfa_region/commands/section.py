@@ -28,6 +28,7 @@ def with_region(
     named: the game, of the linear model of an aircraft
     seconds: of processor time for the search
     """
+    from hfa_boxes.interruption import interruptible
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_region.commands.policy import policy_terms
     from hfa_region.report import region_report
@@ -44,10 +45,12 @@ def with_region(
     with said_of("--region"):
         policy = policy_terms(critic, named.linear.inputs)
     loop = saturated_loop(named.linear, critic.K, policy)
-    progress = ProgressLine("region")
-    search = RegionSearch(loop, critic.P, seconds=seconds, degree=_DEGREE, progress=progress)
     try:
-        section = region_report(search.found())
+        with interruptible(ProgressLine("region")) as progress:
+            search = RegionSearch(
+                loop, critic.P, seconds=seconds, degree=_DEGREE, progress=progress
+            )
+            section = region_report(search.found())
     except NoSolutionError as error:
         section = Report(
             f"{_TITLE}: nothing proved", (f"Because {error}.",), data=NothingProved().as_data()

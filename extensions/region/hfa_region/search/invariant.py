@@ -109,15 +109,19 @@ def invariant_region(
 
     region: of the loop without disturbance
     disturbances: name -> largest absolute value
-    progress: called for each V that is tried
+    progress: called for each V that is tried; KeyboardInterrupt from it keeps the proved set
     """
     loop = replace(region.plant.loop, disturbances=disturbances)
     best: tuple[float, _Candidate, ProvedLevel] | None = None
     candidates = sorted(_sampled(loop, region), key=lambda candidate: -candidate.size)[:_TRIED]
+    stopped = ""
     for index, candidate in enumerate(candidates):
-        if progress is not None:
-            progress(index, len(candidates), f"proving {candidate.origin}")
-        if best is not None and candidate.size <= best[0]:
+        try:
+            if progress is not None:
+                progress(index, len(candidates), f"proving {candidate.origin}")
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+        if best is not None and (stopped or candidate.size <= best[0]):
             break
         proved = _largest(loop, candidate)
         if proved is None:
@@ -130,7 +134,7 @@ def invariant_region(
             "no set is proved invariant under so large a disturbance: of every V that was tried "
             "V' >= 0 somewhere on each level, or no level was proved"
         )
-    return _region(*best[1:])
+    return replace(_region(*best[1:]), stopped=stopped)
 
 
 @dataclass(frozen=True, eq=False)

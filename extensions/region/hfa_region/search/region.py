@@ -79,6 +79,7 @@ class Region(Reported):
     bounds: its bounds
     plant: the loop in doubles
     T: coordinates, z = T y, with the set in the unit ball
+    stopped: "interrupted" after Ctrl-C, else ""
     """
 
     proved: ProvedLevel
@@ -87,6 +88,7 @@ class Region(Reported):
     bounds: Bounds
     plant: Plant
     T: np.ndarray
+    stopped: str = ""
 
     @property
     def rho(self) -> float:
@@ -112,7 +114,7 @@ class RegionSearch:
     P: (n, n), matrix of the game, tried first
     seconds: processor time of the search
     degree: highest degree of V
-    progress: called with the current step
+    progress: called with the current step; KeyboardInterrupt from it ends the time
     save: called with every larger proved region
     """
 
@@ -137,6 +139,7 @@ class RegionSearch:
         self.best: ProvedLevel | None = None
         self.origin = ""
         self._size = 0.0
+        self._stopped = ""
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
         """Return the largest region. Raises NoSolutionError if none is proved.
@@ -157,9 +160,8 @@ class RegionSearch:
             if self._left() > setting.seconds:
                 V = self._climb(self._proved_V(V), setting)
         if self.best is None:
-            raise NoSolutionError(
-                "no region is proved: of every V tried no level was large enough for the search"
-            )
+            why = self._stopped or "of every V tried no level was large enough for the search"
+            raise NoSolutionError(f"no region is proved: {why}")
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
@@ -178,9 +180,16 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _tell(self, what: str) -> None:
-        if self._progress is not None:
-            done = min(self._seconds, time.process_time() - self._begin)
+        """Report a step. After an interruption no time is left, and the proof of the last V ends
+        the search."""
+        if self._progress is None:
+            return
+        done = min(self._seconds, time.process_time() - self._begin)
+        try:
             self._progress(done, self._seconds, what)
+        except KeyboardInterrupt:
+            self._seconds = 0.0
+            self._stopped = "interrupted"
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
         """Yield positive definite matrices of candidate Lyapunov functions."""
@@ -313,6 +322,7 @@ class RegionSearch:
             bounds_of(self.plant, V, statement.rho, T, rises),
             self.plant,
             T,
+            self._stopped,
         )
 
 
