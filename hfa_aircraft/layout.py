@@ -77,7 +77,7 @@ class Layout(NamedTuple):
         for name, entry, slope in zip(names, has_entry, has_slope, strict=True):
             if entry and not slope:
                 raise BadInputError(
-                    f"{self.name}: {name} is discrete, its slopes are all 0; "
+                    f"{self.name}: {name} is discrete, so its derivatives are all 0; "
                     "declare it as a parameter"
                 )
 
@@ -146,7 +146,7 @@ class Layout(NamedTuple):
             slope = ca.jacobian(replacements[row], symbol)
             if slope.is_zero() or ca.depends_on(slope, symbol):
                 raise BadInputError(
-                    f"{self.name}: {output} cannot replace {state}; it must be affine in it"
+                    f"{self.name}: {output} cannot replace {state}; it must be affine in {state}"
                 )
             at_zero = ca.substitute(replacements[row], symbol, 0)
             parts = ca.substitute(parts, [symbol], [(values[output] - at_zero) / slope])

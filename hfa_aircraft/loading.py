@@ -73,7 +73,7 @@ def load_model(text: str) -> Model:
         ) from error
     except SystemExit as error:
         raise BadInputError(
-            f"{where}: ends the program (sys.exit) where it is loaded; put its calls under "
+            f"{where}: ends the program (sys.exit) when it is loaded; put its calls under "
             'if __name__ == "__main__":'
         ) from error
     except Exception as error:  # whatever the user's file raises

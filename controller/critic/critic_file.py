@@ -218,7 +218,7 @@ def single_parts(
         )
     if not parts:
         raise BadInputError(
-            f"there is no W, P or K; a weights file holds one of them{found_in(entries)}"
+            f"there is no W, P or K; a weights file contains one of them{found_in(entries)}"
         )
     for name, values in parts.items():
         is_row = max(values.shape, default=1) == values.size

@@ -250,9 +250,9 @@ def raise_disturbance(
         if step < max(SMALLEST_STEP * here.problem.share, NO_STEP):
             end = delta / np.sqrt(here.problem.share) if here.problem.share > 0.0 else np.inf
             raise NoSolutionError(
-                f"delta = {delta:g} is not reached: followed down from infinity, the game solution"
-                f" ends at delta = {end:.6g}; raise delta above that, unless the smallest"
-                " possible one (hfa solve) lies below"
+                f"delta = {delta:g} is not reached: the game solution, continued downwards from"
+                f" delta = inf, ends at delta = {end:.6g}; choose a delta above that, unless"
+                " `hfa solve` reports a smaller delta_min"
             )
     return here
 

@@ -81,7 +81,7 @@ class Stack(Reported):
         scales = np.sqrt(np.mean(self.states**2, axis=0))
         if np.any(scales == 0.0):
             raise BadInputError(
-                f"state {int(np.argmin(scales))} is 0 in every recorded sample; record it moving"
+                f"state {int(np.argmin(scales))} is 0 in every recorded sample; excite it"
             )
         return scales
 
@@ -161,7 +161,7 @@ def choose(pool: Stack, basis: Basis, samples: int) -> Stack:
         )
     if pool.samples < samples:
         raise BadInputError(
-            f"the pool holds {pool.samples} samples and {samples} are requested; record more"
+            f"the pool contains {pool.samples} samples and {samples} are requested; record more"
         )
     rows = unit_rows(basis.psi(pool.states / pool.channel_scales()))
     chosen: list[int] = []

@@ -60,7 +60,7 @@ class DeltaMin(NamedTuple):
     def advice(self, delta: float) -> str:
         """Return delta relative to delta_min, and the change to make where a solution fails a
         test."""
-        what = "; ask for a larger delta"
+        what = "; choose a larger delta"
         excess = self.margin(delta) - 1.0
         if self.refused < delta < self.value:  # there a value may exist or not
             verb = "rounding leaves" if self.uncertain else "lies"

@@ -53,7 +53,7 @@ def breakpoint_value(model: Model, text: str) -> float:
     """
     if "," in text or ":" in text:
         raise BadInputError(
-            f"is {shortened(text)!r}; give one number: `hfa sweep` takes lists and ranges"
+            f"is {shortened(text)!r}; give one number: `hfa sweep` accepts lists and ranges"
         )
     return quantity(model, model.schedule, text)
 

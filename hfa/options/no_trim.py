@@ -33,5 +33,6 @@ def advised(
     if "alpha" in request.hold:
         advice = f"leave --hold alpha out and {advice}"
     return TrimError(
-        f"{error}; alpha is held at {held}, free it trims at {trimmed}: {advice}", error.attempt
+        f"{error}; alpha is held at {held}; with alpha free the trim is at {trimmed}: {advice}",
+        error.attempt,
     )

@@ -36,7 +36,7 @@ def value_range(model: Model, name: str, text: str) -> Range:
     if intervals >= MOST_POINTS:
         points = f"{np.floor(intervals) + 1.0:,.15g}"
         raise BadInputError(
-            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed, take a "
+            f"is a range of {points} points; at most {MOST_POINTS:,} are allowed; choose a "
             "larger step"
         )
     unit = quantity(model, name, "1")
@@ -56,6 +56,6 @@ def array_of(name: str, values: Range, most: int) -> np.ndarray:
     """Return a range as an array, (N,). Raises BadInputError for more than `most` values."""
     if len(values) > most:
         raise BadInputError(
-            f"{name} has {len(values):,} points; at most {most:,} are allowed, give fewer"
+            f"{name} has {len(values):,} points; at most {most:,} are allowed; give fewer"
         )
     return np.asarray(values[np.arange(values.count)] if isinstance(values, Steps) else values)

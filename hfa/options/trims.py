@@ -318,7 +318,7 @@ class TrimOptions(HfaOptions):
         model = self.model
         usual = self.condition or usual_condition(model)
         if isinstance(usual, Path):
-            raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` takes it")
+            raise BadInputError(f"--condition {usual} is a list of points; `hfa sweep` accepts it")
         held: dict[str, float] = {}
         for name, value in self.hold.items():
             if name in model.parameters:

@@ -59,7 +59,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1
     assert failed in result.err
-    assert f"delta = {delta} is below delta_min = 113.5486; ask for a larger delta" in result.err
+    assert f"delta = {delta} is below delta_min = 113.5486; choose a larger delta" in result.err
     assert list(Path().iterdir()) == []
 
 

@@ -75,7 +75,7 @@ REFUSED = {
         ("--dihedral 95", "dihedral is 95 deg"),
         (
             "--dihedral 0:20:1",
-            "dihedral is '0:20:1'; give one number: `hfa sweep` takes lists and ranges",
+            "dihedral is '0:20:1'; give one number: `hfa sweep` accepts lists and ranges",
         ),
         (
             "--dihedral 15 --dynamics aristotle",
@@ -84,7 +84,8 @@ REFUSED = {
         ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
         (
             "--dihedral 15 --outputs lift",
-            "--outputs names 'lift'; did you mean lift_center or lift_outer? choose from speed, alpha",
+            "--outputs names 'lift'; did you mean lift_center or lift_outer? choose from speed, "
+            "alpha",
         ),
         ("--dihedral 15 -o result.xyz", "'.xyz'"),
         ("--dihedral 15 -o folder.json", "it is a folder"),

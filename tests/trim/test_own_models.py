@@ -342,7 +342,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
         (lambda x, u, p, w: ({"x": x.v, "v": np.fft.fft([u.u, x.x])}, {}), "the equations fail ("),
         (
             lambda x, u, p, w: ({"x": x.v, "v": ca.floor(u.u) + x.x}, {}),
-            "cart: u is discrete, its slopes are all 0; ",
+            "cart: u is discrete, so its derivatives are all 0; ",
         ),
         (
             lambda x, u, p, w: ({"x": ca.if_else(x.v > 1, 1, 0), "v": u.u}, {}),

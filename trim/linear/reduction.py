@@ -87,7 +87,7 @@ def _reduced(
     nominal = np.array([model.model.states[name].nominal for name in names])
     if np.linalg.cond(A22 * nominal / nominal[:, None]) > _SINGULAR:
         raise BadInputError(
-            f"{', '.join(names)} cannot follow the other states: their rates do not determine "
+            f"{', '.join(names)} cannot be residualized: their rates do not determine "
             "them (A22 is singular); residualize fewer"
         )
     followed = -np.linalg.solve(A22, rates[following])

@@ -182,8 +182,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             )
         if self.dynamics != model.name:
             raise BadInputError(
-                f"the operating point was trimmed with {self.dynamics!r} dynamics, the aircraft has"
-                f" {model.name!r}; trim it again"
+                f"the operating point was trimmed with {self.dynamics!r} dynamics, but the aircraft"
+                f" has {model.name!r}; trim it again"
             )
 
     def scale(self, equation: str) -> float:

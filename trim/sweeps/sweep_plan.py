@@ -74,7 +74,7 @@ class SweepPlan:
             )
         if self.count > MOST_POINTS:
             raise BadInputError(
-                f"the sweep has {self.count:,.15g} points, at most {MOST_POINTS:,} are allowed; "
+                f"the sweep has {self.count:,.15g} points; at most {MOST_POINTS:,} are allowed; "
                 "use larger steps"
             )
         self._check_parameters()

@@ -84,8 +84,8 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     exact = np.asarray(exact, dtype=float)
     if value.shape != exact.shape:
         raise BadInputError(
-            f"the value is of shape {value.shape} and the exact one of {exact.shape}; compare like "
-            "with like"
+            f"the value is of shape {value.shape} and the exact one of {exact.shape}; compare "
+            "values of one shape"
         )
     if not np.all(np.isfinite(value)):
         return math.inf

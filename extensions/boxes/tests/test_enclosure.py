@@ -182,7 +182,7 @@ def test_rounding_of_a_long_sum_is_covered() -> None:
 
 def test_an_operation_without_enclosure_is_named() -> None:
     y = ca.SX.sym("y")
-    with pytest.raises(BadInputError, match="uses erf, which is not enclosed"):
+    with pytest.raises(BadInputError, match="uses erf, which is not supported"):
         Program(ca.Function("f", [y], [ca.erf(y)]), "policy")
 
 

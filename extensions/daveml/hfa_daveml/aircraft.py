@@ -87,7 +87,7 @@ class _Files:
     def _add_output(self, document: Document, variable: Variable) -> None:
         if variable.name in self._outputs:
             other = self._outputs[variable.name][0].path
-            raise document.error(f"variable {variable.key}", f"is an output of {other} too")
+            raise document.error(f"variable {variable.key}", f"is also an output of {other}")
         self._outputs[variable.name] = (document, variable)
 
     def _is_moved(self, variable: Variable) -> bool:
@@ -104,7 +104,7 @@ class _Files:
         if missing:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(
-                f"{files}: no output is {', '.join(missing)}; add the file that gives it, "
+                f"{files}: outputs missing: {', '.join(missing)}; add the file that defines them, "
                 "joined by +"
             )
 

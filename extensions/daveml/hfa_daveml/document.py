@@ -135,7 +135,9 @@ def read_document(path: str) -> Document:
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
-        raise BadInputError(f"{path}: has entities or is not UTF-8; save it as UTF-8 without")
+        raise BadInputError(
+            f"{path}: has entities or is not UTF-8; save it as UTF-8 without entities"
+        )
     try:
         root = ElementTree.fromstring(content)
     except (ElementTree.ParseError, RecursionError) as error:
@@ -353,10 +355,10 @@ class _Reader:
             values = np.array([float(word) for word in words])
         except ValueError as error:
             raise self._error(
-                place, f"<{child.tag}> holds a word that is not a number ({error})"
+                place, f"<{child.tag}> contains a word that is not a number ({error})"
             ) from error
         if not np.isfinite(values).all():
-            raise self._error(place, f"<{child.tag}> holds a number that is not finite")
+            raise self._error(place, f"<{child.tag}> contains a number that is not finite")
         return values
 
     def _number_or(self, text: str | None, place: str, default: float) -> float:

@@ -32,7 +32,7 @@ class Expressions:
     def __getitem__(self, key: str) -> Any:
         """The value of a variable by its varID, in the file's units.
 
-        Raises BadInputError where it has no value, or follows from itself."""
+        Raises BadInputError where it has no value, or depends on itself."""
         if key in self._values:
             return self._values[key]
         variable = self._document.variables.get(key)
@@ -41,7 +41,7 @@ class Expressions:
             raise self._document.error(f"variable {asked}", f"{key} is not defined; define it")
         if key in self._asked:
             circle = ", ".join(self._asked[self._asked.index(key) :])
-            raise self._document.error(f"variable {key}", f"follows from itself ({circle})")
+            raise self._document.error(f"variable {key}", f"depends on itself ({circle})")
         self._asked.append(key)
         try:
             self._values[key] = _limited(variable, self._value(variable))

@@ -104,7 +104,9 @@ def _number(element: ElementTree.Element) -> float:
             return float(f"{float(mantissa)}e{int(exponent)}")
         return float((element.text or "").strip())
     except (ValueError, IndexError) as error:
-        raise BadInputError(f"<cn> holds {shortened(element.text or '')!r}, no number") from error
+        raise BadInputError(
+            f"<cn> contains {shortened(element.text or '')!r}, which is not a number"
+        ) from error
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:

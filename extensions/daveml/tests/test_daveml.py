@@ -113,7 +113,7 @@ def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
     whole = hfa.load_model(str(UAV))
     points = [hfa.find_operating_point(model) for model in (joined, whole)]
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-12)
-    with pytest.raises(BadInputError, match="is an output of"):
+    with pytest.raises(BadInputError, match="is also an output of"):
         hfa.load_model(f"{other}+{UAV}")
 
 
@@ -211,7 +211,7 @@ def test_a_formula_has_its_value(text: str, expected: float, tmp_path: Path) -> 
     [
         ("<calculation><math><apply><floof/><ci>x</ci></apply></math></calculation>", "", "floof"),
         ("<calculation><math><ci>z</ci></math></calculation>", "", "z is not defined"),
-        ("<calculation><math><ci>y</ci></math></calculation>", "", "follows from itself"),
+        ("<calculation><math><ci>y</ci></math></calculation>", "", "depends on itself"),
         ("", "", "no table, formula or initial value"),
         ("<uncertainty/>", "", "uncertainty"),
     ],

@@ -244,7 +244,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
     if name in known:
-        return entry.error(f"{name} takes two values, its limits")
+        return entry.error(f"{name} needs two values, its limits")
     alike = [each for each in known if each[:2] == name[:2]]  # lift CL is not rolling moment Cl
     if near := advice(name, alike or known):
         return entry.error(f"unknown entry {shown(name)}{near}")

@@ -133,8 +133,9 @@ def learn_steps(
                     return Learned(_training_run(learner, rows, seed), after)
                 before = after
     raise NoSolutionError(
-        f"Q-learning has not converged in {iterations} steps: the plant may have no stabilizing"
-        " policy, delta be too small, or a step move the state too far; `hfa solve` reports which"
+        f"Q-learning has not converged in {iterations} steps; the plant may have no stabilizing"
+        " policy, delta may be too small, or the steps may move the state too far; `hfa solve`"
+        " reports the cause"
     )
 
 
@@ -218,7 +219,7 @@ class _QLearner:
         if not self.has_saddle(H):
             raise NoSolutionError(
                 f"at delta = {self.problem.step.delta:g} the disturbance gains more than it costs"
-                "; ask for a larger delta (`hfa solve` names the smallest)"
+                "; choose a larger delta (`hfa solve` names the smallest)"
             )
         return H
 

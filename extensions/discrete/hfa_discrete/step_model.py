@@ -20,7 +20,7 @@ def step_model(path: Path) -> Model:
     problem = stored_game(path).discrete
     if problem is None:
         raise BadInputError(
-            f'{path} is in continuous time; hfa fly --model takes time = "discrete", others as'
+            f'{path} is in continuous time; hfa fly --model needs time = "discrete"; give others by'
             " --aircraft FILE.py:NAME"
         )
     step = problem.step

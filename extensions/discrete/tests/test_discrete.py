@@ -159,7 +159,7 @@ def test_smallest_delta_of_one_state_in_closed_form():
     smallest = minimum_delta_discrete(DiscreteGame(game))
     assert smallest.value == pytest.approx(2.0, rel=1e-5)
     assert solve_discounted(game.with_delta(2.01), 1.0).certificate.ok
-    with pytest.raises(NoSolutionError, match="ask for a larger delta"):
+    with pytest.raises(NoSolutionError, match="choose a larger delta"):
         solve_discounted(game.with_delta(1.9), 1.0)
 
 

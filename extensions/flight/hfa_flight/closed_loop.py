@@ -233,7 +233,7 @@ class ClosedLoop:
             self.scenario.actuators.refuse_trim(self.plant.trim)
         if isinstance(self.policy, GainPolicy) and self.policy.gains.shape[1:] != (m, k):
             raise BadInputError(
-                f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft takes {m} x {k},"
+                f"the gain has shape {self.policy.gains.shape[1:]}; this aircraft needs {m} x {k},"
                 " inputs by states"
             )
         for name in ("reference", "disturbance", "noise"):

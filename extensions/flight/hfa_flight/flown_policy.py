@@ -122,7 +122,7 @@ class PythonPolicy(Policy):
         try:
             inspect.signature(function).bind(0.0, point.states)
         except (TypeError, ValueError):
-            raise BadInputError(f"the policy {name} does not take (t, X); {_FORMS}") from None
+            raise BadInputError(f"the policy {name} does not accept (t, X); {_FORMS}") from None
         held = np.zeros((1, len(point.model.inputs)))
         return cls(name, function, point, tick, held=held)
 

@@ -52,10 +52,11 @@ class GainSchedule(Reported):
                 f"K is {np.shape(self.gains)}; with {count} values it must be ({count}, {m}, {n})"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
-            raise BadInputError("the table of gains holds a number that is not finite")
+            raise BadInputError("the table of gains contains a number that is not finite")
         if np.ndim(self.breakpoints) != 1 or count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
-                f"{self.model.schedule_key} must be the values of the table, increasing"
+                f"{self.model.schedule_key} must contain the breakpoints of the table, in "
+                "increasing order"
             )
 
     @cached_property
@@ -105,16 +106,18 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         if K.ndim != 3:
             if K.shape != (m, n):
                 raise BadInputError(
-                    f"there is no K of {m} x {n}, nor {key} and K at each of its values"
+                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each value"
                 )
             gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
             return GainSchedule(np.zeros(1), gain[None], model)
 
         if key not in stored:
-            raise BadInputError(f"there is no {key}; a table of gains K holds the value of each")
+            raise BadInputError(
+                f"{key} is missing; a table of gains K needs one value for each gain"
+            )
         breakpoints = np.ravel(numbers_in(key, stored[key]))
         if breakpoints.size < 2:
-            raise BadInputError(f"{key} must be at least two values, increasing")
+            raise BadInputError(f"{key} must contain at least two values, in increasing order")
         count = breakpoints.size
         is_matlab_stack = K.shape[0] == m and K.shape[2] == count
         is_stack = K.shape[:2] == (count, m)

@@ -90,10 +90,11 @@ class MonteCarlo(StatesAndInputs, Reported):
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance", "noise"):
             if not hasattr(getattr(self.scenario, name), "to_dict"):
-                raise BadInputError(f"the {name} of a Monte Carlo must be a Waveform")
+                raise BadInputError(f"the {name} of a Monte Carlo simulation must be a Waveform")
         if self.scenario.samples is not None:
             raise BadInputError(
-                "the scenario of a Monte Carlo is already drawn; give the scenario undrawn"
+                "the scenario of a Monte Carlo simulation is already drawn; give one that is not "
+                "drawn"
             )
         refuse_start(self.envelope, np.array(self.point.states) + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:

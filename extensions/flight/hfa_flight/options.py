@@ -481,7 +481,7 @@ class FlightOptions(ScenarioOptions):
             policy = open_loop(steps, tuple(model.inputs), scenario.tick, scenario.ticks)
         else:
             for name in steps.names:
-                refuse_unknown("a gain follows no command of", name, model.linear)
+                refuse_unknown("a gain cannot follow a command of", name, model.linear)
             if steps.names:
                 reference = CommandedStates(steps, model.linear, filtered=False)
             policy = self.flown_policy(noted_linear_model(model, point))

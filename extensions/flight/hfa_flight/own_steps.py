@@ -64,7 +64,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     make = getattr(model.equations, "jsbsim_steps", None)
     if make is None:
         raise BadInputError(
-            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; take"
+            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; use"
             f" --method {RUNGE_KUTTA}"
         )
     scenario = loop.scenario

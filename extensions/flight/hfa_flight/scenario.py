@@ -144,8 +144,8 @@ class Scenario(Reported):
             count = time / part_time
             if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
                 raise BadInputError(
-                    f"{name} is {time:g} s and {part} {part_time:g} s;"
-                    f" make it a whole number of {part}s"
+                    f"{name} is {time:g} s, not a whole number of {part}s of {part_time:g} s;"
+                    f" change {name} or {part}"
                 )
         if self.duration > MOST_STEPS * self.step * (1 + 1e-9):
             most = f"with a step of {self.step:g} s it must not exceed {MOST_STEPS * self.step:g} s"

@@ -201,7 +201,8 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
-            f"turbulence at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 ft: give"
+            f"turbulence is requested at {altitude:g} ft; MIL-F-8785C defines it from 10 to 80000 "
+            "ft: give"
             " another altitude"
         )
     high_length = _LENGTH[spectrum]

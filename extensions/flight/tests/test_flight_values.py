@@ -69,7 +69,7 @@ def test_a_deployment_flies() -> None:
     [
         (b"K", "give a gain K, a critic"),
         ("K", "the suffix '' is unknown"),
-        (lambda t: 0.0, r"does not take \(t, X\)"),
+        (lambda t: 0.0, r"does not accept \(t, X\)"),
         (lambda t, x: {"thrust": 1.0}, "unknown input 'thrust'"),
         (lambda t, x: [np.nan], "give 1 finite numbers"),
         ({"force": [1.0, 2.0]}, "the steps of force"),

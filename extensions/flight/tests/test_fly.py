@@ -190,7 +190,7 @@ def test_controllers_that_do_not_fit_are_refused() -> None:
         ("--dynamics newton", "designed for published dynamics"),
         ("--fault 0:0.5", "effectiveness after a fault is 0"),
         ("--fault 0.2", "give EFFECTIVENESS:BANDWIDTH[:BEGIN]"),
-        ("--command speed=1:1", "follows no command of 'speed'"),
+        ("--command speed=1:1", "cannot follow a command of 'speed'"),
         ("--command dihedral=1", "give NAME=TIME:VALUE"),
         ("--command dihedral=2:1,1:0", "the times must increase"),
         ("--law exact", "--law has no effect with --controller"),

@@ -34,7 +34,8 @@ def test_a_doublet_without_law_is_written_and_drawn() -> None:
     )
     assert (result.code, result.err) == (0, "wrote flight.json\nwrote flight.png\n")
     assert result.out.startswith(
-        "PASS: 4 s inside the envelope and the control limits\nFlight, Navion, speed 176 ft/s, law none"
+        "PASS: 4 s inside the envelope and the control limits\nFlight, Navion, speed 176 ft/s, law "
+        "none"
     )
     data = json.loads(Path("flight.json").read_text("utf-8"))
     elevator = np.degrees(
@@ -156,7 +157,7 @@ def test_exports_have_its_names() -> None:
     [
         ("fly --initial paper", "'paper' is not NAME=VALUE"),
         ("fly --initial speed=1,alpa=2", "alpa is unknown; did you mean alpha?"),
-        ("fly --command flap=1:1", "a gain follows no command of 'flap'"),
+        ("fly --command flap=1:1", "a gain cannot follow a command of 'flap'"),
         ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
         ("fly --law none --command speed=1", "give NAME=TIME:VALUE"),
         ("fly --law none --delta 100", "belongs to a law"),
@@ -223,6 +224,6 @@ def test_a_controller_is_scheduled_over_the_users_speed() -> None:
         "--weights",
         "gtm.npz",
     )
-    assert_refused(hfa(*prove), 2, "a proof takes no measurement of elevator_position")
+    assert_refused(hfa(*prove), 2, "a proof does not support a measurement of elevator_position")
     assert_refused(hfa("design", "gtm.toml", *gtm), 2, "give the values of speed by --at RANGE")
     assert_refused(hfa("design", "gtm.toml"), 2, "unknown input 'elevator'")

@@ -17,7 +17,7 @@ from hfa.main import BAD_INPUT
         ("fly --dihedral 15 --law exact --seed 3", "here nothing is random"),
         ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "exclude each other"),
         ("fly --dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
-        ("fly --dihedral 15 --command gamma=1:1", "a gain follows no command of 'gamma'"),
+        ("fly --dihedral 15 --command gamma=1:1", "a gain cannot follow a command of 'gamma'"),
         (
             "fly --dihedral 15 --duration 1e8",
             "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",

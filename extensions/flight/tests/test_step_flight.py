@@ -44,7 +44,7 @@ def test_the_command_flies_game_s_policy_and_critics():
     wrong = stored("wrong.npz", K=-solution.K)
     assert answer(*words, "--weights", wrong, code=FAILED)["decays"] is False
     for refused, message in (
-        (("fly", "--model", continuous, "--initial", "x1=1"), 'takes time = "discrete"'),
+        (("fly", "--model", continuous, "--initial", "x1=1"), 'needs time = "discrete"'),
         (("fly", "--model", plant), "add --initial NAME=VALUE"),
         ((*words, "--gust", "400:5"), "--gust belongs to an aircraft"),
         (("fly", "--model", plant, "--initial", "y=1"), "y is unknown; choose from x1, x2"),

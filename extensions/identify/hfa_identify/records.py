@@ -191,8 +191,8 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(names):
             raise BadInputError(
-                f"{path}, row {number} has {len(row)} cells, the first row {len(names)}; give one"
-                " a column"
+                f"{path}, row {number} has {len(row)} cells and the first row {len(names)}; give"
+                " one for each column"
             )
         table[number - 2] = [
             _cell(path, number, name, cell) for name, cell in zip(names, row, strict=True)

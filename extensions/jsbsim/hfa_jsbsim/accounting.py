@@ -132,7 +132,7 @@ def _account_attributes(element: Element) -> None:
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
             fault = f"the attribute {shortened(name)} of <{element.name}> is not read"
-            raise element.error(f"{fault}; take it out")
+            raise element.error(f"{fault}; remove it")
 
 
 def _listed(elements: Iterable[Element]) -> str:
@@ -211,4 +211,4 @@ def _of_prefix(name: str, reasons: dict[str, str]) -> str:
 
 
 def _refusal(writer: Writer, fault: str) -> BadInputError:
-    return BadInputError(f"{writer.where}: {fault}; take it out")
+    return BadInputError(f"{writer.where}: {fault}; remove it")

@@ -517,7 +517,7 @@ class Equations:
         symbols += [*self.parameters.values(), *self.gusts.values()]
         if moves_with_time(rates, self._time, symbols):
             raise BadInputError(
-                f"{self.parts.path}: forces depend on simulation/sim-time-sec; take it out"
+                f"{self.parts.path}: forces depend on simulation/sim-time-sec; remove it"
             )
         statement = "simulation/sim-time-sec stays 0; at some states forces depend on it"
         self.notes.append(Note(statement))

@@ -322,7 +322,7 @@ def _point_mass(element: Element) -> PointMass:
         "ball": (radius**2 * 0.4, radius**2 * 0.4),
     }
     if shape not in shapes:
-        raise form.error(f"{shortened(shape)!r} is not a form; use {', '.join(shapes)}")
+        raise form.error(f"{shortened(shape)!r} is not a shape; use {', '.join(shapes)}")
     along, across = shapes[shape]
     mass = weight / SLUG_TO_LB
     return PointMass(weight, location, mass * np.diag([along, across, across]), True)

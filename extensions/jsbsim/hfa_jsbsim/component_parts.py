@@ -67,7 +67,9 @@ def settling(component: Element, properties: Properties) -> Any:
     """Return <c1> of a filter, 1/s. Raises BadInputError where the filter never settles."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
-        raise component.error(f"<c1> is {float(rate):g}: the filter never settles; give another")
+        raise component.error(
+            f"<c1> is {float(rate):g}: the filter never settles; give another value"
+        )
     return rate
 
 

@@ -100,7 +100,7 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
-        raise channel.error(f"execute names {shortened(name)}, which nothing sets; set it")
+        raise channel.error(f"execute refers to {shortened(name)}, which is never set; set it")
 
     def refuse() -> Any:
         fault = f"whether the channel runs depends on {shortened(name)}, which is not constant"
@@ -158,7 +158,7 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
         value = _COMPONENTS[component.name](component, properties)
     else:
         fault = f"<{shortened(component.name)}> has no steady output that can be read"
-        raise component.error(f"{fault}; take it out of what the aircraft's forces depend on")
+        raise component.error(f"{fault}; no force may depend on it")
     if component.name == "kinematic" and travels(component):
         properties.travels.append((component, ca.SX(value)))
     return _clipped(component, properties, value)
@@ -170,7 +170,7 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
     if limits.attributes.get("type") == "cyclic":
-        raise limits.error("a cyclic <clipto> has no steady value; take it out")
+        raise limits.error("a cyclic <clipto> has no steady value; remove it")
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
     clipped = ca.fmin(ca.fmax(ca.SX(value), low), high)
     if is_constant(low) and is_constant(high):
@@ -257,7 +257,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not read; take it out")
+            raise child.error(f"<{name}> of a sensor is not read; remove it")
     gain = component.value_of("gain", 0.0) or 1.0
     value = _lagged(component, "lag", input_of(component, properties), properties)
     return value * gain + component.value_of("bias", 0.0)
@@ -299,12 +299,12 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
-        raise component.error("<c4> is 0: the filter has no steady value; give another")
+        raise component.error("<c4> is 0: the filter has no steady value; give another value")
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are left out")
         return value * c2 / c4
     if is_constant(c3) and float(c3) == 0.0:
-        raise component.error("<c3> is 0: the filter takes a derivative; give another")
+        raise component.error("<c3> is 0: the filter differentiates its input; give another value")
     state = properties.add_state(component)
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
@@ -315,7 +315,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
-        raise component.error("<c6> is 0: the filter has no steady value; give another")
+        raise component.error("<c6> is 0: the filter has no steady value; give another value")
     if not properties.has_filter_states:
         properties.leave_out(component, "its dynamics are left out")
         return value * c3 / c6

@@ -160,7 +160,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not read; take it out")
+            raise child.error(f"<{name}> of a sensor is not read; remove it")
     value = input_of(component, properties)
     lag = component.value_of("lag", 0.0)
     if lag:
@@ -172,7 +172,7 @@ def _refuse_delay(component: Element) -> None:
     """Raise BadInputError for a delay of whole frames."""
     delay = component.find("delay")
     if delay is not None:
-        raise delay.error(f"the <delay> of a <{component.name}> is not stepped; take it out")
+        raise delay.error(f"the <delay> of a <{component.name}> is not stepped; remove it")
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:

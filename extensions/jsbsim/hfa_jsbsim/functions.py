@@ -186,7 +186,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
-            raise element.error("a template function is applied; write the function in full")
+            raise element.error("a template function is used; write the function in full")
         return properties.read(numbered(element, element.text, number), element.where)
     if name in ("value", "v"):
         return element.number()
@@ -223,7 +223,8 @@ def numbered(element: Element, name: str, number: int | None) -> str:
         return name
     if number is None:
         raise element.error(
-            f"{shortened(name)} has a #, which stands for an engine; name the engine"
+            f"{shortened(name)} contains #, the placeholder of an engine; write the number of the "
+            "engine"
         )
     return name.replace("#", str(number))
 
@@ -330,7 +331,9 @@ _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
     """Return the value of a <table> at its independent variables."""
     if "type" in element.attributes:
-        raise element.error("a table with a type takes no independentVar here; leave the type out")
+        raise element.error(
+            "a table with a type cannot contain independentVar here; remove the type"
+        )
     table = read_table(element)
     arguments: dict[int, Any] = {}
     for variable in element.all("independentVar"):

@@ -245,7 +245,7 @@ class Properties:
             if key not in self._initial:
                 if key.startswith(_OF_ALL_FORCES):
                     if not self.centered:
-                        raise LoopError(where, f"{shortened(key)} follows from all forces")
+                        raise LoopError(where, f"{shortened(key)} depends on all forces")
                 elif not _ON_GROUND.fullmatch(key):
                     self.unset.setdefault(key, where)
             return self._initial.get(key, 0.0)
@@ -318,7 +318,7 @@ class Properties:
     def value(self, text: str, element: Element) -> Any:
         """Return a number, or the value of the property that a text names."""
         if len(element.lines) > 1 and element.name != "test":
-            raise element.error(f"<{element.name}> holds several lines; give a number or a name")
+            raise element.error(f"<{element.name}> contains several lines; give a number or a name")
         if not text:
             raise element.error(f"<{element.name}> is empty; give a number or a name")
         number = number_of(text)

@@ -125,7 +125,5 @@ def _to_body(element: Element, motion: Motion) -> ca.SX:
     if frame == "WIND":
         return motion.wind_to_body
     if frame == "INERTIAL":
-        raise element.error(
-            f"the frame {shortened(frame)} is not a frame of an aircraft; use BODY, LOCAL or WIND"
-        )
+        raise element.error(f"the frame {shortened(frame)} is unknown; use BODY, LOCAL or WIND")
     return ca.SX.eye(3)  # as JSBSim takes any other

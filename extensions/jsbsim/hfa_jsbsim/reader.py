@@ -139,7 +139,7 @@ def _in_data(name: str, root: Path | None) -> Path:
         raise BadInputError(
             f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
             ' python -m pip install ".[jsbsim]", or set'
-            " JSBSIM_ROOT to the folder that holds aircraft, engine and systems"
+            " JSBSIM_ROOT to the folder that contains aircraft, engine and systems"
         )
     folders = sorted(folder.name for folder in (root / "aircraft").iterdir() if folder.is_dir())
     if name not in folders:
@@ -158,7 +158,9 @@ def data_folder() -> Path | None:
     root = os.environ.get("JSBSIM_ROOT")
     if root:
         if not (Path(root) / "aircraft").is_dir():
-            raise BadInputError(f"JSBSIM_ROOT is {shortened(root)}; it contains no folder aircraft")
+            raise BadInputError(
+                f"JSBSIM_ROOT is {shortened(root)}; it contains no folder named aircraft"
+            )
         return Path(root)
     package = importlib.util.find_spec("jsbsim")
     if package is None or not package.submodule_search_locations:

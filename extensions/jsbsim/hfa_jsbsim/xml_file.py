@@ -106,7 +106,7 @@ class Element:
     def number(self, unit: str = "") -> float:
         """Return its text as a number, converted from its own unit where both have one."""
         if len(self.lines) > 1:
-            raise self.error(f"<{self.name}> holds several lines; give one number")
+            raise self.error(f"<{self.name}> contains several lines; give one number")
         value = self.as_number(self.text)
         own_unit = self.attributes.get("unit", "")
         if not unit or not own_unit or own_unit == unit:
@@ -125,7 +125,7 @@ class Element:
         """Return a text of this element as a number."""
         value = number_of(text)
         if value is None:
-            raise self.error(f"<{self.name}> holds {shortened(text)!r}, not a number")
+            raise self.error(f"<{self.name}> contains {shortened(text)!r}, not a number")
         if not math.isfinite(value):
             raise self.error(f"<{self.name}> is {text}; give a finite number")
         return value

@@ -195,7 +195,9 @@ def test_weights_beside_graph_are_read_from_folder_alone() -> None:
             entry for entry in tensor.external_data if entry.key == "location"
         ).value = "../elsewhere/a.data"
     Path("inside/b.onnx").write_bytes(model.SerializeToString())
-    assert "its data are in another folder; export the weights inside" in refusal("inside/b.onnx")
+    assert "its data are in another folder; export the weights in the same file" in refusal(
+        "inside/b.onnx"
+    )
 
 
 def test_wrong_graphs_are_refused() -> None:

@@ -116,4 +116,4 @@ def test_inputs_of_other_widths_are_refused() -> None:
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     message = refusal(path, inputs=5)
-    assert "its input 'u' has 4 numbers; a Q takes 6 states, then 5 inputs" in message
+    assert "its input 'u' has 4 numbers; a Q needs 6 states, then 5 inputs" in message

@@ -95,13 +95,13 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations, {frames} times those of the"
+            f"{path} expects {stored.observations} observations, {frames} times those of the"
             f" deployment file; for a stack of frames give history = {frames} in [timing], or list"
             " all observations"
         )
     if rest:
         raise BadInputError(
-            f"{path} takes {stored.observations} observations and the deployment file has"
+            f"{path} expects {stored.observations} observations and the deployment file has"
             f" {observations}; list those of its training, in their order"
         )
     network = network_in(path, stored.observations, stored.activation, {"policy": stored.part})
@@ -127,7 +127,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     parts = {"policy": str(entries.get("network", ""))}
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
-        raise BadInputError(f"{path} holds no policy of {observations} observations")
+        raise BadInputError(f"{path} contains no policy with {observations} observations")
     name, function = next(iter(network.functions.items()))
     normalizer = network.normalizers.get(name)
     if normalizer is not None and entries.get("normalizer", NONE) != NONE:
@@ -140,7 +140,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
         return Actor(function, network.chain, squash, rows=rows)
     if entries.get("squash") is False:
         raise BadInputError(
-            f"policy.squash is False and {path} has action_scale, behind tanh; leave it out"
+            f"policy.squash is False and {path} has action_scale, after tanh; leave it out"
         )
     if not np.all(stored.scale > 0.0):
         raise BadInputError(f"{path}: its action_scale is not above 0")
@@ -189,10 +189,10 @@ def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: 
     advice = "list those of its training, in their order"
     if takes != observations:
         raise BadInputError(
-            f"{what} takes {takes} observations and the deployment file has {observations};"
+            f"{what} expects {takes} observations and the deployment file has {observations};"
             f" {advice}"
         )
     if gives != actions:
         raise BadInputError(
-            f"{what} gives {gives} actions and the deployment file has {actions}; {advice}"
+            f"{what} returns {gives} actions and the deployment file has {actions}; {advice}"
         )

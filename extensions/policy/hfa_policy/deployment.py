@@ -261,7 +261,8 @@ class Deployment(Reported):
             if normalizer is not None and normalizer.mean.size != self.width:
                 raise BadInputError(
                     f"{normalizer.origin} normalizes {normalizer.mean.size} observations and the "
-                    f"card has {len(self.observation)}; give the normalizer of this policy"
+                    f"deployment file has {len(self.observation)}; give the normalizer of this "
+                    "policy"
                 )
         return normalizer
 
@@ -341,7 +342,7 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)
     critic = critic_in(path, plant)
     if critic.feedback is not None or not critic.linear:
-        raise BadInputError(f"{path}: it holds no gain K; write a deployment file")
+        raise BadInputError(f"{path}: it contains no gain K; write a deployment file")
     return critic.K
 
 

@@ -85,7 +85,7 @@ class Episodes:
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
-            raise BadInputError(f"an episode of {shown(seconds)} s; give at least one sample")
+            raise BadInputError(f"an episode lasts {shown(seconds)} s; give at least one sample")
         self.deployed = deployed
         self.points = tuple(points)
         self.low, self.high = _box_of(deployed)

@@ -92,7 +92,7 @@ def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) 
         refuse_unknown(f"the formula {shown(text)} calls", node.func.id, _FUNCTIONS)
         count, _ = _FUNCTIONS[node.func.id]
         if len(node.args) != count:
-            raise BadInputError(f"the formula {shown(text)}: {node.func.id} takes {count}")
+            raise BadInputError(f"the formula {shown(text)}: {node.func.id} needs {count}")
         parts = node.args
     else:
         raise BadInputError(f"the formula {shown(text)} contains more than arithmetic; {_RULE}")

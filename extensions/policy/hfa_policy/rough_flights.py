@@ -59,7 +59,9 @@ def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
     requested.
     """
     if samples < 1:
-        raise BadInputError("samples is 0: no flight meets the noise, gust or turbulence")
+        raise BadInputError(
+            "samples is 0, so no flight has noise, gust or turbulence; give at least one"
+        )
     on_model = scenario.on(model)
     if not _disturbed_by(on_model):
         raise BadInputError("the scenario has no noise, gust or turbulence; add one")

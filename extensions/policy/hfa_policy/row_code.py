@@ -129,7 +129,7 @@ class RowCode:
         the table itself, because each row is read before it is written."""
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
-                raise ValueError("tables that are bound are contiguous, of doubles, with all rows")
+                raise ValueError("a bound table must be contiguous, of doubles and with all rows")
         count = ctypes.c_longlong(len(table))
         return partial(self._call, count, _addresses([table]), _addresses(results))
 

@@ -119,7 +119,9 @@ def read_zip(path: str | Path) -> Zip:
 def _member(archive: zipfile.ZipFile, name: str) -> bytes:
     """Return one file of the zip, of a bounded size."""
     if name not in archive.namelist():
-        raise BadInputError(f"it holds no {name}; give a file of model.save of Stable-Baselines3")
+        raise BadInputError(
+            f"it contains no {name}; give a file of model.save of Stable-Baselines3"
+        )
     return unpacked(archive, name)
 
 

@@ -79,7 +79,7 @@ def message_of(folder, text):
         ("speed = {scale = 20.0}", "speed = {skale = 20.0}", "did you mean scale?"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "takes 4 observations and the deployment file has 3"),
+        ("speed = {scale = 20.0}", "", "expects 4 observations and the deployment file has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
         ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "and the file has"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),

@@ -193,8 +193,8 @@ class ScheduledController(ByValue, Reported):
             if self.dynamics in model.extras.variants:
                 choose = f", or choose --dynamics {self.dynamics}"
             raise BadInputError(
-                f"controller {self.name} was designed for {self.called}, the aircraft has"
-                f" {model.title}; design it for them{choose}"
+                f"controller {self.name} was designed for {self.called}, but the"
+                f" aircraft is {model.title}; design it for this one{choose}"
             )
         if identity(model) != self.parameters:
             raise BadInputError(

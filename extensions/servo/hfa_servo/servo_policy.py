@@ -151,7 +151,7 @@ def servo_policy(
     """
     followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:
-        refuse_unknown(f"controller {controller.name} follows no command of", name, followed)
+        refuse_unknown(f"controller {controller.name} cannot follow a command of", name, followed)
     start = point.values[model.schedule]
     commanded = commands.values[:, np.array(commands.names) == model.schedule]
     reached = np.append(start + commanded, start)

@@ -161,7 +161,7 @@ def test_another_aircraft_and_other_angles_are_refused(published_aircraft: Model
     ):
         controller.refuse_other(published_aircraft, math.radians(4.0), math.radians(11.0))
     with pytest.raises(
-        BadInputError, match="designed for published dynamics, the aircraft has newton"
+        BadInputError, match="designed for published dynamics, but the aircraft is newton"
     ):
         controller.refuse_other(hfa.aircraft("newton"), 0.1, 0.2)
     heavier = default_parameters().values._replace(panel_mass=11.0)

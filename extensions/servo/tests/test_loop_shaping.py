@@ -279,7 +279,7 @@ def test_names_and_filter_of_the_controller() -> None:
         ),
         (
             ("[shaping]\n", "[sensors]\npitch_rate = 1.0\n[shaping]\n"),
-            "sensors belongs to a game, [shaping] has none",
+            "sensors belongs to a game, not to [shaping]",
         ),
         (("[actuators.throttle]", "[actuators.flap]"), "unknown actuator 'flap'"),
     ],

@@ -317,7 +317,8 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         same_job = _deciding(attributes) == _deciding(expected["."]["attributes"])
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
-            f"{path} is not a {job.what} store of this version, or damaged; start again, without "
+            f"{path} is not a {job.what} store of this version, or is damaged; start again, "
+            "without "
             "--resume, under another name"
         ) from error
     if not same_job:

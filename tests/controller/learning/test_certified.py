@@ -388,7 +388,7 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
         ({"eta": 1.0}, "eta is 1.0"),
         ({"samples": 20}, "20 samples cannot determine 21 weights"),
         ({"samples": 30.5}, "samples is 30.5"),
-        ({"pool_samples": 40}, "the pool holds 40 samples and 50 are requested"),
+        ({"pool_samples": 40}, "the pool contains 40 samples and 50 are requested"),
         (
             {"pool_samples": 10**11},
             "pool_samples is 100000000000; give a whole number from 1 to 100000",

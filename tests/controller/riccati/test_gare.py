@@ -265,7 +265,7 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
         solve_game(game.with_delta(80.0))
     message = str(refusal.value)
     assert "against every input the disturbance gains at least 11" in message
-    assert f"delta = 80 is below delta_min = {smallest:.7g}; ask for a larger delta" in message
+    assert f"delta = 80 is below delta_min = {smallest:.7g}; choose a larger delta" in message
     assert "\n" not in message
     with pytest.raises(NoSolutionError, match=r"P is indefinite .* is below delta_min"):
         solve_game(game.with_delta(smallest * (1.0 - 1e-5)))
@@ -278,7 +278,7 @@ def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
     near = game.with_delta(smallest * (1.0 + 1e-6))
     P, refusal = _solved_or_refused(near)
     if refusal:
-        advice = r"not certified: .* is only .* % above delta_min = .*; ask for a larger delta"
+        advice = r"not certified: .* is only .* % above delta_min = .*; choose a larger delta"
         assert re.match(advice, refusal)
     else:
         assert relative_error(P, reference_solution(near).P) < 1e-6

@@ -134,7 +134,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
 
 def test_what_cannot_be_done_is_said() -> None:
     model = level_model(choice.aircraft(), 0.2)
-    with pytest.raises(BadInputError, match="pitch cannot follow the other states"):
+    with pytest.raises(BadInputError, match="pitch cannot be residualized"):
         model.select(residualize=("pitch",))
     with pytest.raises(BadInputError, match="no state is left in the model"):
         model.select(residualize=model.states)

@@ -191,7 +191,7 @@ def test_a_point_of_other_dynamics_is_refused(
     parameters: Parameters, point: OperatingPoint
 ) -> None:
     with pytest.raises(
-        BadInputError, match="trimmed with 'published' dynamics, the aircraft has 'newton'"
+        BadInputError, match="trimmed with 'published' dynamics, but the aircraft has 'newton'"
     ):
         linearize(hfa.aircraft("newton", parameters), point)
 

@@ -122,7 +122,9 @@ class BoxStatement:
         elif policy is None:
             raise BadInputError("concerns a network; give it by --weights or --policy")
         elif stated != digest_of(policy):
-            raise BadInputError("is about another policy; give that one's --weights and options")
+            raise BadInputError(
+                "is about another policy; give the --weights and options of that policy"
+            )
         loop = Loop(**vars(plant), policy=policy)
         equilibrium = entries.all_numbers("equilibrium", states)
         piece = Piece.read(entries.fields("piece"), len(states))

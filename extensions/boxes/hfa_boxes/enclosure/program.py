@@ -161,7 +161,7 @@ class _Reader:
 
     def _constant(self, value: float) -> Row:
         if not math.isfinite(value):
-            raise BadInputError(f"{self._name}: holds {value}; give it finite numbers")
+            raise BadInputError(f"{self._name}: contains {value}; give finite numbers")
         return {0: Fraction(value)} if value else {}
 
     def _result(self, operation: int, first: Row, last: Row) -> Row:
@@ -174,8 +174,9 @@ class _Reader:
         if operation in _SPECIAL:
             return _SPECIAL[operation](self, first, last)
         raise BadInputError(
-            f"{self._name}: uses {operation_name(operation)}, which is not enclosed; proofs on"
-            " boxes take sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, tan,"
+            f"{self._name}: uses {operation_name(operation)}, which is not supported; proofs"
+            " on boxes support sums, products, quotients, powers, roots, exp, log, tanh, sin, cos, "
+            "tan,"
             " asin, atan, atan2, min, max and abs"
         )
 
@@ -227,7 +228,7 @@ class _Reader:
     def _angle(self, first: Row, last: Row) -> Row:
         """Return atan2(b, a) as 2 atan(b / (sqrt(a² + b²) + a)), undefined where b = 0 >= a."""
         if not first:
-            raise BadInputError(f"{self._name}: uses atan2 of 0, which is not enclosed")
+            raise BadInputError(f"{self._name}: uses atan2 of 0, which is not supported")
         squares = _plus(self._product(first, first), self._product(last, last))
         below = _plus(self._node("sqrt", squares), last)
         return _plus({}, self._node("atan", self._quotient(first, below)), Fraction(2))

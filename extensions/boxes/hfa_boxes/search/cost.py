@@ -139,7 +139,7 @@ class CostSearch:
         try:
             for c, least in self._levels(proved):
                 if self._left() < 0.0:
-                    stopped = stopped or "the time was over"
+                    stopped = stopped or "the time limit was reached"
                     break
                 self._least_left = (1.0 - _OF_TIME_LEFT) * self._left()
                 try:

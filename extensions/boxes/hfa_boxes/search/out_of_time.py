@@ -11,7 +11,7 @@ class OutOfTimeError(NoSolutionError):
     def __init__(self, what: str, step: str, done: float) -> None:
         """Store the message.
 
-        what: clause on the time, such as "the time was over"
+        what: clause on the time, such as "the time limit was reached"
         step: description of the last step
         done: decided share of the cube
         """

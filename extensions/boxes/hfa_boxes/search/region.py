@@ -270,7 +270,7 @@ class RegionSearch:
 
     def _count(self, done: float, whole: float, text: str = "") -> None:
         if time.process_time() > self._deadline:
-            raise OutOfTimeError("the time was over", text, done)
+            raise OutOfTimeError("the time limit was reached", text, done)
         if self._progress is not None:
             self._progress(done, whole, text)
 

@@ -57,7 +57,8 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError(
-            "an FMU needs a C compiler and none was found: install gcc or clang, or name one by CC"
+            "an FMU needs a C compiler and none was found: install gcc or clang, or name one in "
+            "the environment variable CC"
         )
     sources = {
         SOURCE: _source(loop, origin),
@@ -207,7 +208,8 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
         if done.returncode:
             messages = done.stderr.strip().splitlines() or ["no message"]
             raise NoSolutionError(
-                f"{compiler} cannot compile the FMU ({messages[0]}); name another compiler by CC"
+                f"{compiler} cannot compile the FMU ({messages[0]}); name another in the "
+                "environment variable CC"
             )
         return (folder / "library").read_bytes()
 

@@ -177,13 +177,13 @@ def _refuse_unread(
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(
             f"its {shortened(normalizer.name)} normalizes {len(normalizer.mean)} numbers and the "
-            f"network takes {layers[0].inputs}"
+            f"network has {layers[0].inputs} inputs"
         )
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
         raise BadInputError(
-            f"its action_scale has {len(squash.scale)} numbers and the network gives "
-            f"{layers[-1].outputs}"
+            f"its action_scale has {len(squash.scale)} numbers and the network has "
+            f"{layers[-1].outputs} outputs"
         )
 
 

@@ -101,7 +101,8 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
         return x.astype(int)
     if to not in (_FLOAT, _DOUBLE):
         raise BadInputError(
-            "a Cast goes to another type than float, double and bool; export the network without it"
+            "a Cast converts to a type other than float, double and bool; export the network "
+            "without it"
         )
     return x
 
@@ -179,7 +180,7 @@ def _batch_norm(
     if how.get("training_mode"):
         raise BadInputError("its BatchNormalization is in training mode; export it after eval()")
     if x.ndim != 2:
-        raise BadInputError(f"its BatchNormalization is of {x.ndim} axes; only rows are supported")
+        raise BadInputError(f"its BatchNormalization has {x.ndim} axes; only rows are supported")
     return (x - mean) / np.sqrt(variance + how.get("epsilon", 1e-5)) * scale + bias
 
 
@@ -429,7 +430,7 @@ def _inputs_of(
             shapes[item.name] = [axis.dim_value for axis in axes]  # 0 where it is open
     if len(shapes) not in (1, 2) or not graph.output:
         raise BadInputError(
-            f"it has {len(shapes)} inputs and {len(graph.output)} outputs; a critic takes the "
+            f"it has {len(shapes)} inputs and {len(graph.output)} outputs; a critic needs the "
             "state alone, a Q the state and the input"
         )
     rows = {}
@@ -441,7 +442,7 @@ def _inputs_of(
             check_width(columns, states, inputs)
         elif columns != width:
             raise BadInputError(
-                f"its input {shortened(name)!r} has {columns} numbers; a Q takes {states} states, "
+                f"its input {shortened(name)!r} has {columns} numbers; a Q needs {states} states, "
                 f"then {inputs} inputs"
             )
         rows[name] = (1, columns)[-len(sizes) :]
@@ -486,7 +487,8 @@ def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
     if folder is None or not beside:
         raise BadInputError(
-            "its data are in another folder; export the weights inside (torch: external_data=False)"
+            "its data are in another folder; export the weights in the same file (torch: "
+            "external_data=False)"
         )
     path = regular_file(folder / location)
     dtype = np.dtype(onnx.helper.tensor_dtype_to_np_dtype(tensor.data_type))
@@ -567,7 +569,7 @@ def _refuse_more(size: int, inputs: Any) -> None:
     is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
-        raise BadInputError(f"an operator of it gives {size:.3g} numbers, more than {most}")
+        raise BadInputError(f"one of its operators returns {size:.3g} numbers, more than {most}")
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:

@@ -193,7 +193,7 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
         is_parallel = len(layers) == 1 and (entry, end) == (takes, gives)
         if end == takes or entry == gives or is_parallel:
             raise BadInputError(
-                f"tensor {shortened(name)!r} {first.shape} is in no part that was named, and may "
+                f"tensor {shortened(name)!r} {first.shape} belongs to no named part, and may "
                 f"act before or after the network; {_ELSE}"
             )
 

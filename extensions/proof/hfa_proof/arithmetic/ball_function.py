@@ -52,7 +52,7 @@ class BallFunction:
         ValueError when an argument has another number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
-            raise ValueError(f"{self._name} takes arguments of {self._inputs} entries")
+            raise ValueError(f"{self._name} needs arguments of {self._inputs} entries")
         try:
             return self._run(arguments)
         except (ValueError, ZeroDivisionError) as error:

@@ -183,7 +183,9 @@ def _given_controller(
         }
     loop = loop_of_file(request.weights, request.design, model, _stated_intervals(statement))
     if (loop.actuators is None) != (statement.actuators is None):
-        raise BadInputError(f"{option}: the certificate has other actuators; give --design")
+        raise BadInputError(
+            f"{option}: the actuators are not those of the certificate; give --design"
+        )
     stated = replace(statement, controller=loop.controller, actuators=loop.actuators)
     content: Mapping[str, Any] = content_of(stated)
     return {

@@ -209,7 +209,8 @@ class TrimSearch:
         for row, name in enumerate(names):
             if row not in self._rows and not TaylorModel.of(residual[row]).range() == 0:
                 raise BadInputError(
-                    f"the rate of {name} is not 0 whatever is free; change --hold and --free"
+                    f"the rate of {name} is not 0 for any values of the free variables; change "
+                    "--hold and --free"
                 )
 
     def trim_box(self, box: Box) -> TrimBox:

@@ -71,8 +71,8 @@ class Loop:
         last = breakpoints[-1]
         if low < first or high > last:
             raise BadInputError(
-                f"the table covers {first:g} to {last:g}, not {low:g} to {high:g}; prove it where "
-                "it is"
+                f"the table covers {first:g} to {last:g}, not {low:g} to {high:g}; choose "
+                "an interval within the table"
             )
         cuts = [low, *(cut for cut in breakpoints if low < cut < high), high]
         return [Box(*ends) for ends in pairwise(cuts)]
@@ -98,8 +98,8 @@ def loop_of_gains(
     inputs = tuple(model.inputs)
     if columns not in ((n, n + m) if intervals else (n,)):
         raise BadInputError(
-            f"K has {columns} columns; a proof takes {n}, or through actuators {n + m} with their "
-            "positions"
+            f"K has {columns} columns; a proof needs {n}, or with actuators {n + m}, which "
+            "include their positions"
         )
     positions = tuple(f"{name}_position" for name in inputs)
     measurements = (*model.linear, *positions)[:columns]
@@ -143,7 +143,7 @@ def loop_of_servo(
         raise BadInputError(f"{where} {missing[0]} has no actuator; name a design that has one")
     for name in controller.measurements:
         if name not in measurable(model):
-            raise BadInputError(f"{where} a proof takes no measurement of {name}")
+            raise BadInputError(f"{where} a proof does not support a measurement of {name}")
     measured = len(controller.measurements)
     breakpoints = controller.breakpoints
     if model.schedule_unit == "deg":

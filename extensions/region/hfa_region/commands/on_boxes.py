@@ -71,7 +71,7 @@ def prove_on_boxes(request: RegionRequest) -> int:
 
     request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; leave it out")
     if request.prover == "squares":
-        raise BadInputError("--prover squares takes a gain or a polynomial; use boxes")
+        raise BadInputError("--prover squares supports only gains and polynomials; use boxes")
     linear, policy, game = _policy_of(request)
     known = [("P of the game", solve_game(game).P), *policy.known]
     tried = ProvedPolicy(policy.function, policy.words, known, policy.not_covered)
@@ -169,5 +169,5 @@ def _refuse_inputs_taken(deployed: Deployed) -> None:
         for row in sorted(taken):
             raise BadInputError(
                 f"{deployed.deployment.origin}: {table}.{names[row]} depends on an input, which "
-                "has no continuous meaning here; `hfa assess` flies such a policy"
+                "has no continuous meaning here; `hfa assess` simulates such a policy"
             )

@@ -131,7 +131,7 @@ def invariant_region(
             best = (size, candidate, proved)
     if best is None:
         raise NoSolutionError(
-            "no set is proved invariant under so large a disturbance: of every V that was tried "
+            "no set is proved invariant under a disturbance of this size: for every V tried, "
             "V' >= 0 somewhere on each level, or no level was proved"
         )
     return replace(_region(*best[1:]), stopped=stopped)

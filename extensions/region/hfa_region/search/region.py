@@ -160,7 +160,7 @@ class RegionSearch:
             if self._left() > setting.seconds:
                 V = self._climb(self._proved_V(V), setting)
         if self.best is None:
-            why = self._stopped or "of every V tried no level was large enough for the search"
+            why = self._stopped or "no V tried has a level that is large enough for the search"
             raise NoSolutionError(f"no region is proved: {why}")
         return self._region()
 
