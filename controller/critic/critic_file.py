@@ -157,7 +157,7 @@ def critic_suffixes() -> tuple[str, ...]:
 
 
 def is_network(path: Path) -> bool:
-    """Return whether a package reads the file as a network.
+    """Return whether the file contains a network.
 
     It decides by the suffix, or for .npz and .json by array names that are those of layers.
     """

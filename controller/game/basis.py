@@ -45,7 +45,7 @@ class Basis(Reported):
 
     @property
     def quadratic_size(self) -> int:
-        """n(n+1)/2, the number of quadratic weights; they come first."""
+        """Number of quadratic weights, n(n+1)/2; they come first."""
         return self.states * (self.states + 1) // 2
 
     @cached_property

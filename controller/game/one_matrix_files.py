@@ -20,7 +20,7 @@ CRITIC = ("W", "P", "K", "weights")
 
 
 def matrices(path: Path) -> dict[str, Any]:
-    """Return name -> matrix of a file and of those that belong to it.
+    """Return name -> matrix of a file and of the files that belong to it.
 
     A .csv file also gives names and units. A .npy file with a name of neither a plant nor a critic
     is stored under `UNKNOWN`.

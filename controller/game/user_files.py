@@ -121,8 +121,8 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     """Return the entries of a plant by the names of this project, and notes on them.
 
     found: arrays read by `read_arrays`
-    needed: entries that the plant must have. Where the file has none of them but one structure in
-        it has all, the entries are those of the structure.
+    needed: entries that the plant must have. If the file lacks them but one of its structures
+        contains all, the entries of the structure are returned.
 
     Raises BadInputError where python-control's `dt` indicates discrete time.
     """
@@ -207,7 +207,7 @@ def _unused(stored: Mapping[str, Any]) -> list[str]:
 
 
 def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Return the names and units in a file, and append a note for each wrong number of them."""
+    """Return the names and units in a file, and append a note where their number is wrong."""
     names: dict[str, tuple[str, ...]] = {}
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
         texts = words(stored, key)

@@ -20,7 +20,8 @@ def nominal_weights(model: Model, names: Iterable[str]) -> np.ndarray:
 def weights_line(
     Q: np.ndarray, R: np.ndarray, delta: float, whose: Mapping[str, str] | None = None
 ) -> str:
-    """Return a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf (default)".
+    """Return the weights as a line: "Q diag(1, 2) (given), R diag(1) (default), delta inf
+    (default)".
 
     whose: "Q", "R", "delta" -> source, or None for a game given as a whole
     """

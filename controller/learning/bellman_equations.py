@@ -272,8 +272,8 @@ class Riccati(NamedTuple):
     disturbance: D, (n, k)
     Q: (n, n)
 
-    P S P is computed from its roots. Where few inputs hold a large P in check, S P is a small
-    difference of large numbers and |G'P| is not.
+    P S P is computed from its roots. Where few inputs stabilize a plant with a large P, S P is a
+    small difference of large numbers, unlike |G'P|.
     """
 
     A: np.ndarray

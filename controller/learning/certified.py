@@ -348,7 +348,7 @@ class CertifiedSettings:
 class CertifiedLaw:
     """Certified law in two stages of T = T_w/2 each, on the recorded stack (z_j, F_j).
 
-    Of the game only B, E, Q, R and δ are read.
+    The law uses only B, E, Q, R and δ of the game.
 
     Stage 1 solves the LQ problem (1/δ² = 0): W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|, k =
     π/(2 η θ T), with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē
@@ -469,7 +469,7 @@ class CertifiedLaw:
     ) -> Point:
         """Return the point on the ramp at `clock` (1 at the end).
 
-        Half of the ramp lowers β, if there is a discount; the rest raises 1/δ².
+        If there is a discount, the first half of the ramp lowers β; the rest raises 1/δ².
         """
         clock = 1.0 if clock >= 1.0 - 1e-12 else clock
         split = 0.5 if first_discount > 0.0 else 0.0

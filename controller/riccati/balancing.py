@@ -34,7 +34,8 @@ class Spectrum(NamedTuple):
         return float(self.eigenvalues.real.max())
 
     def axis_distance(self) -> float:
-        """min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, to `SHARP` of it or to rounding.
+        """Relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, accurate to `SHARP` or
+        to rounding.
 
         This is the distance of M, relative to its norm, from the nearest matrix with an eigenvalue
         on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is badly
@@ -106,7 +107,7 @@ def is_hurwitz(matrix: np.ndarray) -> bool:
 def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return D⁻¹ M D, with rows and columns of similar size, and the diagonal of D, powers of two.
 
-    LAPACK is called directly, because SciPy's `matrix_balance` takes ten times as long.
+    LAPACK is called directly, because SciPy's `matrix_balance` is ten times slower.
     """
     scaled, scalings = balanced_stack(matrix[None])
     return scaled[0], scalings[0]

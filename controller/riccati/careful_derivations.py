@@ -28,7 +28,7 @@ def by_schur(form: NormalForm) -> np.ndarray:
     """Return X, (n, n), from the ordered Schur form of the Hamiltonian, refined with twice the
     digits.
 
-    Raises NoSolutionError when the stable subspace is no graph, or does not exist. Source: Laub,
+    Raises NoSolutionError when the stable subspace does not exist or is not a graph. Source: Laub,
     IEEE Trans. Automatic Control 24 (1979), 913-921.
     """
     return refined(form, unrefined(form))
@@ -54,8 +54,8 @@ def unrefined(form: NormalForm) -> np.ndarray:
 def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
     """Return X after Kleinman's steps Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0.
 
-    Where the condition takes nearly all digits, corrections shrink and grow again. The X after the
-    smallest correction is returned.
+    For an equation with a condition near 1e16 the corrections shrink and grow again. The X after
+    the smallest correction is returned.
     """
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 

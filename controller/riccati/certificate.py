@@ -77,9 +77,9 @@ Measured = dict[str, Any]
 
 @dataclass(frozen=True)
 class Certificate(Checked, Result):
-    """The tests of P; it counts only when all of them hold.
+    """The tests of P, which is accepted only if all of them hold.
 
-    checks: of P, all of which must hold."""
+    checks: the tests of P"""
 
     json_keys = "ok checks"
 

@@ -32,7 +32,7 @@ class FlightCost(Result):
 
     worst: largest over the initial conditions.
     mean: mean over initial conditions of equal optimal cost.
-    gain: L2 gain, to be below delta.
+    gain: L2 gain, which must be below delta.
     exact_gain: L2 gain of the optimum.
     distance: the smallest change that gives A - B K an undamped mode, relative to its norm in
         balanced units, or 0 for an unstable loop.

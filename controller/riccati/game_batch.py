@@ -37,7 +37,7 @@ class GameBatch(Reported):
 def solve_games(A: np.ndarray, B: np.ndarray, like: Game) -> GameBatch:
     """Return the solutions of the games on plants A (N, n, n), B (N, n, m).
 
-    E, Q, R and delta are those of `like`. The reason of a refused game is its failed test. Raises
+    E, Q, R and delta are those of `like`. The reason for refusing a game is its failed test. Raises
     BadInputError that names the wrong model.
     """
     A = np.asarray(A, dtype=float)

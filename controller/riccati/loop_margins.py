@@ -98,8 +98,8 @@ def _peak_of(locus: Loci, grid: np.ndarray) -> float:
 def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
     """Return the function ω (N,) -> M(jω) (N, m, m), fast for many frequencies.
 
-    A is made triangular once, by its complex Schur form, so that each frequency takes n² operations
-    in place of n³.
+    A is made triangular once, by its complex Schur form, so that each frequency requires n²
+    operations in place of n³.
     """
     from scipy.linalg import schur
 

@@ -180,7 +180,7 @@ class NormalForm:
         return np.asarray(1.0 / np.diag(self.T))
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
-        """Return X for a P, or for a stack of them, in the user's coordinates; the form must not be
+        """Return X for one P or a stack of P in the user's coordinates; the form must not be
         turned."""
         return P * np.outer(self.units, self.units)
 

@@ -259,7 +259,7 @@ def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantit
 def lag_rates(
     kind: str, strip: str, lag: Lag, angle: Quantity, x: Any, half_chords: Quantity
 ) -> dict[str, Quantity]:
-    """z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
+    """Return the rates z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
 
     half_chords: V/b, the half chords flown in a second, 1/s
     The other arguments are those of `missing`.
@@ -274,11 +274,11 @@ def lag_rates(
 def _lagged_panel(
     motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
 ) -> _LaggedPanel:
-    """Loads on a panel whose lift lags behind its motion, its controls and its gusts.
+    """Return the loads on a panel whose lift lags behind its motion, its controls and its gusts.
 
     motion: of the panel
     air: density, slug/ft^3
-    ground_drag: whether the drag takes the speed over ground
+    ground_drag: whether the drag depends on the speed over ground
 
     The lagged angle of attack turns the lift too: the induced velocity of the wake is a
     flow.
@@ -364,7 +364,7 @@ def _with_apparent_mass(
     p: Any,
     air: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads with those of the air that wings and tails carry.
+    """Return the loads, with the apparent mass of wings and tails.
 
     loads: all others
     motions: of the center panel and of an outer one

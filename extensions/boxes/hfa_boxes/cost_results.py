@@ -22,7 +22,7 @@ class BoundPiece(Result):
     M: (n, n).
     coefficients: coefficients of the monomials of W.
     powers: (terms, n), powers of each monomial.
-    boxes: number of boxes that prove it.
+    boxes: number of boxes of the proof.
     """
 
     c: float

@@ -173,8 +173,8 @@ class _Files:
         return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return its unit, the initial value of a search, and its limits: those of the file and of
-        the tables over it."""
+        """Return the signal of a variable: its unit, the initial value of a search, and its limits
+        from the file and from the tables over it."""
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
         low = factor * max(variable.least, least)

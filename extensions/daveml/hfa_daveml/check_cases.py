@@ -123,8 +123,8 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 def checked_document(document: Document) -> CheckedDocument:
     """Return the check cases of a file, computed from its tables and formulas alone.
 
-    Raises BadInputError where a case names an unknown variable or another unit, or gives no value
-    to an input without an initial one.
+    Raises BadInputError where a case names an unknown variable or another unit, or has no value for
+    an input without an initial value.
     """
     return CheckedDocument(
         document, [each for case in document.cases for each in _checked(document, case)]

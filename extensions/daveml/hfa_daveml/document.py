@@ -25,7 +25,7 @@ class Variable:
     """A variable of a file.
 
     key: its varID. name: as the standard calls it. units: as the file writes them.
-    initial: its value where nothing gives another, or None without one.
+    initial: its value if nothing else defines it, or None.
     least, most: its limits; infinite without.
     formula: the MathML element of its calculation, or None without one.
     is_input, is_output: whether the file marks it so.
@@ -46,8 +46,8 @@ class Variable:
 class Axis:
     """An independent variable of a function.
 
-    key: its varID. least, most: the range beyond which it is held; infinite where the function
-        extrapolates.
+    key: its varID. least, most: the range beyond which its value is constant; infinite where the
+        function extrapolates.
     """
 
     key: str
@@ -72,8 +72,9 @@ class Function:
 class Signal:
     """A value of a check case.
 
-    name: of a variable, or its varID. units: as the file writes them; "" without. value: printed.
-    tolerance: how far a result may be from it, or 0 for inputs.
+    name: name or varID of the variable. units: as in the file; "" without. value: the printed
+    value.
+    tolerance: largest permitted difference of a result, or 0 for inputs.
     """
 
     name: str

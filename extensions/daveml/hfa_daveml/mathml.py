@@ -77,7 +77,8 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return an operator on its arguments; `csymbol` names one that MathML lacks."""
+    """Return the value of an operator on its arguments; `csymbol` names an operator that MathML
+    lacks."""
     name = operator.tag
     if name == "csymbol":
         name = (operator.text or "").strip()

@@ -68,7 +68,7 @@ def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal
 
 
 def completed(linear: LinearModel) -> dict[str, Any]:
-    """Return the fields of a linear model of which A and B are given, and what else was given.
+    """Return all fields of a linear model from A, B and any other given fields.
 
     C is the identity and D zero unless given; the states are x1, x2, ..., the inputs u1, u2, ...,
     the outputs y1, y2, ... of C.

@@ -59,7 +59,7 @@ class Table:
     source: the file and its hash.
     values: geometry, mass or weight, condition and thrust line by name.
     derivatives: name -> value per rad.
-    meanings: name -> the derivative that it means.
+    meanings: name -> derivative.
     surfaces: control surface -> its limits, rad.
     thrust: its limits.
     axes: of the rolling and yawing moments and rates, "body" or "stability".
@@ -103,8 +103,8 @@ def _of_toml(path: str) -> dict[str, Entry]:
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
-    """Yield the entries of nested dictionaries. Raises BadInputError where two groups hold one
-    name."""
+    """Yield the entries of nested dictionaries. Raises BadInputError where two groups contain the
+    same name."""
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}

@@ -55,8 +55,8 @@ def check_discounted(
     """Return `check_discrete` of a game in continuous time, sampled with u and w held over each
     step.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is one of a
-    step already.
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is already
+    one of a step.
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -85,11 +85,11 @@ def check_discrete(
 ) -> Verdict:
     """Return the verdict on a critic of a game in discrete time, compared with the exact solution.
 
-    A critic of V or dV/dx has the policy that it implies there, not R⁻¹B'P; a K that came without P
-    is compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B K itself
-    must be stable. The exact solution of a discounted problem may fail to stabilize; the verdict is
-    then FAIL, although the critic is exact. A network, or a value that is not
-    quadratic, is also searched over a box of states and flown from there.
+    A critic of V or dV/dx has the policy that it implies there, not R⁻¹B'P; a K without P is
+    compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B K itself must
+    be stable. The exact solution of a discounted problem may fail to stabilize; the verdict is then
+    FAIL, although the critic is exact. A network, or a value that is not quadratic, is also
+    searched over a box of states and flown from there.
 
     more: further matrices of the critic: L (k, n) of w = L x, H of its Q-function over (x, u, w) or
         (x, u)
@@ -113,7 +113,7 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """Return the mistake of a critic, as the reasons package names it, or "" without one.
+    """Return the mistake of a critic found by the package hfa_reasons, or "".
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """

@@ -181,7 +181,10 @@ def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
 
 
 class _Certified(NamedTuple):
-    """X, (n, n), of a step, in the coordinates of `form`, in which X is accurate."""
+    """Certified X, (n, n), of a step.
+
+    form: the step in the coordinates in which X is accurate.
+    """
 
     X: np.ndarray
     form: StepForm
@@ -271,7 +274,7 @@ def _not_shrinking(values: np.ndarray) -> np.ndarray:
 
 
 def _unreached(value: complex) -> str:
-    """Return a sentence: no input reaches the mode of this eigenvalue."""
+    """Return the sentence that no input reaches the mode of an eigenvalue."""
     return (
         f"no input reaches the {_mode_text(value)} of sqrt(discount) A, which does not decay;"
         " change B or lower the discount"
@@ -325,8 +328,10 @@ def _existence(form: StepForm) -> Answer:
 
 
 def _obstacle(form: StepForm, failure: str) -> str:
-    """Return one line on why there is no solution without disturbance; failure: of its
-    certificate."""
+    """Return the reason why no solution without disturbance exists, as one line.
+
+    failure: failed test of the certificate.
+    """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
         if abs(value) < 1.0 - RANK:

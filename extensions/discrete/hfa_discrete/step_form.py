@@ -102,8 +102,8 @@ class StepForm(NormalForm):
 
         Its state is (y + y⁺)/√2 and moves at (y⁺ - y)/√2, which is z = (1 + s)/(1 - s): the value
         y'X y grows by y⁺'X y⁺ - y'X y in both. In signals of alternating sign the step has -A, -B
-        and -E, and the same X; of the two games the slower one is taken, so that no mode is near
-        the pole of the map, z = -1 or 1.
+        and -E, and the same X; of the two games the slower one is used, so that no mode is near the
+        pole of the map, z = -1 or 1.
 
         Raises NoSolutionError where every loop has a mode at both. Raises NoValueError where a
         disturbance of constant or alternating sign gains more than δ against every input.

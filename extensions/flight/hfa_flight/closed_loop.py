@@ -265,7 +265,7 @@ class ClosedLoop:
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return symbols of t, y and the held inputs, in which the loop is written."""
+        """Return the symbols t, y and held inputs of the loop's expressions."""
         y = ca.SX.sym("y", sum(self.state_sizes))
         held = ca.SX.sym("held", sum(self.held_sizes))
         return ca.SX.sym("t"), y, held
@@ -374,7 +374,7 @@ class ClosedLoop:
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
     def hold(self, tick: int, held: np.ndarray) -> None:
-        """Write the held inputs of a tick into `held`, except for those of plant and delay."""
+        """Write the held inputs of a tick into `held`, except those of plant and delay."""
         scenario = self.scenario
         sizes = self.held_sizes
         parts = self.held_slices

@@ -42,7 +42,7 @@ class Departure(NamedTuple):
 
 
 class ControlExcess(NamedTuple):
-    """Input beyond one of its control limits: its farthest value and that limit."""
+    """Input beyond a control limit: its farthest value and the limit."""
 
     input: str
     value: float

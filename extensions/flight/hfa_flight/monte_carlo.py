@@ -57,8 +57,7 @@ KEPT = {
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(StatesAndInputs, Reported):
-    """N members, each a draw of one scenario. Two plans are equal when they give the same
-    results.
+    """N members, each a draw of one scenario. Plans with the same results are equal.
 
     members: N
     seed: with a member's number it determines all of its random quantities, so that members can be

@@ -387,8 +387,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """Return the notes on the result: on the operating point, and on inputs that move although
-        their dynamics are omitted."""
+        """Return notes on the operating point, and on moving inputs whose dynamics are omitted."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
         inputs = zip(self.model.inputs.values(), moved, strict=True)
         return [

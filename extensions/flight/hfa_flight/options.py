@@ -93,7 +93,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
 
 
 def fraction(text: str) -> float:
-    """Return a positive number from a text such as 0.01 or 1/120."""
+    """Return the positive number of a text such as 0.01 or 1/120."""
     above, slash, below = text.partition("/")
     value = positive(above)
     return value / positive(below) if slash else value

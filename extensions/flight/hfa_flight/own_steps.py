@@ -93,7 +93,8 @@ class _OwnTick:
     """Advance of a loop by the frames of a tick."""
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """make: step in s -> stepper of the aircraft, with `begin` and `advance`."""
+        """Create the simulation from `make`: step in s -> stepper of the aircraft, with `begin` and
+        `advance`."""
         plant = loop.loop.plant
         assert isinstance(plant, NonlinearPlant)
         scenario = loop.loop.scenario

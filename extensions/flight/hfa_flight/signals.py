@@ -100,8 +100,8 @@ def zero(size: int) -> Waveform:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
-    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' from rest, so that r(t) = Σ_i
-    (R_i - R_i-1) s(t - t_i), R_-1 = 0.
+    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' with r = r' = 0 at first, so that
+    r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0.
 
     s(t) is the step response of the filter.
 

@@ -74,7 +74,7 @@ def test_a_deployment_flies() -> None:
         (lambda t, x: [np.nan], "give 1 finite numbers"),
         ({"force": [1.0, 2.0]}, "the steps of force"),
         ({"force": [(1.0, 2.0), (0.5, 0.0)]}, "must increase"),
-        ([[1.0, 2.0, 3.0]], "takes 1 x 2"),
+        ([[1.0, 2.0, 3.0]], "needs 1 x 2"),
     ],
 )
 def test_what_is_no_policy_is_refused(policy: object, said: str) -> None:

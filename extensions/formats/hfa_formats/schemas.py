@@ -31,7 +31,7 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 
 def meaning(kind: Any, path: tuple[str, ...]) -> str:
     """Return the meaning of an entry: the line "name: meaning" of the docstring of its class or of
-    a base, or the docstring of the property. KeyError without one."""
+    a base, or the docstring of the property. Raises KeyError if both are missing."""
     kind = _without_none(annotation(kind, path[:-1]))
     name = path[-1]
     for ancestor in kind.__mro__:

@@ -33,8 +33,8 @@ def white_covariance(fit: Fit) -> np.ndarray:
     """Return the (p, p) Cramér-Rao bound, the inverse of the information, for white residuals.
 
     The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
-    them. A parameter that no sample depends on has the variance inf, as has one whose information
-    is lost in rounding."""
+    them. The variance of a parameter is inf if no sample depends on it, or if its information is
+    lost in rounding."""
     covariance = _enlarged(fit) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
     covariance[unseen, unseen] = np.inf
@@ -207,8 +207,8 @@ def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
 
 
 def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the autocorrelation at lags 0 to N - 1 of the samples that are present, each pair of
-    them weighted alike."""
+    """Return the autocorrelation at lags 0 to N - 1 of the samples that are present, with equal
+    weights of all pairs."""
     values = np.where(present, residual, 0.0)
     pairs = np.maximum(np.round(sums_of_products(present.astype(float))), 1.0)
     means = sums_of_products(values) / pairs
@@ -263,7 +263,8 @@ def unexplained(fit: Fit) -> np.ndarray:
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:
-    """Return the (p, p) correlation coefficients of estimates, 0 for those of infinite variance."""
+    """Return the (p, p) correlation coefficients of estimates, 0 for an estimate of infinite
+    variance."""
     variances = np.diag(covariance)
     seen = np.isfinite(variances) & (variances > 0.0)
     deviations = np.sqrt(np.where(seen, variances, 1.0))

@@ -198,8 +198,9 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings of the first line: the two worst, or one if the line is too long. Faults of
-        the records come alone, because other findings follow from them."""
+        """The findings of the first line: the two worst, or one if the line is too long. Only
+        faults of the records are named if there are any, because other findings follow from
+        them."""
         findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"{self._subject}: FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]

@@ -135,8 +135,8 @@ class Search:
 
 
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
-    """Return (n,), the guess of a record's initial condition: measured, held, or of the model's
-    trims."""
+    """Return the guess of a record's initial condition, (n,): measured, given by `held`, or from
+    the model's trims."""
     start = []
     for name, signal in model.states.items():
         values = record.measured.get(name)

@@ -44,7 +44,7 @@ def _subsonic_mach(ratio: Any) -> Any:
 
 
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
-    """Return the indication of an airspeed indicator calibrated at sea level, ft/s."""
+    """Return the calibrated airspeed, ft/s."""
     impact = pitot_pressure(mach, pressure) - pressure
     return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
 

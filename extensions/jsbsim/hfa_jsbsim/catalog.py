@@ -104,7 +104,7 @@ def access(name: str) -> str:
 
 
 def of_component(name: str) -> bool:
-    """Return whether a property is one that a component of the control system gives itself."""
+    """Return whether a component of the control system sets a property itself."""
     return name.endswith(_OF_COMPONENTS)
 
 

@@ -50,7 +50,7 @@ def ends_of(element: Element) -> tuple[float, float]:
 
 
 def travels(component: Element) -> bool:
-    """Return whether a <kinematic> takes time from one detent to another."""
+    """Return whether a <kinematic> needs time between two detents."""
     settings = component.need("traverse").all("setting")
     return any(setting.need("time").number() > 0.0 for setting in settings)
 

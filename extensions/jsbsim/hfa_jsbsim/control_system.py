@@ -96,7 +96,7 @@ def _add_component(
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
     """Disable a channel whose property `execute` is 0: its properties keep their initial values.
 
-    BadInputError, when one of them is read, where it depends on the flight whether it runs.
+    Raises BadInputError when one of these properties is read and `execute` depends on the flight.
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
@@ -134,7 +134,8 @@ def _join_units(properties: Properties) -> None:
 def join_surface(
     properties: Properties, surface: str, source: str, target: str, order: int
 ) -> None:
-    """Define a surface in one unit from the other, and its magnitude from radians."""
+    """Define a surface in degrees or radians from the other unit, and its magnitude from
+    radians."""
     factor = math.pi / 180.0 if source.endswith("deg") else 180.0 / math.pi
     in_rad = source if source.endswith("rad") else target
 

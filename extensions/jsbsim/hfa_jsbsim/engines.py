@@ -174,7 +174,8 @@ def read_engine(
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Data for an engine: properties, motion, mass, states, tanks and parameters of the aircraft.
+    """Data that an engine depends on: properties, motion, mass, states, tanks and parameters of the
+    aircraft.
 
     JSBSim's step is in s, the rotation of the earth in rad/s, in body axes.
     """

@@ -79,7 +79,7 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values kept for the next frame, including those that they depend on."""
+        """Add the values kept for the next frame, and the values on which they depend."""
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -309,7 +309,7 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
 
 
 class _View(NamedTuple):
-    """Motion in the form in which the rest of the frame reads it.
+    """Motion as used by the later models of a frame.
 
     to_earth: (3, 3), axes of the earth from inertial ones. to_body: (3, 3), body axes from these.
     place: position in axes of the earth, ft. drift: velocity of the earth there, inertial, ft/s.

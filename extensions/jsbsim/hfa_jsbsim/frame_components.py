@@ -204,7 +204,7 @@ def _moved(
     step: float,
     sign: float,
 ) -> ca.SX:
-    """Return the position after a step in one direction.
+    """Return the position after a step toward `wanted`, upward (sign 1) or downward (sign -1).
 
     intervals: (low, high, time), in order
     """

@@ -26,8 +26,8 @@ _FEATHERING = 1.0 / 300.0
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
     """Return thrust, torque and moments of a propeller driven with a given power, ft lb/s.
 
-    A stopped propeller takes no power (`FGPiston::Calculate`). C_T and C_P are tables over J = V /
-    (n D) and the blade angle; thrust C_T rho n^2 D^4, power needed C_P rho n^3 D^5.
+    A stopped propeller absorbs no power (`FGPiston::Calculate`). C_T and C_P are tables over J = V
+    / (n D) and the blade angle; thrust C_T rho n^2 D^4, power needed C_P rho n^3 D^5.
     """
     prop = file.thruster
     number = file.number

@@ -66,7 +66,7 @@ class Writer:
     compute: gives the value.
     where: file and line.
     order: its number in the control system, whose components run one after the other.
-    component: its element, if it is a component. element: whatever of a file it is.
+    component: its element, if it is a component. element: the element of the file.
     """
 
     compute: Callable[[], Any]
@@ -357,5 +357,5 @@ def lower_dashes(name: str) -> str:
 
 
 def is_constant(value: Any) -> bool:
-    """Return whether a value is a number whatever the symbols are."""
+    """Return whether a value is a number that depends on no symbol."""
     return not isinstance(value, ca.SX) or value.is_constant()

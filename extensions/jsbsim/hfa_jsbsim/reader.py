@@ -120,7 +120,7 @@ def _choices(text: str, partial: bool) -> Choices:
 
 
 def _find(text: str) -> tuple[Path, Folders]:
-    """Return the file that a text names, and where its parts may come from."""
+    """Return the file that a text names, and the folders of its parts."""
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
@@ -150,10 +150,10 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """Return the folder of JSBSim's data, which holds `aircraft`, `engine` and `systems`:
+    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`:
     $JSBSIM_ROOT, or that of the installed package jsbsim, which is not imported. None without both.
 
-    Raises BadInputError when $JSBSIM_ROOT holds no folder `aircraft`.
+    Raises BadInputError when $JSBSIM_ROOT contains no folder `aircraft`.
     """
     root = os.environ.get("JSBSIM_ROOT")
     if root:
@@ -273,8 +273,7 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """Return the note on kinematics that take time between an input and the forces, or ""
-        without one."""
+        """Return the note on kinematics that need time between an input and the forces, or ""."""
         symbol = self.inputs[name].symbol
         components = [
             component

@@ -72,7 +72,7 @@ class Element:
 
     @property
     def text(self) -> str:
-        """Return its first line of text, or empty without one."""
+        """Return the first line of the element's text, or ""."""
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
@@ -97,7 +97,7 @@ class Element:
         return self
 
     def need(self, name: str) -> Element:
-        """Return its first child of this name. It is an error if there is no such child."""
+        """Return the first child of this name. Raises BadInputError without one."""
         child = self.find(name)
         if child is None:
             raise self.error(f"<{self.name}> has no <{name}>; add it")
@@ -136,8 +136,8 @@ class Element:
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
-        """Return its children x, y, z (or roll, pitch, yaw) as (3,) numbers, or 0 for missing
-        ones."""
+        """Return the children x, y, z (or roll, pitch, yaw) as (3,) numbers, 0 where one is
+        missing."""
         own_unit = self.attributes.get("unit", "") or unit
         factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
         numbers = []
@@ -252,7 +252,7 @@ class Folders:
     """Folders of the files of one aircraft, and the files read, for the provenance.
 
     aircraft: the aircraft's own folder.
-    shared: folders that hold the folders engine and systems, searched in this order.
+    shared: folders that contain the folders engine and systems, searched in this order.
     data: the folder of JSBSim's data, whose files are named without it.
     """
 

@@ -362,7 +362,9 @@ def test_an_answer_without_the_discount_is_refused(
 def test_a_delta_too_small_is_refused(name: str) -> None:
     """Too small a delta is refused with the smallest one."""
     game, _ = published(name)
-    with pytest.raises(NoSolutionError, match=r"delta = 50 is not reached.*raise delta") as refusal:
+    with pytest.raises(
+        NoSolutionError, match=r"delta = 50 is not reached.*choose a delta"
+    ) as refusal:
         learn(game.with_delta(50.0), tick=0.1)
     least = float(str(refusal.value).split("ends at delta = ")[1].split(";")[0])
     assert reference_solution(game.with_delta(1.001 * least)).exists

@@ -38,7 +38,7 @@ class BoxWitness:
     """Evidence for a region, which is not part of the claim.
 
     multipliers: (n, 2), factors of c - V in the proofs of the lower and upper extents
-    boxes: number of boxes after which the checker gives up
+    boxes: number of boxes after which the checker ends
     """
 
     multipliers: np.ndarray

@@ -192,8 +192,9 @@ class CostInequality(OnPiece):
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
         """Return `edges` of boxes that are not outside the set, (N,).
 
-        A box is decided where the lowest g at guessed inputs, less what other inputs may gain, is
-        positive and the box meets no face of the cube, or in the hole about the equilibrium."""
+        A box is decided where the lowest g at guessed inputs, minus the possible gain of other
+        inputs, is positive and the box meets no face of the cube, or in the hole about the
+        equilibrium."""
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
         guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
@@ -263,7 +264,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """The k for which g >= 0 is proved where |y_i| <= 2^-k, for all inputs within the limits.
+        """Exponent k: g >= 0 is proved where |y_i| <= 2^-k, for all inputs within the limits.
         Raises Rejected if no k is found.
 
         g and its slopes are 0 at the equilibrium. g is convex in v, its curvature above λ, so that

@@ -30,7 +30,7 @@ class CostWitness:
 
     solved: indices of the unknown states and inputs at the equilibrium; the others have their trim
         values
-    boxes: number of boxes of each piece after which the checker gives up
+    boxes: number of boxes of each piece after which the checker ends
     """
 
     solved: tuple[str, ...]

@@ -112,7 +112,7 @@ def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
     """Prove a question on the set and return the number of boxes.
 
-    most: number of boxes after which the proof is given up
+    most: number of boxes after which the proof ends
 
     Raises RefutedError where a function is not positive, and OpenBoxError at a point that is not
     decided. Progress is the decided share of the volume."""

@@ -274,8 +274,7 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """Return the factor by which z'P z goes beyond the level, larger where flights cost
-        less."""
+        """Return the factor by which z'P z may exceed the level, larger where flights cost less."""
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)
         ratios = self._problem.linear_cost(z[near]) / costs[near]

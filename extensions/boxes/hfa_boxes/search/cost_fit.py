@@ -52,7 +52,7 @@ class CostProblem:
     equilibrium: of states and inputs
     Q, R: (n, n), (m, m). P: (n, n), solution of the linear quadratic problem
     degree: degree of W
-    margin: part of the cost that W gives away
+    margin: relative slack of W below the cost
     """
 
     plant: Plant

@@ -140,7 +140,7 @@ def exported_loop(
     """Return the loop of X' = f(X, U, w), with states [X; actuators; memory of the policy; filter]
     and inputs [w; v].
 
-    w are the disturbances of the model. v and U are given by the steering, v = U without one.
+    w are the disturbances of the model. The steering determines v and U; without one v = U.
     Actuators and memory are deviations from trim.
 
     Raises BadInputError if an actuator cannot hold the trim, or the policy measures states that

@@ -96,8 +96,8 @@ def from_network(
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     """Return the critic of a file with a network.
 
-    Warns where the file holds the network of a policy without its normalizer. Raises BadInputError
-    where an activation is given for a file that states it."""
+    Warns if the file contains the network of a policy without its normalizer. Raises BadInputError
+    if an activation is given for a file that already states it."""
     suffix = Path(path).suffix.lower()
     if suffix == ".onnx" and reading.activation is not None:
         raise BadInputError(

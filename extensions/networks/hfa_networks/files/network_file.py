@@ -246,8 +246,8 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers unchanged. Raises BadInputError where the numbers in their names differ in
-    order."""
+    """Return the layers unchanged. Raises BadInputError if their order is not that of the numbers
+    in their names."""
     last: dict[str, Layer] = {}
     for layer in layers:
         before = last.get(_kind(layer))

@@ -333,7 +333,7 @@ def graph_functions(
     inputs: their number in the plant.
     outputs: requested kind -> name of an output of the graph, or "" for all.
 
-    BadInputError without the package onnx, and for a graph that is not read.
+    Raises BadInputError without the package onnx, and for a graph that is not supported.
     """
     try:
         import onnx
@@ -386,10 +386,10 @@ def _evaluate(
     operators: Mapping[str, Callable[..., Any]],
     arrays: dict[str, Any],
 ) -> tuple[list[str], str]:
-    """Add the results of all nodes to the arrays; the operators on symbols with the sizes of their
-    results, and the lowest precision of a constant that a node holds.
+    """Add the results of all nodes to the arrays. Return the operators on symbols with the sizes of
+    their results, and the lowest precision of the nodes' constants.
 
-    Raises BadInputError where they have more numbers than are computed.
+    Raises BadInputError where the results have too many numbers.
     """
     steps = []
     precision = "float64"
@@ -450,8 +450,8 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless the inputs of a network are the states of the plant, or for a Q
-    its states and inputs."""
+    """Raise BadInputError unless a network has as many inputs as the plant has states, or for a Q
+    states and inputs."""
     if width == states:
         return
     if inputs == 0:

@@ -130,9 +130,9 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 
 
 def refuse_pickle_bomb(content: bytes) -> None:
-    """Raise BadInputError where reading a pickle would take more memory than its bytes, since it
-    numbers more objects than it has bytes, or more steps than a policy needs: tuples nested as deep
-    as these end the process when they are hashed."""
+    """Raise BadInputError where reading a pickle would take more memory than its bytes, because it
+    numbers more objects than it has bytes, or has more steps than a policy needs. Hashing tuples
+    nested so deeply would end the process."""
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
             raise BadInputError("it is damaged: its pickle has more objects than bytes")

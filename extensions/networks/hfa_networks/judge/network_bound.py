@@ -55,7 +55,7 @@ def prove(
     where the function has operations without a bound.
 
     A box that is not bounded by the limit is halved across the input that contributes most to the
-    width of its bound. Those nearest to z = 0 come first, so the fraction grows.
+    width of its bound. Boxes nearest to z = 0 come first, so the fraction grows.
     """
     y = ca.SX.sym("y", len(b))
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])

@@ -217,7 +217,8 @@ def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.nda
 
 
 class _FlowLoop:
-    """z' = rates(z) and cost' = running(z), CasADi expressions of z (n,), integrated by LSODA.
+    """Loop z' = rates(z), cost' = running(z), with CasADi expressions of z (n,), integrated by
+    LSODA.
 
     rest: its equilibrium near z = 0, or None without one.
     """
@@ -275,7 +276,7 @@ class _FlowLoop:
 
 
 class _StepLoop:
-    """x⁺ = after(x), which costs αᵏ paid(x) in step k.
+    """Loop x⁺ = after(x) with the cost αᵏ paid(x) of step k.
 
     expressions: x, after and paid, of CasADi.
     P: (n, n), of V*.
@@ -304,10 +305,9 @@ class _StepLoop:
         self.rest = rest
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """Return the end state minus the equilibrium, and the cost.
-
-        None where V* about the equilibrium has decreased neither to `RETURNED` nor to twice the
-        remainder of the exact policy, which after the most steps may be larger.
+        """Return the end state minus the equilibrium, and the cost, or None if the flight does not
+        converge. It converges if V* about the equilibrium decreases to `RETURNED`, or to twice the
+        remainder of the exact policy after as many steps.
         """
         if self.rest is None:
             return None
@@ -361,10 +361,10 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> Flown:
-    """Fly a network from the box |z_i| <= b_i, if it is of finite numbers and its linear loop is
-    stable.
+    """Simulate flights of a network from the box |z_i| <= b_i, if its numbers are finite and its
+    linear loop is stable.
 
-    plant: of a critic in continuous time, on which it is flown too.
+    plant: nonlinear plant of a critic in continuous time, for further flights.
     """
     if not critic.finite or not axis.is_stable(critic.K):
         return Flown()
@@ -389,9 +389,9 @@ def flown_losses(
     """Return the cost of u(z) above that of u*, percent of V*, from each initial condition in the
     box: (flights,); all inf where one does not converge.
 
-    It is flown under the worst disturbance of the exact policies (`TimeAxis`). What comes after the
-    end is that of the linear loop. A policy that rests off trim is judged by its way to the rest
-    point: its u - u* there is taken off.
+    The flights are simulated under the worst disturbance of the exact policies (`TimeAxis`). The
+    cost after the end is that of the linear loop. A policy with an equilibrium off the trim is
+    judged by its flight to this equilibrium, where its u - u* is subtracted.
     """
     remaining = axis.remaining_cost(critic.K)
     if remaining is None:

@@ -130,17 +130,15 @@ class Comparison(NamedTuple):
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """Return sizes as in `entry_error`: small ones are replaced by a part of the largest."""
+    """Return the sizes with small ones replaced by a part of the largest, as in `entry_error`."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Search the errors of a network over the box |z_i| <= b_i, prove a bound, and fly it from
-    there.
-
-    It is flown if its linear loop is stable.
+    """Search for the errors of a network over the box |z_i| <= b_i, prove a bound, and, if its
+    linear loop is stable, simulate flights from the box.
     """
     about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
     origin, worst, proof = _searched_and_proved(about, limit, scope)

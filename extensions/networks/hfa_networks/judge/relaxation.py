@@ -133,7 +133,8 @@ def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _product_lines(
     low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray
 ) -> Lines:
-    """s t = n s + m t - m n + (s - m) (t - n), for any m and n."""
+    """Return linear bounds of the products s t from s t = n s + m t - m n + (s - m) (t - n), for
+    any m and n."""
     m = 0.5 * (low + high)
     n = 0.5 * (other_low + other_high)
     rest = np.maximum(high - m, m - low) * np.maximum(other_high - n, n - other_low)
