@@ -60,7 +60,7 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
     @wraps(function)
     def checked(*arguments: Any, **named: Any) -> Any:
         # At the first call: annotations may name what is defined later in their module.
-        for place, parameter, holds, wanted in _tests(function, first):
+        for place, parameter, holds, wanted in argument_tests(function, first):
             if place < len(arguments):
                 value = arguments[place]
             elif parameter in named:
@@ -75,26 +75,18 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
         try:
             return function(*arguments, **named)
         except TypeError:
-            _refuse_unbound(function, name, arguments, named)
-            raise
+            from hfa_support.unknown import keywords_meant
+
+            words = keywords_meant(function, name, arguments, named)
+            if words is None:
+                raise
+            return checked(*arguments, **words)
 
     return checked
 
 
-def _refuse_unbound(
-    function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
-) -> None:
-    """Raise BadInputError where an argument is missing, unknown or superfluous."""
-    signature = inspect.signature(function)
-    try:
-        signature.bind(*arguments, **named)
-    except TypeError as wrong:
-        names = ", ".join(each for each in signature.parameters if each != "self")
-        raise BadInputError(f"{name}: {wrong}; its arguments are {names}") from None
-
-
 @cache
-def _tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
+def argument_tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
     """Return position, name, test and description of every argument with a checkable annotation."""
     tests = []
     for place, parameter in enumerate(inspect.signature(function).parameters.values()):

@@ -83,19 +83,6 @@ def choice_of(name: str, known: Iterable[str]) -> str:
     return f"{meant} choose from {', '.join(known) or 'none'}".lstrip()
 
 
-def no_attribute(value: object, name: str, *more: str) -> AttributeError:
-    """Return the AttributeError of an unknown attribute, with the nearest attributes.
-
-    An error inside a property of that name is raised itself.
-
-    more: further attributes
-    """
-    if hasattr(type(value), name):
-        object.__getattribute__(value, name)
-    known = [each for each in (*dir(value), *more) if each[0] != "_"]
-    return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
-
-
 def advice(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean speed?", or "" where no known name is near."""
     *others, last = nearest(name, known) or [""]

@@ -39,6 +39,7 @@ residual: residuals certificate
 reward: cost
 sel: at
 set_parameters: with_parameters
+simulate: fly
 ss: linearmodel
 t: time
 tas: speed

@@ -10,8 +10,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from hfa_support.errors import advice
-
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package whose stub imports its public names.
@@ -47,8 +45,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            near = advice(name, modules())
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{near}")
+            from hfa_support.unknown import no_public_name
+
+            raise no_public_name(package, name, get, modules())
         module_name, name_there = modules()[name]
         try:
             module = import_module(module_name, package)

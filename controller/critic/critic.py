@@ -224,7 +224,8 @@ def from_parts(
         if "P" in parts and weighted.P is not None:
             _refuse_different_values(numbers_in("P", parts["P"]), weighted.P)
         critic = weighted
-    assert critic is not None
+    if critic is None:
+        raise BadInputError("no critic is given; give W, P or K, or a file")
     if gain is None or critic is gain:
         return critic
     return _with_policy(critic, gain.K)

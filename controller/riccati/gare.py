@@ -93,6 +93,12 @@ class Solution(Result, Reported):
         """True if A - B K is stable beyond rounding."""
         return bool(self.closed_loop_eigenvalues.real.max() < -self.abscissa_error)
 
+    def margins(self) -> dict[str, dict[str, float]]:
+        """Return input -> gain, phase (deg) and disk margins."""
+        from controller.riccati.solution_report import solve
+
+        return solve(self.game).loop_margins
+
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the state z, (n,)."""
         state = numbers_in("z", z)

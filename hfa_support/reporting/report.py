@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from hfa_support.errors import BadInputError, no_attribute
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import Table, columns, printable, wrapped
 
 if TYPE_CHECKING:
@@ -159,13 +159,15 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the value that the name indexes: point.alpha is point["alpha"]. Raises
-            AttributeError, which suggests the nearest attributes."""
+            """Return the value that the name indexes: point.alpha is point["alpha"]; else
+            `attribute_of`."""
             if name[0] == "_":
                 raise AttributeError(name)
             with suppress(BadInputError, TypeError):
                 return self[name]
-            raise no_attribute(self, name)
+            from hfa_support.unknown import attribute_of
+
+            return attribute_of(self, name)
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from inspect import isfunction, signature
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.errors import BadInputError, no_attribute, on_one_line
-from trim.linear.responses import Names, chosen
+from hfa_support.errors import BadInputError, on_one_line
+from hfa_support.unknown import attribute_of
+from trim.linear.reduction import Names, chosen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -61,7 +62,7 @@ def of_control(model: LinearModel, name: str) -> Any:
         return call
     if not hasattr(system, name):
         functions = [each for each, value in vars(control).items() if isfunction(value)]
-        raise no_attribute(model, name, *dir(system), *functions)
+        return attribute_of(model, name, *dir(system), *functions)
     return getattr(system, name)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_support.arguments import ArrayLike, checks_arguments
 from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.by_value import ByValue
@@ -162,7 +163,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
         Raises BadInputError when the model has no such name, or a name is repeated.
         """
-        from trim.linear.responses import chosen
+        from trim.linear.reduction import chosen
 
         match names:
             case (str() | list() | tuple() as outputs, str() | list() | tuple() as inputs):
@@ -199,6 +200,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """True if the inputs reach every mode, within rounding: [A - λ I, B] has rank n."""
         return not self.zeros(outputs=()).size
 
+    @checks_arguments
     def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
@@ -206,73 +208,69 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         eigenvalues of the modes that no input reaches.
         """
         from trim.linear.frequency import zeros_of
-        from trim.linear.responses import chosen
+        from trim.linear.reduction import chosen
 
         return zeros_of(chosen(self, inputs, outputs))
 
+    @checks_arguments
     def step(
-        self, time: Any = None, inputs: Any = None, outputs: Any = None
+        self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
         """Return the outputs after a unit step of each input, (outputs, inputs, N), as deviations.
 
         time: (N,) or the last time, s; by default python-control chooses it
         inputs, outputs: names; by default all
         """
-        from trim.linear.responses import response
+        return _responses().response(self, "step", time, inputs, outputs)
 
-        return response(self, "step", time, inputs, outputs)
-
+    @checks_arguments
     def impulse(
-        self, time: Any = None, inputs: Any = None, outputs: Any = None
+        self, time: float | ArrayLike | None = None, inputs: Any = None, outputs: Any = None
     ) -> control.TimeResponseData:
         """Return the outputs after a unit impulse of each input; the arguments are those of
         `step`."""
-        from trim.linear.responses import response
+        return _responses().response(self, "impulse", time, inputs, outputs)
 
-        return response(self, "impulse", time, inputs, outputs)
-
-    def simulate(self, u: Any, time: Any = None) -> control.TimeResponseData:
+    @checks_arguments
+    def simulate(
+        self, u: Any = None, time: Any = None, *, initial: Any = None, dt: float | None = None
+    ) -> control.TimeResponseData:
         """Return the outputs over time, (outputs, N), as deviations from the operating point.
 
-        u: (m, N) or (N, m), or input -> number or N values
-        time: (N,), s; where u names inputs, python-control chooses it by default
+        u: (m, N) or (N, m), or input -> number or N values; by default 0
+        time: (N,) or the last time, s; by default python-control chooses it
+        initial: state -> deviation at the start, or (n,); by default 0
+        dt: sample time of u or of the result, s, in place of an array of times
         """
-        from trim.linear.responses import simulated
+        return _responses().simulated(self, u, time, initial, dt)
 
-        return simulated(self, u, time)
-
+    @checks_arguments
     def transfer_function(self, inputs: Any, outputs: Any) -> control.TransferFunction:
         """Return python-control's transfer function from one input to one output, with
         cancellation.
 
         Raises BadInputError for several inputs or outputs.
         """
-        from trim.linear.responses import transfer_function
+        return _responses().transfer_function(self, inputs, outputs)
 
-        return transfer_function(self, inputs, outputs)
-
+    @checks_arguments
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
         """Draw the Bode plots of the named inputs and outputs in a figure of pyplot, and return its
         Axes.
 
         Raises BadInputError where no input reaches an output.
         """
-        from trim.linear.responses import bode
-
-        return bode(self, inputs, outputs)
+        return _responses().bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
         """Draw the poles and zeros in a figure of pyplot, and return its Axes."""
-        from trim.linear.responses import draw_poles
+        return _responses().draw_poles(self)
 
-        return draw_poles(self)
-
+    @checks_arguments
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
         """Draw the Nyquist plot from one input to one output in a figure of pyplot, and return its
         Axes."""
-        from trim.linear.responses import nyquist
-
-        return nyquist(self, inputs, outputs)
+        return _responses().nyquist(self, inputs, outputs)
 
     def report(self) -> Report:
         """Return the report of A, B, offsets and modes."""
@@ -302,3 +300,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     def __dir__(self) -> list[str]:
         return [*object.__dir__(self), *dir(self.to_control())]
+
+
+def _responses() -> Any:
+    """Return the module that computes responses."""
+    return part(PARTS, "notebook.responses", "a response of a linear model")

@@ -28,6 +28,26 @@ class _Kept(NamedTuple):
     outputs: list[int]
 
 
+Names = str | tuple[str, ...] | list[str] | None
+
+
+def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
+    """Return the model from the named inputs to the named outputs; None keeps all.
+
+    Raises BadInputError when the model has no such name, or a name is repeated.
+    """
+    rows = positions("output", outputs, model.outputs)
+    shown = replace(
+        model,
+        outputs=tuple(model.outputs[row] for row in rows),
+        C=model.C[rows],
+        D=model.D[rows],
+        F=model.F[rows],
+        output_offsets=model.output_offsets[rows],
+    )
+    return shown.select(inputs=inputs)
+
+
 def reduced(
     model: LinearModel,
     states: Sequence[str] | None,

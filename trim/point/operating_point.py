@@ -83,6 +83,11 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Equation -> residual divided by its scale."""
         return {name: value / self.scale(name) for name, value in self.residuals.items()}
 
+    @property
+    def residual(self) -> float:
+        """Largest size of a scaled residual; a trim balances within 1e-10."""
+        return max(map(abs, self.scaled_residuals.values()), default=0.0)
+
     @cached_property
     def values(self) -> dict[str, float]:
         """Name -> value for all variables: states, outputs that replace states, and inputs."""

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.critic.critic import Critic, from_gain
-from controller.critic.critic_file import critic_in
+from controller.critic.critic import Critic
 from controller.game.weights import weights_line
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import spectrum
@@ -39,11 +38,14 @@ if TYPE_CHECKING:
 @checks_arguments
 def check_critic(
     game: Game,
-    critic: Critic | ArrayLike | str | Path,
+    critic: Critic | Solution | TrainingRun | ArrayLike | str | Path | None = None,
     *,
     limit: float = LIMIT,
     scope: Scope | None = None,
     run: TrainingRun | None = None,
+    K: ArrayLike | None = None,
+    P: ArrayLike | None = None,
+    W: ArrayLike | None = None,
 ) -> Verdict:
     """Return the verdict on a critic, compared with the exact solution of its game.
 
@@ -53,11 +55,13 @@ def check_critic(
     from it are simulated.
 
     game: the game
-    critic: the critic, or its file; an array is the gain K of u = -K z, (m, n)
+    critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
+        (m, n)
     limit: of the errors and the residual
     scope: further data for the checks
     run: the training run that ends with the critic; the rank of its data and its settling time are
         checked.
+    K, P, W: in place of the critic: its gain, value or weights of the basis "quadratic"
 
     Raises NoSolutionError when the game has no certified solution.
 
@@ -69,10 +73,10 @@ def check_critic(
     """
     refuse_unless_positive("limit", limit)
     scope = scope or Scope()
-    if isinstance(critic, (str, Path)):
-        critic = critic_in(critic, game)
-    elif not isinstance(critic, Critic):
-        critic = from_gain(game, critic)
+    if not isinstance(critic, Critic):
+        from verification.critic.given import critic_given
+
+        critic, run = critic_given(game, critic, {"K": K, "P": P, "W": W}, run)
     exact = solve_game(game)
     box = scope.box or balanced_box(game)
     lost = _flight_cost(game, exact, critic.K)

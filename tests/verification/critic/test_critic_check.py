@@ -232,6 +232,22 @@ def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
     assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
 
 
+def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
+    """A solution, a training run, K=, P= and W= are judged as the critics that they define."""
+    exact = solved(game)
+    assert check_critic(game, exact).ok
+    assert check_critic(game, K=exact.K).ok
+    assert check_critic(game, P=exact.P).ok
+    assert not check_critic(game, K=1.1 * exact.K, P=exact.P).ok
+    run = learn(game, seed=0)
+    of_run = check_critic(game, run)
+    assert of_run.table is not None
+    assert of_run.checks == check_critic(game, run.critic(game), run=run).checks
+    assert check_critic(game, W=run.W).P_rel_error == of_run.P_rel_error
+    with pytest.raises(BadInputError, match="no critic is given; give W, P or K, or a file"):
+        check_critic(game)
+
+
 def test_a_file_is_read_for_its_game(game: Game) -> None:
     """A gain is read with or without its game; a value needs it, for its policy."""
     np.savez("K.npz", K=gain(game))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_support.arguments import ArrayLike, checks_arguments
-from hfa_support.errors import BadInputError, refuse_unknown
-from trim.linear.positions import positions
+from hfa_support.arguments import ArrayLike
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
+from trim.linear.reduction import Names, chosen
 
 if TYPE_CHECKING:
     import control
@@ -18,27 +17,7 @@ if TYPE_CHECKING:
 
     from trim.linear.linear_model import LinearModel
 
-Names = str | tuple[str, ...] | list[str] | None
 
-
-def chosen(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
-    """Return the model from the named inputs to the named outputs; None keeps all.
-
-    Raises BadInputError when the model has no such name, or a name is repeated.
-    """
-    rows = positions("output", outputs, model.outputs)
-    shown = replace(
-        model,
-        outputs=tuple(model.outputs[row] for row in rows),
-        C=model.C[rows],
-        D=model.D[rows],
-        F=model.F[rows],
-        output_offsets=model.output_offsets[rows],
-    )
-    return shown.select(inputs=inputs)
-
-
-@checks_arguments
 def response(
     model: LinearModel, kind: str, time: float | ArrayLike | None, inputs: Names, outputs: Names
 ) -> control.TimeResponseData:
@@ -52,32 +31,29 @@ def response(
     return respond(chosen(model, inputs, outputs).to_control(), time, squeeze=False)
 
 
-def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData:
-    """Return the outputs for given inputs from x = 0, (outputs, N).
+def simulated(
+    model: LinearModel, u: Any, time: Any, initial: Any, dt: float | None
+) -> control.TimeResponseData:
+    """Return the outputs for given inputs, (outputs, N).
 
     u: (m, N) or (N, m), or name of an input -> its number or its N values; others are 0
-    time: (N,), evenly spaced; None for the times of a step response, where u names inputs
+    time: (N,), evenly spaced, or the last time; None for the times of a step response
+    initial: (n,), or name of a state -> its deviation at the start; others are 0
+    dt: sample time in place of an array of times, s, or None
 
     Raises BadInputError when a name is unknown or the shapes do not agree.
     """
     import control
 
     system = model.to_control()
-    if time is None and isinstance(u, Mapping):
-        time = control.step_response(system).time
-    time = np.asarray(time, dtype=float)
-    if time.ndim != 1 or time.size < 2:
-        raise BadInputError(
-            "time has fewer than two instants; give an array such as np.linspace(0, 10)"
-        )
-    if isinstance(u, Mapping):
-        named = u
-        for name in named:
-            refuse_unknown("unknown input", name, model.inputs)
-        u = [np.asarray(named.get(name, 0.0), dtype=float) for name in model.inputs]
-        if any(row.shape not in ((), time.shape) for row in u):
+    named = {} if u is None else u
+    is_named = isinstance(named, Mapping)
+    time = _times(system, time, dt, None if is_named else max(np.shape(u)))
+    if is_named:
+        rows = _values("input", named, model.inputs)
+        if any(row.shape not in ((), time.shape) for row in rows):
             raise BadInputError(f"give each input {time.size} values, one for each instant")
-        u = np.reshape([np.broadcast_to(row, time.shape) for row in u], (-1, time.size))
+        u = np.reshape([np.broadcast_to(row, time.shape) for row in rows], (-1, time.size))
     values = np.array(u, dtype=float, ndmin=2)
     wanted = (len(model.inputs), time.size)
     if values.shape == wanted[::-1] != wanted:
@@ -87,7 +63,42 @@ def simulated(model: LinearModel, u: Any, time: Any) -> control.TimeResponseData
             f"u is of shape {np.shape(u)}; give {wanted}, one row for each input, or a dictionary "
             "of inputs"
         )
-    return control.forced_response(system, time, values, squeeze=False)
+    x = initial if initial is not None else {}
+    if isinstance(x, Mapping):
+        x = np.array(_values("state", x, model.states))
+    start = numbers_in("initial", x)
+    if start.shape != (len(model.states),):
+        raise BadInputError(f"initial is of shape {start.shape}; give ({len(model.states)},)")
+    return control.forced_response(system, time, values, start, squeeze=False)
+
+
+def _times(system: control.StateSpace, time: Any, dt: float | None, count: int | None) -> Any:
+    """Return the times of a simulation, (N,).
+
+    time: (N,), or the last time; None for the times of a step response
+    dt: sample time, s, or None
+    count: number of samples, or None
+    """
+    import control
+
+    if dt is not None and time is None and count is not None:
+        return dt * np.arange(count)
+    if (time is None and count is None) or (np.ndim(time) == 0 and time is not None):
+        shown = control.step_response(system, time).time
+        time = shown if dt is None else np.arange(0.0, shown[-1] + dt / 2.0, dt)
+    time = np.asarray(time, dtype=float)
+    if time.ndim != 1 or time.size < 2:
+        raise BadInputError(
+            "time has fewer than two instants; give an array such as np.linspace(0, 10)"
+        )
+    return time
+
+
+def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[np.ndarray]:
+    """Return the numbers of names in order, 0 for those that are not given."""
+    for name in named:
+        refuse_unknown(f"unknown {kind}", name, names)
+    return [np.asarray(named.get(name, 0.0), dtype=float) for name in names]
 
 
 def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""Calls of notebooks: responses of linear models, and words of other tools."""

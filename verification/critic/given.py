@@ -1,0 +1,37 @@
+"""Critics in the forms that a user gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from controller.critic.critic import Critic, from_gain, from_parts
+from controller.critic.critic_file import critic_in
+from controller.riccati.gare import Solution
+
+if TYPE_CHECKING:
+    from controller.game.training_run import TrainingRun
+    from controller.game.zero_sum import Game
+
+
+def critic_given(
+    game: Game, given: Any, parts: dict[str, Any], run: TrainingRun | None
+) -> tuple[Critic, TrainingRun | None]:
+    """Return a critic and the training run that ends with it, or None.
+
+    given: file, solution, training run or gain K; None where parts define the critic
+    parts: "K", "P", "W" -> array or None
+    run: the training run of a file or a gain, if known
+
+    Raises BadInputError where nothing is given, or an array does not fit the game.
+    """
+    if isinstance(given, (str, Path)):
+        return critic_in(given, game), run
+    if isinstance(given, Solution):
+        return from_parts(game, {"P": given.P, "K": given.K}), run
+    if hasattr(given, "critic"):
+        return given.critic(game), given
+    if given is not None:
+        return from_gain(game, given), run
+    named = {name: array for name, array in parts.items() if array is not None}
+    return from_parts(game, named), run
