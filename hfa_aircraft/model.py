@@ -184,7 +184,7 @@ class Model(Reported):
 
     @property
     def schedule_key(self) -> str:
-        """Key of the scheduling variable in that unit, in files and data: dihedral_deg, speed."""
+        """Key of the scheduling variable in files and data, such as dihedral_deg or speed."""
         if self.schedule_unit == "deg":
             return f"{self.schedule}_deg"
         return self.schedule

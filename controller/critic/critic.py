@@ -98,7 +98,7 @@ class Critic(Reported):
 
     @property
     def wide(self) -> bool:
-        """True if it is a network whose functions are graphs of matrices (MX).
+        """True for a network whose functions are graphs of matrices (MX).
 
         The decisive function is V, else the gradient, else the policy.
         """

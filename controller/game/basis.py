@@ -35,12 +35,12 @@ class Basis(Reported):
 
     @property
     def size(self) -> int:
-        """M, the number of weights."""
+        """Number M of weights."""
         return int(self.exponents.shape[0])
 
     @property
     def states(self) -> int:
-        """n, the number of states."""
+        """Number n of states."""
         return int(self.exponents.shape[1])
 
     @property

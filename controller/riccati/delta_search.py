@@ -48,7 +48,7 @@ class Bracket(NamedTuple):
 
 
 class _Answers:
-    """Answers of a search, with each δ tried once."""
+    """Answers of a search, which tries each δ once."""
 
     def __init__(self, ask: Callable[[float], Answer]) -> None:
         self._ask = ask
@@ -124,7 +124,7 @@ def smallest_delta(
 
 
 def _climb(answers: _Answers, begin: float) -> None:
-    """Increase δ until a solution exists."""
+    """Increase δ from trial to trial until a solution exists."""
     delta = begin
     while not answers.at(delta).exists:
         last = answers.at(delta)
@@ -147,7 +147,7 @@ def _descend(answers: _Answers, least: float) -> None:
 
 
 def _narrow(answers: _Answers, ends: Callable[[], tuple[float, float]], tolerance: float) -> None:
-    """Bisect between two neighbours until they are close."""
+    """Bisect between the ends until they are close."""
     low, high = ends()
     while low and high > low * (1.0 + tolerance):
         answers.at(math.sqrt(low * high))

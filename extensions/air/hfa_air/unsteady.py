@@ -106,7 +106,7 @@ class _Strip(NamedTuple):
     """Wing or tail of a panel, with the flow at it.
 
     name: one of `STRIPS`
-    control: the angle of attack that its control surface is worth, rad
+    control: angle of attack equivalent to the deflection of its control surface, rad
     behind: from the wing's quarter chord back to the strip's three-quarter chord, ft
     downwash: rad
     chord: ft

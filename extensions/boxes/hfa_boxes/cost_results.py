@@ -93,9 +93,9 @@ class FoundLowerBound(LowerBound):
 
 @dataclass(frozen=True, eq=False)
 class CheckedLowerBound(LowerBound):
-    """A bound that a certificate proves.
+    """Bound proved by a certificate.
 
-    written: version, command and date in the file, which nothing verifies.
+    written: version, command and date in the file, not verified.
     not_given: parts of the subject that no option gave, so that they were not compared.
     """
 

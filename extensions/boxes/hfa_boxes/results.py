@@ -122,9 +122,9 @@ class FoundBoxes(BoxSet):
 
 @dataclass(frozen=True, eq=False)
 class CheckedBoxes(BoxSet):
-    """A set that a certificate proves.
+    """Set proved by a certificate.
 
-    written: version, command and date in the file, which nothing verifies.
+    written: version, command and date in the file, not verified.
     not_given: parts of the subject that no option gave, so that they were not compared.
     """
 

@@ -85,7 +85,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class CheckCase:
-    """Outputs that the author of a file computed from inputs."""
+    """Inputs, and the outputs that the author of a file computed from them."""
 
     name: str
     inputs: tuple[Signal, ...]

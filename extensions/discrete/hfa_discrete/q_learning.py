@@ -100,7 +100,7 @@ def learn_steps(
     steps: Steps | None = None,
     progress: Progress | None = None,
 ) -> Learned:
-    """Learn the Q-function of a game in discrete time, of which only the cost is read.
+    """Learn the Q-function of a game in discrete time. Only the cost of the game is used.
 
     steps: recorded; by default `random_steps`
     progress: called with the pauses of value iteration

@@ -40,7 +40,7 @@ class AnalysedDiscreteGame(Result, Reported):
 
     @property
     def closed_loop_eigenvalues(self) -> Roots:
-        """Eigenvalues of A - B K of a step."""
+        """Eigenvalues of A - B K in discrete time."""
         step = self.solution.game
         return np.linalg.eigvals(step.A - step.B @ self.solution.K)
 

@@ -290,7 +290,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def ok(self) -> bool:
         """True if every state stayed inside the envelope, every input within its limits, and no
-        limit cycle is left."""
+        limit cycle remains."""
         return self.departure is None and not self.exceeded and self.cycle is None
 
     @property

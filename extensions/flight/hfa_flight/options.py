@@ -129,7 +129,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Options with the weights of the flight's cost, for any policy."""
+        """Names of the options that set weights of the flight's cost."""
         return ()
 
     def check_policy(self) -> None:

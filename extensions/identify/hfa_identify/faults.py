@@ -103,8 +103,8 @@ def faults_of(
 
 
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
-    """Single samples far from the residuals before and after them, of quantities that the model
-    explains."""
+    """Yield the outliers: single samples far from the residuals before and after, in quantities
+    that the model explains."""
     explained = ~unexplained(fit)
     for place in np.flatnonzero(explained):
         name = search.responses.measured[place]
@@ -162,8 +162,8 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with inputs that are steps where they were linear between samples, or the
-    other way round, or the fit itself where that diverges."""
+    """Return the fit with the other interpolation of inputs (steps or linear), or the original fit
+    if this diverges."""
     records = [replace(record, has_steps=not record.has_steps) for record in search.records]
     try:
         found = Search(search.responses, records, search.held).whole(fit.theta, fit.starts)

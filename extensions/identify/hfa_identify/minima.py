@@ -115,8 +115,8 @@ def _searched(
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Return whether estimates of two fits of the same samples differ by many standard deviations,
-    from the unknown with the number `first` on."""
+    """Return whether the estimates of two fits of the same samples, from unknown number `first` on,
+    differ by many standard deviations."""
     deviations = np.sqrt(np.diag(white_covariance(other)))
     return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
 

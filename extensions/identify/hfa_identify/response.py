@@ -469,7 +469,7 @@ def grid(
 
 
 def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
-    """Return the (N + 1, n, p + n) sensitivities of the states by θ and x₀ before a sequence of
+    """Return the (N + 1, n, p + n) sensitivities of the states to θ and x₀ before a sequence of
     steps and after every `count`-th step.
 
     change: (steps, n, n + p), slopes of the states after a step by those before it and by θ

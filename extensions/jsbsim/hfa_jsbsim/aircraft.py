@@ -489,9 +489,8 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Substitute a wind set by the files for its parameter.
-
-        BadInputError where it depends on the flight: the states are relative to a steady wind.
+        """Substitute a wind set by the files for its parameter. Raises BadInputError if it depends
+        on the flight, because the states are relative to a steady wind.
         """
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             total = ca.SX(0.0)

@@ -144,7 +144,7 @@ class Frames:
         """Start a flight at a state, over the equator.
 
         Lags of engines and filters that are not states of the model settle first, for at most
-        `_LONGEST` s. A warning tells where they still move then.
+        `_LONGEST` s. A warning names those that still move after this time.
 
         x, p, u: (n,) states, parameters and inputs of the model
         """

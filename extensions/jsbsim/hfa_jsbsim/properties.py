@@ -135,7 +135,7 @@ class Properties:
         self._writers.setdefault(plain(name), []).append(Writer(lambda: value, "", order=-1))
 
     def define_initial(self, name: str, value: float) -> None:
-        """The value of a property that nothing else sets."""
+        """Set the initial value of a property that no component sets."""
         self._initial[plain(name)] = value
 
     def compute(self, name: str, writer: Writer) -> None:

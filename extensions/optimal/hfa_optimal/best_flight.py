@@ -51,7 +51,7 @@ class PolicyFlight(Result):
 
     @property
     def lost(self) -> bool:
-        """True if it left the envelope, or does not end in the trim."""
+        """True if the flight left the envelope, or does not end at the trim."""
         return self.departure is not None or not self.converges
 
     @staticmethod

@@ -43,7 +43,7 @@ class Flown(NamedTuple):
     times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
     running_cost: cost until its end.
     tail: the linear cost of its end.
-    cost: sum of running cost and tail, or inf if it does not end in the trim.
+    cost: sum of running cost and tail, or inf if it does not end at the trim.
     departure: the state that first left the envelope, or None without one.
     saturated: names of saturated inputs.
     """
@@ -60,12 +60,12 @@ class Flown(NamedTuple):
 
     @property
     def converges(self) -> bool:
-        """True if it ends in the trim, within the envelope or not."""
+        """True if the flight ends at the trim, within the envelope or not."""
         return math.isfinite(self.cost)
 
     @property
     def lost(self) -> bool:
-        """True if it left the envelope, or does not end in the trim."""
+        """True if the flight left the envelope, or does not end at the trim."""
         return self.departure is not None or not self.converges
 
     @property

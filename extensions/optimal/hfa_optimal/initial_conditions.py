@@ -68,9 +68,9 @@ class PolicySummary(Result):
     """Results of a policy over the initial conditions from which a flight was found.
 
     policy: its name.
-    lost: flights that left the envelope or do not end in the trim.
+    lost: flights that left the envelope or do not end at the trim.
     left: flights that left the envelope.
-    converged: flights that end in the trim, within the envelope or not.
+    converged: flights that end at the trim, within the envelope or not.
     median: median cost relative to the best flight found, over flights that converge; None where
         none does.
     high: 90 % quantile of that ratio.

@@ -168,7 +168,8 @@ class BestFlights:
         return ""
 
     def horizon(self, start: np.ndarray) -> float:
-        """Return the time, s, until the linear loop has nearly its whole cost, with a margin."""
+        """Return the time, s, after which the remaining cost of the linear loop is negligible, with
+        a margin."""
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
         step = 0.25 / slowest
@@ -428,7 +429,7 @@ def refutation(flown: Flown, proposal: Proposal) -> str:
     if flown.departure is not None:
         return f"the flight that follows the proposal {flown.departure.text()}"
     if not flown.converges:
-        return "the flight that follows the proposal does not end in the trim"
+        return "the flight that follows the proposal does not end at the trim"
     off = flown.cost / proposal.cost - 1.0
     if abs(off) > FLIGHT_AGREES:
         return (

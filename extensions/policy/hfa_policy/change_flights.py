@@ -75,8 +75,8 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return the sampled flight of all changes, with P, c, gain and S as further numbers of a
-        row."""
+        """Return the sampled flight of all changes. Each row also contains P, c, gain and S of its
+        change."""
         whole = self.assessor.flight()
         sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
         extra = sizes[-1]

@@ -225,7 +225,7 @@ class Deployment(Reported):
 
     @property
     def history(self) -> int:
-        """Number of samples whose observations the policy uses together, the oldest first."""
+        """Number of samples whose observations form the input of the policy, oldest first."""
         return int(self.timing.get("history", 1))
 
     @property

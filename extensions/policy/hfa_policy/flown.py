@@ -61,7 +61,7 @@ class DeployedPolicy(Policy):
         return math.gcd(dt, delay) * _CLOCK
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the held input."""
+        """Return the inputs held since the last sample."""
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:

@@ -112,8 +112,8 @@ class Place:
 
     @property
     def stays(self) -> bool:
-        """True if flights that converge stay converged, because no mode diverges, not even one out
-        of reach."""
+        """True if converged flights remain converged, because no mode diverges, not even one out of
+        reach."""
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
 
@@ -293,7 +293,7 @@ class FlownRows:
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Return the mask of the flights that stayed in the ball longer than any oscillation would,
-        and that no diverging mode takes out later."""
+        and that no diverging mode moves out later."""
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))

@@ -42,7 +42,7 @@ class OwnMode(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Modes about an equilibrium by which a deployment is assessed.
+    """Modes about an equilibrium that count in the assessment of a deployment.
 
     judged: (k,), flags of the linear states that count, all unless a slow mode is out of reach.
     loop: the equilibrium in coordinates of the r modes within reach; unchanged if all are.
@@ -57,7 +57,8 @@ class Reach(NamedTuple):
 
 
 def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> Reach:
-    """Return the modes that actions move and observations show, of deviations within a box (k,).
+    """Return the modes within reach: those that actions affect and observations show, for
+    deviations within a box (k,).
 
     Mode i with eigenvalue λ, left eigenvector w' and right eigenvector v, w'v = 1, is out of reach
     where it does not double within ten seconds and one of two ratios is below 0.05:

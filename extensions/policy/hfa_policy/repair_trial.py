@@ -125,8 +125,8 @@ def _weakens(repair: Repair) -> bool:
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether another gain that helps lets about as many flights converge at about the same
-    cost, or is clearly cheaper."""
+    """Return whether a mere change of gain helps as much: about as many flights converge at about
+    the same cost, or the cost is clearly lower."""
     for other in other_gains:
         is_as_good = _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
         is_cheaper = flown.times(other) >= _CLEARLY

@@ -89,7 +89,7 @@ class Zip:
 
     @property
     def on_policy(self) -> bool:
-        """True if it is PPO or A2C."""
+        """True for PPO and A2C."""
         return self.algorithm == "PPO or A2C"
 
 

@@ -33,12 +33,12 @@ _MOST = 1e10
 class ChangedEntry(Result):
     """Entry of the plant and another value of it, with which every printed digit is right.
 
-    position: of the entry
-    typed: its text in the file
-    lowest: of the interval of such values
-    highest: of it
-    value: text of the value within it that is one slip of the pen away
-    slip: the change of the text
+    position: position of the entry
+    typed: text of the entry in the file
+    lowest: lower end of the interval of such values
+    highest: upper end of this interval
+    value: text of the value in the interval that differs from the typed text by one typing mistake
+    slip: the typing mistake
     """
 
     json_keys = "entry typed value lowest highest slip"
@@ -62,10 +62,10 @@ class ChangedEntry(Result):
 class _Edit(NamedTuple):
     """Text of an entry with which the rough answer has every printed digit.
 
-    slip: the slip that makes the typed text of it
-    value: of the text
-    lowest: of the values near it that do the same, to first order
-    highest: of them
+    slip: the typing mistake that turns it into the typed text
+    value: value of the text
+    lowest: lowest near value that does the same, to first order
+    highest: highest such value
     """
 
     text: str

@@ -52,7 +52,7 @@ class Classified:
     comparison: of every entry with the exact answer of the plant as typed
     P: (n, n), that answer
     changed: the intervals of one entry of the plant that make all digits right
-    not_searched: why none were searched for, or "" where they were, or needed not be
+    not_searched: why no intervals were searched for, or "" if they were searched for or not needed
     """
 
     name: Class

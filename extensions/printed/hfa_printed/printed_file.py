@@ -69,13 +69,13 @@ class PrintedFile:
     """A plant and its printed answer.
 
     title: of the file
-    source: where it is printed, or "" where the file does not say
+    source: where the answer is printed, or "" if not stated
     note: notes for the reader; or ""
     plant: as typed
     typed: the blocks of the plant
     answer: the printed blocks of P, K, L, W, H
     signs: block -> factor from the exact K or L to the convention of the print
-    learned: whether the answer comes out of learning or an iteration
+    learned: whether the answer results from learning or an iteration
     plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
     assumption: how an incomplete plant was read, or "" where it is complete
     has_time: whether the file states continuous or discrete; else the plant is taken for continuous

@@ -100,7 +100,7 @@ class Cause(NamedTuple):
 
     share: the part of the error that is left, of what may be left: 1 is just enough.
     error: the remainder, relative to the exact matrix.
-    says: the mistake, or "" for none.
+    says: text of the mistake, or "" for none.
     """
 
     share: float

@@ -41,8 +41,7 @@ SECONDS = 20
 
 @dataclass(frozen=True)
 class CommandArguments:
-    """Commands given from outside, after their filter, (k,) each, with the methods of
-    `CommandSteps`."""
+    """External commands after their filter, (k,) each, with the methods of `CommandSteps`."""
 
     names: tuple[str, ...]
     value: ca.SX

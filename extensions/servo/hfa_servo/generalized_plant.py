@@ -529,8 +529,8 @@ def loop_checks(
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     """Return the L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
 
-    The search for δ_min starts above it: it has the units of δ, whatever these are. inf where
-    rounding hides that controller.
+    The search for δ_min starts above it: it has the units of δ, whatever these are. The result is
+    inf if rounding hides that controller.
     """
     values = []
     for side in plant.sides:

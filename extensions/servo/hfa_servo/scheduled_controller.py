@@ -223,7 +223,8 @@ class ScheduledController(ByValue, Reported):
         return self.dynamics
 
     def report(self) -> Report:
-        """Return the table of `about`: delta, delta_min or gamma_min of each angle, certificate."""
+        """Return the report of the design: delta, delta_min or gamma_min of each angle,
+        certificate."""
         rows = self.about.get("angles", [])
         limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
         by = self.model.schedule
@@ -404,7 +405,7 @@ def load_controller_or_gains(path: Path, model: Model) -> ScheduledController | 
 
 
 def _is_controller(content: Mapping[str, Any]) -> bool:
-    """Return whether arrays that were read are those of `save_controller`."""
+    """Return whether arrays of a file are those written by `save_controller`."""
     return str(content.get("schema", "")) == SCHEMA
 
 

@@ -38,7 +38,7 @@ _OF_ONE_RUN = ("toolchain", "provenance")
 class OfAStore(Result):
     """Attributes common to all stores, apart from those of rows.
 
-    toolchain: version that wrote it.
+    toolchain: version that wrote the store.
     coordinates: arrays that are coordinates, as in the CF conventions."""
 
     toolchain: str

@@ -143,8 +143,7 @@ class Decrease(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """The k for which W' < 0 is proved where 0 < |y_i| <= 2^-k. Raises Rejected if no k is
-        found.
+        """Exponent k: W' < 0 is proved where 0 < |y_i| <= 2^-k. Raises Rejected if no k is found.
 
         The slopes of W are G y and the rates J z, G and J in the enclosures, so that
         W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""

@@ -223,7 +223,7 @@ class OnPiece(Question):
 
     @cached_property
     def symbols(self) -> Symbols:
-        """The variables of the functions that are enclosed."""
+        """Variables of the enclosed functions."""
         sizes = (self.n, self.n, self.m, self.n + self.m)
         return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
 

@@ -6,7 +6,7 @@ from hfa_support.errors import NoSolutionError
 
 
 class OutOfTimeError(NoSolutionError):
-    """Error of a proof or a fit whose processor time is over."""
+    """Error of a proof or fit that exceeds its processor time."""
 
     def __init__(self, what: str, step: str, done: float) -> None:
         """Store the message.

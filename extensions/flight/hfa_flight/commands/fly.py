@@ -73,13 +73,13 @@ def fly(request: FlyRequest) -> int:
     aircraft drawn from the uncertain parameters of --aircraft, with the trim and the policy of the
     aircraft itself. --model FILE simulates a plant in discrete time.
 
-    With --Q or --R the report has the cost of the flight.
+    With --Q or --R the report contains the cost of the flight.
 
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay. With --samples this must happen to every member, with --draws to any
-    one of them."""
+    oscillation does not decay. With --samples the code is 1 only if every member does
+    so, with --draws if any member does."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.members is not None:

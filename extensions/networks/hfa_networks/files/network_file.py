@@ -56,7 +56,7 @@ class Layer(NamedTuple):
 
     @property
     def is_linear(self) -> bool:
-        """True if it is no LayerNorm."""
+        """True for a linear layer, False for a LayerNorm."""
         return self.weight.ndim == 2
 
     @property

@@ -67,7 +67,7 @@ class Flown(NamedTuple):
 
 
 class Loop(Protocol):
-    """Plant with a policy."""
+    """Plant with a policy, as a loop that can be simulated."""
 
     @property
     def rest(self) -> np.ndarray | None:
@@ -111,7 +111,7 @@ class TimeAxis(Protocol):
 
 
 class InTime:
-    """z' = A z + B u + E d, on which J - V* = ∫ (u - u*)'R (u - u*) dt."""
+    """Plant z' = A z + B u + E d in continuous time, with J - V* = ∫ (u - u*)'R (u - u*) dt."""
 
     def __init__(self, game: Game, exact: Exact) -> None:
         self._game = game
@@ -152,7 +152,8 @@ class InTime:
 
 
 class InSteps:
-    """x⁺ = A x + B u + E w, on which J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*)."""
+    """Plant x⁺ = A x + B u + E w in discrete time, with J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u -
+    u*)."""
 
     def __init__(self, exact: DiscreteSolution) -> None:
         step = exact.game
@@ -168,7 +169,7 @@ class InSteps:
         return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K."""
+        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K."""
         from scipy.linalg import solve_discrete_lyapunov
 
         moved = math.sqrt(self._exact.discount) * (self._worst - self._exact.game.B @ K)

@@ -40,7 +40,7 @@ _MOST_BOXES = 256
 
 
 class Lines(NamedTuple):
-    """v = Σ slopes t + constant ± radius, |v| <= size: (boxes, nodes) each."""
+    """Linear enclosures v = Σ slopes t + constant ± radius, |v| <= size, (boxes, nodes) each."""
 
     slopes: tuple[np.ndarray, ...]
     constant: np.ndarray
@@ -121,7 +121,7 @@ def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """t² = 2 m t - m² + (t - m)², for any m."""
+    """Return linear bounds of the squares t² from t² = 2 m t - m² + (t - m)², for any m."""
     middle = 0.5 * (low + high)
     width = np.maximum(high - middle, middle - low)
     half = 0.5 * width * width
@@ -194,7 +194,7 @@ class Bounds(NamedTuple):
 
 
 class Relaxation:
-    """Bounds of the outputs of a function y (n,) -> e. Raises NotReadError as `affine_rows`."""
+    """Bounds of the outputs of a function y (n,) -> e. Raises the errors of `affine_rows`."""
 
     def __init__(self, function: ca.Function) -> None:
         rows, nodes = affine_rows(function)

@@ -62,7 +62,7 @@ class BallFunction:
             ) from error
 
     def _run(self, arguments: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return the outputs, by the instructions of the function one after the other."""
+        """Return the outputs by executing the instructions of the function in order."""
         work: list[Any] = [None] * self._size
         results: list[list[Any]] = [[None] * size for size in self._sizes]
         for code, operation, target, source in self._steps:

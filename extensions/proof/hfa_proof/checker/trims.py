@@ -152,7 +152,7 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
     its branch.
 
     Two boxes are on one branch if at a common scheduling value the trim of one lies where the other
-    has no other trim than its own. Raises Rejected unless proved."""
+    has only its own trim. Raises Rejected unless proved."""
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
@@ -204,8 +204,8 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return the trim of the other box lies where this one has no other trim than its own: for all
-    errors of the parameters that both boxes have, else without errors."""
+    """Return whether the trim of the other box lies where this box has only its own trim, for all
+    errors of the parameters if both boxes have them, else without errors."""
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
         there = _polynomial_at(other.trim, name, scheduling_value)

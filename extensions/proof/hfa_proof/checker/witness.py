@@ -69,7 +69,7 @@ class Line:
 
     @classmethod
     def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
-        """rated: whether there is an entry `rate`."""
+        """Return the line of a certificate. rated: whether it has an entry `rate`."""
         rate = entries.number("rate") if rated else 0.0
         return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
 
@@ -103,7 +103,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class ModesBox:
-    """proof: a line, or the pieces of uncertain actuators, for the matrices of a box."""
+    """Evidence for the unstable modes on a box. proof: a line, or the pieces of uncertain
+    actuators, for the matrices of a box."""
 
     trim: TrimBox
     proof: Line | list[Piece]
@@ -130,7 +131,7 @@ class Motion:
         flight: whose trims the boxes enclose
         n: number of states of the loop
 
-        Malformed names the entry that cannot be.
+        Raises Malformed that names the invalid entry.
         """
         breakpoints = entries.increasing("breakpoints")
         P = entries.array("P", len(breakpoints), n, n)
@@ -146,7 +147,8 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ScheduleWitness:
-    """loop, modes: boxes whose bounds together are those of the statement's runs."""
+    """Evidence for a schedule. loop, modes: boxes whose bounds together are those of the
+    statement's runs."""
 
     loop: list[ModesBox]
     modes: list[ModesBox]
@@ -199,7 +201,7 @@ class SolutionBox:
 
     @classmethod
     def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
-        """orders: coefficients of P in s."""
+        """Return the evidence of a certificate. orders: coefficients of P in s."""
         units = entries.array("units", n)
         require(bool(np.all(units > 0.0)), "units")
         coefficients = entries.balls("P", orders, n, n)
@@ -245,7 +247,8 @@ class PointTrim:
 
 @dataclass(frozen=True, eq=False)
 class GameWitness:
-    """trim: None of a plant. solution: at the game's delta. loop, modes: lines of A - B K and of A.
+    """Evidence for a statement about a game. trim: None of a plant. solution: at the game's delta.
+    loop, modes: lines of A - B K and of A.
     value: the solution at the upper end of delta_min. refused: at the lower end a solution whose
     lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian has an
     eigenvalue on the axis."""
@@ -284,7 +287,8 @@ class GameWitness:
 
 @dataclass(frozen=True, eq=False)
 class ModelsWitness:
-    """cells: trims and the solution of the game on boxes that cover the interval."""
+    """Evidence for interpolated models. cells: trims and the solution of the game on boxes that
+    cover the interval."""
 
     cells: list[tuple[TrimBox, SolutionBox]]
 

@@ -89,8 +89,9 @@ def solution(request: SolutionRequest) -> int:
     """Prove in ball arithmetic that the game has one stabilizing solution within a radius of P, and
     bracket its smallest delta.
 
-    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
-    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
+    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
+    statement is proved, 1 when it is refuted or remains open. The command needs
+    `pip install .[proof]`."""
     from hfa_proof.search.solution_proof import prove_solution
 
     _prepared(request)
@@ -105,8 +106,9 @@ def critic(request: CriticRequest) -> int:
     """Prove in ball arithmetic whether the gain in a file stabilizes, and bound the distance of its
     W, P or K from the exact solution, from below and from above.
 
-    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
-    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
+    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
+    statement is proved, 1 when it is refuted or remains open. The command needs
+    `pip install .[proof]`."""
     from controller.critic.critic_file import Reading, critic_in
     from hfa_proof.search.solution_proof import prove_critic
 

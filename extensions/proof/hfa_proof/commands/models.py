@@ -26,7 +26,7 @@ def models(request: ModelsRequest) -> int:
     within --limit-error, and prove it in ball arithmetic for every value of LOW:HIGH.
 
     -o FILE.json writes a certificate for hfa prove --check FILE; another suffix writes the models.
-    It needs `pip install .[proof]`."""
+    The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
     from hfa_proof.search.models_grid import prove_models
 

@@ -85,8 +85,9 @@ def schedule(request: ScheduleRequest) -> int:
 
     The trim is shown to exist within its limits, and the loop to be Hurwitz, at every angle and not
     only at the points of a grid; with --bandwidth through every actuator of an interval.
-    -o FILE.json writes a certificate for hfa prove --check FILE. The exit code is 0 when it is
-    proved, 1 when it is refuted or left open. It needs `pip install .[proof]`."""
+    -o FILE.json writes a certificate for hfa prove --check FILE. Exit code 0 when the
+    statement is proved, 1 when it is refuted or remains open. The command needs
+    `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()

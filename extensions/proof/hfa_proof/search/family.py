@@ -54,7 +54,7 @@ class Box(NamedTuple):
 
     @property
     def middle(self) -> float:
-        """Middle, at which it is divided."""
+        """Middle of the box, where it is divided."""
         return (self.low + self.high) / 2
 
 
