@@ -323,7 +323,7 @@ def equations(x, u, p, w):
     cos_yaw = ca.cos(x.yaw)
     down = ca.vertcat(-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll)
 
-    # Motion of the centre of gravity, in body axes.
+    # Motion of the center of gravity, in body axes.
     velocity = x.speed * ca.vertcat(
         ca.cos(x.alpha) * ca.cos(x.beta), ca.sin(x.beta), ca.sin(x.alpha) * ca.cos(x.beta)
     )

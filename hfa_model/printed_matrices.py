@@ -24,7 +24,7 @@ class PublishedModel(ByValue, Reported):
     half_unit_A: (6, 6), half a unit of the last printed digit of each entry of A
     half_unit_B: (6, 5), half a unit of the last printed digit of each entry of B
 
-    An entry printed as a bare 0 or 1 is regarded as printed to four decimals like its neighbours:
+    An entry printed as a bare 0 or 1 is regarded as printed to four decimals like its neighbors:
     B(alpha, throttle) is -2.6e-5 and printed 0.
     """
 

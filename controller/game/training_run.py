@@ -1,4 +1,4 @@
-"""Results of learners: weights over time and the rank of the data, without a judgement."""
+"""Results of learners: weights over time and the rank of the data, without a judgment."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TrainingRun(Result, Reported):
     weights: (N, M), W with V = W'ψ(z), in the units of the model
     residual_norm: (N,), Bellman residual of the game over the stack, |e| / |z'Qz|
     law_residual_norm: (N,), the residual that the learner itself drives to zero at that time, in
-        its own normalisation and stage
+        its own normalization and stage
     settling_residual: (N,), |e| over the size of the terms that cancel in it
     K: (m, n), the gain of the last weights
     excitation: the rank of the data

@@ -251,7 +251,7 @@ def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
-    """Return log D that equalises the norms of the rows and columns of D M D⁻¹ off the diagonal.
+    """Return log D that equalizes the norms of the rows and columns of D M D⁻¹ off the diagonal.
 
     It is an initial scaling, (..., m).
 

@@ -94,7 +94,7 @@ def learn(request: LearnRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Judged(Result):
-    """Judgement of a learned critic by the exact solution.
+    """Judgment of a learned critic by the exact solution.
 
     certificates: the checks of the judge.
     converged: whether every check of the judge holds.

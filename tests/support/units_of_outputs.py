@@ -14,7 +14,7 @@ FOOT = 0.3048
 
 
 def assert_no_feet(*words: str, folder: Path) -> None:
-    """The text and the picture of a command have metres alone.
+    """The text and the picture of a command have meters alone.
 
     Matplotlib repeats each text of an .svg as a comment."""
     picture = folder / "p.svg"
@@ -27,7 +27,7 @@ def assert_no_feet(*words: str, folder: Path) -> None:
 
 
 def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
-    """A store in metres has the numbers of that in feet, and is continued in metres alone.
+    """A store in meters has the numbers of that in feet, and is continued in meters alone.
 
     name: of the array whose first three columns are a speed, an angle and a length"""
     import zarr

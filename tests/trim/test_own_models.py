@@ -72,7 +72,7 @@ def test_slow_flights_of_the_book(
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """Bit for bit, where searches begin at a slope about the centre of a cell."""
+    """Bit for bit, where searches begin at a slope about the center of a cell."""
     speeds = np.linspace(200.0, 700.0, 300)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
     for rows in (slice(7, 8), slice(100, 140)):

@@ -51,7 +51,7 @@ def find_operating_point(
 
     model: the aircraft
     condition: imposed and free variables; by default the model's own trim
-    start: neighbouring point at which the search begins; by default the declared initial values
+    start: neighboring point at which the search begins; by default the declared initial values
     hold: variable, output or rate (speed_dot) -> imposed value, in the model's units
     free: variables to set free; a rate (h_dot) set free is not balanced
     held: further values of `hold`, by name: speed=100.0

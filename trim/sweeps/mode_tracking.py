@@ -56,12 +56,12 @@ def track_modes(
     model: the aircraft
     neighbours: (M, 2), pairs of adjacent points, or None for points along a path
 
-    Two neighbours are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) - 2
+    Two neighbors are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) - 2
     |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
     projectors on the modes of either point along all other modes. The first term preserves the
     shape of a mode where eigenvalues cross, in any units and also where two shapes are nearly
     parallel. The second distinguishes the two members of a pair. From the first point on, the
-    pairings are followed along the tree of neighbours that are most alike. The first point is
+    pairings are followed along the tree of neighbors that are most alike. The first point is
     ordered fastest first, positive imaginary part first.
 
     Between two points the columns of modes that cross can still be exchanged where their shapes are
@@ -150,7 +150,7 @@ def _pair_over_meetings(
 def _connected(neighbours: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Return pairs of points that connect all N points, (M, 2).
 
-    They are the neighbours, and those pairs of the path that the neighbours do not connect.
+    They are the neighbors, and those pairs of the path that the neighbors do not connect.
 
     neighbours: (K, 2), pairs of points
     path: (N - 1, 2), the pairs (0, 1), (1, 2), ...
@@ -243,7 +243,7 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     other_upper = np.flatnonzero(others.imag > 0)
     rows, columns = linear_sum_assignment(gain[np.ix_(upper, other_upper)], maximize=True)
     forced = gain.copy()
-    for member in (0, 1):  # the members of a pair are neighbours
+    for member in (0, 1):  # the members of a pair are neighbors
         forced[upper[rows] + member, other_upper[columns] + member] += _PAIRED
     lower_first = np.outer(np.sign(values.imag), others.real.argsort().argsort())
     lower_first += np.outer(values.real.argsort().argsort(), np.sign(others.imag))

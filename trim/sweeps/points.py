@@ -1,6 +1,6 @@
 """Trims and linear models of many points.
 
-Newton's method solves all points at once. Unsolved points begin again at solved neighbours, and
+Newton's method solves all points at once. Unsolved points begin again at solved neighbors, and
 then use `find_operating_point`. A point without a trim keeps its status and the reason.
 """
 
@@ -46,7 +46,7 @@ _CELL = 0.03
 _STEEPEST = 0.2
 #: Slopes are taken over this part of a cell.
 _NEXT = 1e-5
-#: Rounds in which points begin again at settled neighbours, at most.
+#: Rounds in which points begin again at settled neighbors, at most.
 _ROUNDS = 100
 
 
@@ -242,7 +242,7 @@ def _starts(
 
     They are a Taylor polynomial about the solution at the center of the point's cell: quadratic for
     a single variable, linear for several. The cells are those of the model, so that no row depends
-    on its neighbours. Their searches begin at the model's initial point. Terms that change by more
+    on its neighbors. Their searches begin at the model's initial point. Terms that change by more
     than `_STEEPEST` over a cell may lead to another solution and count as 0. If all unknowns are
     inputs there is one solution: the searches then begin as those of single trims, with equal bits.
     """
@@ -302,7 +302,7 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
 def _settle_from_neighbours(
     system: TrimSystem, values: np.ndarray, z: np.ndarray, c: np.ndarray, settled: np.ndarray
 ) -> None:
-    """Repeat Newton's method for unsettled points, from the solutions of settled neighbours.
+    """Repeat Newton's method for unsettled points, from the solutions of settled neighbors.
 
     This is repeated until no further point settles. z and settled are changed in place.
     """

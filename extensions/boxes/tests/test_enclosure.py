@@ -56,7 +56,7 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
 
 
 def test_squared_squares_hold_the_ends_of_boxes() -> None:
-    """The linear part of y² is 0 at the centre of the first box, and the rest is all of it."""
+    """The linear part of y² is 0 at the center of the first box, and the rest is all of it."""
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
     centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
@@ -96,7 +96,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
-    """Curves, lines and slopes, over ranges that are narrow, wide and not about their centres."""
+    """Curves, lines and slopes, over ranges that are narrow, wide and not about their centers."""
     function, slope = FUNCTIONS[kind]
     generator = np.random.default_rng(3)
     is_positive = kind in ("inverse", "sqrt", "log")

@@ -3,11 +3,11 @@
 Files are joined by their standard names: an input that is an output of another file is that output,
 one of `names.MOTION` follows from the motion and the air, one with an initial value is a parameter,
 and any other is an input of the aircraft. With q̄ the dynamic pressure, S, b, c the reference area,
-span and chord and r the position of the centre of mass from the moment reference centre:
+span and chord and r the position of the center of mass from the moment reference center:
 
     F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
 
-Lift and drag are along the stability axes. Thrust and its moment act at the centre of mass.
+Lift and drag are along the stability axes. Thrust and its moment act at the center of mass.
 """
 
 from __future__ import annotations

@@ -152,7 +152,7 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 def _peak(values: np.ndarray) -> float:
     """Return the peak of a half-period, by a parabola through the highest value and its
-    neighbours."""
+    neighbors."""
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])

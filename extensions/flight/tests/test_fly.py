@@ -348,7 +348,7 @@ def test_gains_of_file_flown_along_trims_of_command() -> None:
 
 
 def test_a_flight_in_metres_is_flight_in_feet() -> None:
-    """A flight in metres is the flight in feet."""
+    """A flight in meters is the flight in feet."""
     foot = 0.3048
     words = (*FLY, "--duration", "0.5", "--gust")
     feet = answer(*words, "200:5")["final"]

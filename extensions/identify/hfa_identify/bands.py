@@ -13,7 +13,7 @@ from hfa_identify.fit import Fit, inverse
 BAND = 1.959964
 #: Lags of the autocorrelation that a test of whiteness looks at.
 LAGS = 25
-#: Values of which a smaller share of lags is white are coloured.
+#: Values of which a smaller share of lags is white are colored.
 WHITE = 0.8
 #: A quantity is not explained where its residuals vary by so much more than itself.
 _WORSE = 1.5

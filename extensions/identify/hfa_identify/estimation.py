@@ -64,7 +64,7 @@ def identify(
     filter error with maximum likelihood and white Gaussian noise of unknown variance.
 
     model: with the values at which the search begins.
-    records: one or more manoeuvres, each a path or a dictionary of arrays by name in the model's
+    records: one or more maneuvers, each a path or a dictionary of arrays by name in the model's
         units: time (s), every input, measured states or outputs, NaN where a sample is missing.
     free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
         as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
@@ -76,7 +76,7 @@ def identify(
     turbulence: whether the air moved (filter error). Speed, alpha and beta of the records are then
         relative to the air, as measured by pitot tubes and vanes.
     columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
-    plan: whether to compare further manoeuvres by how much they narrow the bands.
+    plan: whether to compare further maneuvers by how much they narrow the bands.
 
     Raises BadInputError if a record or a name is wrong, and NoSolutionError if nothing moves in the
     records or the simulation diverges.
@@ -106,7 +106,7 @@ def identify(
     responses = Responses(model, names, measured)
     if turbulence:
         if plan:
-            raise BadInputError("manoeuvres are planned in calm air; leave plan or turbulence out")
+            raise BadInputError("maneuvers are planned in calm air; leave plan or turbulence out")
         responses = Predictions(model, names, measured, Condition.of(model, read, measured, held))
     if sum(len(record.time) for record in read) > _MANY:
         responses.compile()

@@ -33,7 +33,7 @@ def refuse_still(search: Search, fit: Fit | None) -> None:
         return
     names = ", ".join(record.name for record in search.records)
     raise NoSolutionError(
-        f"{names}: no motion that the model explains, so no parameter is excited; fly a manoeuvre"
+        f"{names}: no motion that the model explains, so no parameter is excited; fly a maneuver"
     )
 
 

@@ -115,7 +115,7 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
             times = record.time[present[:, place]]
             beside = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
             far = np.flatnonzero(beside > _OFF * 1.4826 * np.median(beside))
-            # A spike also lifts the differences of its neighbours, by half.
+            # A spike also lifts the differences of its neighbors, by half.
             far = far[beside[far] > 0.7 * beside.max()] if len(far) else far
             if 0 < len(far) <= max(1, len(values) // 50):
                 count = f"{len(far)} outliers" if len(far) > 1 else "an outlier"

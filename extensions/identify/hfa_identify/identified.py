@@ -28,7 +28,7 @@ _WHITE_ENOUGH = 0.6
 _ERRORS = {"bias": "bias", "scale": "scale error", "delay": "delay"}
 #: Bands that are widened by less are those of white residuals.
 _WIDENED = 1.05
-#: Bands that are widened by more are not to be trusted: the noise is slower than the manoeuvre.
+#: Bands that are widened by more are not to be trusted: the noise is slower than the maneuver.
 _BEYOND = 8.0
 #: Columns of the first line and of sentences.
 _WIDTH = 100
@@ -77,7 +77,7 @@ class Identified(Result, Reported):
 
     model: the aircraft with the estimates as parameters.
     records: names of the records.
-    parameters: name -> estimate with its 95 % band, corrected for coloured residuals.
+    parameters: name -> estimate with its 95 % band, corrected for colored residuals.
     quantities: measured state or output -> goodness of fit.
     covariance: of the estimates, in the order of `parameters`.
     coloured: largest factor by which the correction widened a band.
@@ -94,7 +94,7 @@ class Identified(Result, Reported):
     turbulence: state that turbulence moves -> standard deviation of its random change in 1 s.
     converged: whether the search ended at a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
-    plan: manoeuvres that would narrow the bands further, the best first.
+    plan: maneuvers that would narrow the bands further, the best first.
     """
 
     schema = "hfa.identified/1"
@@ -142,11 +142,11 @@ class Identified(Result, Reported):
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
         if self.coloured > _BEYOND:
-            yield "residuals are coloured beyond the correction of the bands"
+            yield "residuals are colored beyond the correction of the bands"
         if self.turbulence:
             coloured = [n for n, each in self.quantities.items() if each.white < _WHITE_ENOUGH]
             if coloured:
-                yield f"turbulence does not explain the coloured residuals of {', '.join(coloured)}"
+                yield f"turbulence does not explain the colored residuals of {', '.join(coloured)}"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
         if self.other_minimum:
@@ -245,7 +245,7 @@ class Identified(Result, Reported):
         widened = f"widen them up to {self.coloured:.2g} times"
         is_widened = self.coloured > _WIDENED
         parts.append(
-            f"The bands are 95 %; coloured residuals {widened if is_widened else 'widen none'}."
+            f"The bands are 95 %; colored residuals {widened if is_widened else 'widen none'}."
         )
         if self.turbulence:
             parts.append(self._turbulence())
@@ -253,7 +253,7 @@ class Identified(Result, Reported):
         if coloured:
             why = "" if self.turbulence else "turbulence (add --turbulence), or "
             causes = f"{why}motion that the model lacks"
-            sentence = f"The residuals of {', '.join(coloured)} are coloured: {causes}."
+            sentence = f"The residuals of {', '.join(coloured)} are colored: {causes}."
             parts.append(wrapped(sentence, _WIDTH))
         title = f"{self._subject}: {self.first_line}"
         return Report(title, tuple(parts), notes=further, data=self.to_dict())
@@ -328,7 +328,7 @@ class Identified(Result, Reported):
         return [Table(head, tuple(rows))]
 
     def _planned(self) -> Table:
-        """Return a table with one row for each manoeuvre."""
+        """Return a table with one row for each maneuver."""
         rows = []
         for each in self.plan:
             amplitude = f"{shown_value(each.amplitude, each.unit)} {shown_unit(each.unit)}"

@@ -123,7 +123,7 @@ def _is_apart(one: Fit, other: Fit, first: int) -> bool:
 
 def parts_disagree(search: Search, fit: Fit) -> str:
     """Return the unknown on which parts of the records disagree most, or "" if they agree within
-    their bands, corrected for coloured residuals.
+    their bands, corrected for colored residuals.
 
     Parts are the records, or the halves of one record. With scores g of a part and of the others,
     informations M, M' and the covariances V, V' of the scores, the difference

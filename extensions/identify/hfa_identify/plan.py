@@ -1,4 +1,4 @@
-"""Planning of the next manoeuvre: the doublet, 3-2-1-1 or multisine on one input that narrows the
+"""Planning of the next maneuver: the doublet, 3-2-1-1 or multisine on one input that narrows the
 widest band most, by the Fisher information of the model."""
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from hfa_identify.search import Search
 from hfa_support.reporting.results import Result
 from trim.point.solve import find_operating_point
 
-#: Duration of a manoeuvre, s, and durations of the unit of doublet and 3-2-1-1, s.
+#: Duration of a maneuver, s, and durations of the unit of doublet and 3-2-1-1, s.
 _SECONDS = 15.0
 _UNITS = (0.2, 0.4, 0.8, 1.6)
-#: The manoeuvre begins there, s.
+#: The maneuver begins there, s.
 _BEGIN = 0.5
 #: Frequencies of the multisine: so many multiples of 1 / (duration), Hz.
 _SINES = 24
@@ -29,13 +29,13 @@ _SINES = 24
 #: limits, so often.
 _PART = 0.5
 _HALVINGS = 6
-#: So many manoeuvres are reported.
+#: So many maneuvers are reported.
 _MOST = 10
 
 
 @dataclass(frozen=True)
 class Manoeuvre(Result):
-    """A manoeuvre about the trim of the identified aircraft, and the bands after it.
+    """A maneuver about the trim of the identified aircraft, and the bands after it.
 
     kind: "doublet", "3-2-1-1" or "multisine".
     input: the input that moves.
@@ -44,7 +44,7 @@ class Manoeuvre(Result):
     seconds: duration of the unit step of a doublet or 3-2-1-1, or of the whole multisine.
     widest: parameter with the widest band afterwards, as a part of its value.
     before: half-width of its band now, percent of its value.
-    after: that half-width with this manoeuvre in addition, percent.
+    after: that half-width with this maneuver in addition, percent.
     """
 
     kind: str
@@ -58,9 +58,9 @@ class Manoeuvre(Result):
 
 
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
-    """Return the best manoeuvres, sorted by their widest band, the narrowest first.
+    """Return the best maneuvers, sorted by their widest band, the narrowest first.
 
-    model: the identified aircraft. coloured: factor by which coloured residuals widen bands.
+    model: the identified aircraft. coloured: factor by which colored residuals widen bands.
 
     The sensors, their noise and their rate are those of the records. Initial states are unknown.
     """
@@ -101,7 +101,7 @@ def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.nda
 def _candidates(
     search: Search, fit: Fit, model: Model
 ) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
-    """Yield kind, input, amplitude, duration and information of manoeuvres within the limits."""
+    """Yield kind, input, amplitude, duration and information of maneuvers within the limits."""
     point = find_operating_point(model)
     start = np.array(point.states)
     trim = np.array(point.inputs)
@@ -145,7 +145,7 @@ def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
 
 
 def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Yield kind, duration and shape, between -1 and 1, of manoeuvres."""
+    """Yield kind, duration and shape, between -1 and 1, of maneuvers."""
     for unit in _UNITS:
         yield "doublet", unit, _steps(time, unit, (1, 1))
         yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))

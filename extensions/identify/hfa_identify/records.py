@@ -33,7 +33,7 @@ _FAR = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Flight record of one manoeuvre.
+    """Flight record of one maneuver.
 
     name: name of the record, such as its file.
     time: (N,) s, increasing; steps may differ.

@@ -111,7 +111,7 @@ def test_coloured_residuals_widen_the_bands():
     assert found().coloured < 1.5
     assert found(coloured=True).coloured > 2.0
     assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
-    assert "coloured: turbulence (add --turbulence)" in found(coloured=True).report().text()
+    assert "colored: turbulence (add --turbulence)" in found(coloured=True).report().text()
 
 
 def test_slow_noise_beside_white_noise_is_seen():
@@ -394,7 +394,7 @@ def test_noise_slower_than_the_manoeuvre_fails():
     slow = lfilter([1.0], [1.0, -0.985], noise)[-len(columns["x"]) :]
     result = identify(model, columns | {"x": columns["x"] + 0.02 * slow}, ["k"], inputs="steps")
     assert result.coloured > 8.0
-    assert "residuals are coloured beyond the correction" in result.first_line
+    assert "residuals are colored beyond the correction" in result.first_line
 
 
 def test_errors_of_sensors_are_estimated():

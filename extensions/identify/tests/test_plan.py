@@ -1,4 +1,4 @@
-"""The next manoeuvre: flown, it narrows the band as it was predicted."""
+"""The next maneuver: flown, it narrows the band as it was predicted."""
 
 from functools import cache
 

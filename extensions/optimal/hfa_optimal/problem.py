@@ -142,7 +142,7 @@ class FlightProblem:
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and highest deviations of the followed states in a proposal: the limits
-        of a flight, moved towards the trim by the fraction `margin` unless the start is beyond.
+        of a flight, moved toward the trim by the fraction `margin` unless the start is beyond.
 
         start: initial deviations of the followed states"""
         lowest, highest = self.state_limits

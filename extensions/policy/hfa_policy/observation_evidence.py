@@ -203,7 +203,7 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return centre and spread of the training's observations, (k,) each, and whether they are
+    """Return center and spread of the training's observations, (k,) each, and whether they are
     statistics of many, or None if unknown."""
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0

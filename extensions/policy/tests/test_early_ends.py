@@ -82,7 +82,7 @@ def test_a_flight_that_has_converged_stays(stays):
 
 
 def test_the_equilibrium_follows_the_altitude():
-    """The slope with respect to the altitude is that between two trims a hundred metres apart."""
+    """The slope with respect to the altitude is that between two trims a hundred meters apart."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})

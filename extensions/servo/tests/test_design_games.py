@@ -170,7 +170,7 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
 
 
 def test_a_controller_in_metres_is_controller_in_feet() -> None:
-    """A controller in metres is the controller in feet."""
+    """A controller in meters is the controller in feet."""
     words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
     feet = hfa(*words, "-o", "feet.npz")
     metres = hfa(*words, "--units", "si", "-o", "metres.npz")

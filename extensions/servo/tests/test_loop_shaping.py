@@ -221,7 +221,7 @@ def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) 
 def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
-    """Behind the actuators that the model has, measured and modelled outputs agree: measuring adds
+    """Behind the actuators that the model has, measured and modeled outputs agree: measuring adds
     nothing, and in the steady state both outputs equal the command."""
     design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)

@@ -2,7 +2,7 @@
 
 The cube |y_i| <= 1 is halved again and again, across the edge that the question chooses, until on
 each box every function is bounded from below by a positive number or the box is outside the set.
-Centres and half widths are dyadic, so that they are doubles without rounding. The order is fixed,
+Centers and half widths are dyadic, so that they are doubles without rounding. The order is fixed,
 so that the proof is repeated without a stored tree."""
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from hfa_support.progress import Progress
 
 #: A box with narrower edges than 2^-this is not halved: what holds there by less is not proved.
 _DEEPEST = 40
-#: Centres of more often halved edges are not doubles.
+#: Centers of more often halved edges are not doubles.
 _FINEST = 53
 #: How often the search is reported.
 _TOLD = 4
 
 
 class Boxes(NamedTuple):
-    """Boxes by their centres (N, n) and the number of times each edge was halved (N, n)."""
+    """Boxes by their centers (N, n) and the number of times each edge was halved (N, n)."""
 
     centres: np.ndarray
     depths: np.ndarray
@@ -65,7 +65,7 @@ def cube(n: int) -> Boxes:
 class OpenBoxError(Rejected):
     """Error of a box that is not decided.
 
-    place: its centre (n,)
+    place: its center (n,)
     """
 
     def __init__(self, text: str, place: np.ndarray) -> None:
@@ -101,7 +101,7 @@ class Question(Protocol):
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
-    """Raise RefutedError at the centre, of (N, n), in the set with the lowest negative value, of
+    """Raise RefutedError at the center, of (N, n), in the set with the lowest negative value, of
     (N,)."""
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:

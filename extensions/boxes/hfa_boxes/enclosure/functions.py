@@ -1,6 +1,6 @@
 """Enclosures of functions of one variable over a range by parabolas or lines.
 
-Over [low, high] about a centre t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
+Over [low, high] about a center t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
 polynomial of degree 2 with the third derivative enclosed over the range, `line` has c = 0 and holds
 over wide ranges. Every remainder includes the rounding of its coefficients. A function that is not
 defined on a range has the rest inf or nan."""
@@ -24,7 +24,7 @@ from hfa_boxes.enclosure.elementary import (
     tanh,
 )
 
-#: Arrays of one shape: centre, lowest and highest argument.
+#: Arrays of one shape: center, lowest and highest argument.
 Ranges = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 

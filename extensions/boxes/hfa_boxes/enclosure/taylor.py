@@ -1,6 +1,6 @@
 """Taylor models of degree 2 over many boxes at once, rounding included.
 
-Over the box centre + half_width s, |s_i| <= 1, each value is c_0 + Σ c_i s_i + Σ c_ij s_i s_j
+Over the box center + half_width s, |s_i| <= 1, each value is c_0 + Σ c_i s_i + Σ c_ij s_i s_j
 (i <= j) ± radius. Arrays of coefficients have the shape (values, 1 + n + n (n + 1) / 2, boxes).
 
 Rounding. A product or a sum of k terms in doubles is off by at most (k + 1) u / (1 - (k + 1) u)
@@ -64,7 +64,7 @@ class Models(NamedTuple):
 
     @property
     def value(self) -> np.ndarray:
-        """Value at the centre, without the radius."""
+        """Value at the center, without the radius."""
         return self.c[:, 0]
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:

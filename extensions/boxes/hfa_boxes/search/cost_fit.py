@@ -250,7 +250,7 @@ class Fit:
         )
         if found.x is None:
             raise OpenBoxError(
-                f"no polynomial of degree {self._problem.degree} fulfils the inequality on samples",
+                f"no polynomial of degree {self._problem.degree} meets the inequality on samples",
                 y[0],
             )
         self._coefficients = unknowns @ found.x[:-1]

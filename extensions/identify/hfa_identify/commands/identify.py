@@ -90,7 +90,7 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "also estimate turbulence (filter error); recorded speed, alpha and beta are airspeed and "
         "airflow angles"
     )
-    plan: bool = option("compare further manoeuvres by how much they would narrow the widest band")
+    plan: bool = option("compare further maneuvers by how much they would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")
     picture: Path | None = picture_option("measured and fitted quantities, and residuals")
 
@@ -100,7 +100,7 @@ def identify(request: IdentifyRequest) -> int:
     """Identify parameters of an aircraft from flight records, by output error or filter error with
     maximum likelihood.
 
-    The report gives estimates with 95 % bands corrected for coloured residuals, correlations, and
+    The report gives estimates with 95 % bands corrected for colored residuals, correlations, and
     the fit of each measured quantity. Exit 0: every parameter is determined; 1: the first line
     names the others."""
     from hfa_identify.aircraft_file import aircraft_text

@@ -34,7 +34,7 @@ INTERPOLATION_ERRORS = {
 
 
 def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, float, Found]]:
-    """Return the runs, neighbours of the same result merged.
+    """Return the runs, neighbors of the same result merged.
 
     runs: (low, high, result), ascending
     """

@@ -383,7 +383,7 @@ def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.
     """Return the rate that W allows at all points A, dA/dη, and a W > 0 that allows a large one.
 
     At a rate W + η' dP/dη > 0 is needed. W begins so that P is the identity in the modes of the
-    middle point, and is then moved, step by step, towards Σ |dP/dη|^p, a sum over the points in
+    middle point, and is then moved, step by step, toward Σ |dP/dη|^p, a sum over the points in
     units of W, where the largest counts most."""
     W = _first_weight(points[len(points) // 2][0])
     best = (0.0, np.eye(len(W)))

@@ -365,7 +365,7 @@ def _without(value: Any) -> dict[str, Any]:
 
 
 def _exchanged_entries(value: Content) -> dict[str, Any]:
-    """Neighbouring entries of one type exchanged."""
+    """Neighboring entries of one type exchanged."""
     changed = {}
     keys = list(value)
     for first, second in pairwise(keys):
