@@ -217,7 +217,7 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     """Return the command that the first words name, its name as typed, and the words of its
     options.
 
-    BadInputError without a command, or SystemExit after help."""
+    Raises BadInputError without a command, or SystemExit after help."""
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     name, options = found_in(words)

@@ -442,7 +442,7 @@ def _is_identifier(name: Any) -> bool:
 def _names(what: str, names: Any) -> tuple[str, ...]:
     """Return names as a tuple.
 
-    Raises BadInputError for a single text, and for items that are no texts.
+    Raises BadInputError for a single text, and for items that are not texts.
     """
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise BadInputError(f"{what} is {shown(names)}; give a tuple of names")

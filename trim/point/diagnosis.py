@@ -21,7 +21,7 @@ _MINOR = 1e-3
 
 
 def failure(problem: TrimProblem, found: np.ndarray) -> str:
-    """Return one line that states why the best unknowns found are no trim.
+    """Return one line that states why the best unknowns found are not a trim.
 
     It names the equations that do not balance within the limits and their excess, the binding
     limits, and the values beyond the limits that balance would require.

@@ -43,8 +43,8 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 def read_model(text: str) -> Model:
     """Return the aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
 
-    BadInputError names the file and the variable that is missing, unknown or given twice, has
-    another unit, or is not positive.
+    Raises BadInputError that names the file and the variable that is missing, unknown or given
+    twice, has another unit, or is not positive.
     """
     paths = text.split("+")
     try:

@@ -38,7 +38,7 @@ def read_model(text: str) -> Model:
     """Return the aircraft of a TOML or CSV file of derivatives, or of a TOML file that names
     another aircraft and values of its parameters.
 
-    BadInputError names the file, the entry and its row.
+    Raises BadInputError that names the file, the entry and its row.
     """
     if text.endswith(".toml"):
         changed = changed_aircraft(text)
@@ -55,7 +55,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
         in the table's `units`, or texts with a unit: "2.4 deg". Derivatives are per rad, or per deg
         where `per` is "deg". The parameters of the model are mass, inertias and derivatives.
 
-    BadInputError names the entry that is unknown, missing or no number.
+    Raises BadInputError that names an entry that is unknown, missing or not a number.
 
     >>> import hfa
     >>> uav = hfa.from_derivatives("examples/uav.toml")

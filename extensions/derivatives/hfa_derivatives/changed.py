@@ -21,7 +21,7 @@ def changed_aircraft(path: str) -> Model | None:
     """Return the aircraft of a TOML file with `aircraft` and [parameters], in the units of its
     model, or None where the file has no `aircraft`.
 
-    BadInputError names the file and its fault.
+    Raises BadInputError that names the file and its fault.
     """
     with file_faults(path):
         data = read_toml(path)

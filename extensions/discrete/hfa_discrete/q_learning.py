@@ -66,7 +66,8 @@ class Steps(Reported):
 def random_steps(problem: DiscreteGame, seed: int) -> Steps:
     """Return steps from random states with random inputs and disturbances.
 
-    These move the states equally far and cost no more than the states.
+    Inputs and disturbances move the states by at most their spread, and cost at most as much as the
+    states.
     """
     step = problem.step
     E = step.E if np.isfinite(step.delta) else step.E[:, :0]

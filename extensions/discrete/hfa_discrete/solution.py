@@ -117,10 +117,10 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
     blkdiag(R, -δ² I).
 
     With δ² I - α E'P E > 0 and P >= 0 the saddle point exists; √α (A - B K + E L) must have its
-    eigenvalues within the unit circle, and so must √α (A - B K). NoSolutionError names the mode
-    that rules out a solution at any delta, or the test that fails with the smallest delta, whose
-    search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 3.7,
-    for √α A, √α B, √α E."""
+    eigenvalues within the unit circle, and so must √α (A - B K). Raises NoSolutionError that names
+    the mode that rules out a solution at any delta, or the test that fails with the smallest delta,
+    whose search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem
+    3.7, for √α A, √α B, √α E."""
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
     _, feed = problem.without_cross_weights()
@@ -254,8 +254,8 @@ def _gain_check(radius: float) -> Check:
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
     """Raise NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
 
-    Asked of the user's A and B: in A - B R⁻¹ N' rounding reaches every mode. Where N is not 0 a
-    reach of `FAINT_REACH` is no reach: less leaves P no digits."""
+    The test uses the user's A and B, because in A - B R⁻¹ N' rounding reaches every mode. Where N
+    is not 0 a reach of `FAINT_REACH` is no reach: less leaves P no digits."""
     root = math.sqrt(problem.discount)
     A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
     B = form.T @ problem.step.B

@@ -76,8 +76,8 @@ def _name(result: type[Result]) -> str:
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a result within another one: it is no output there, which the title
-    marks."""
+    """Return the schema of a result within another result; its title states that it is not an
+    output there."""
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 

@@ -89,8 +89,8 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield each multiple of an estimate, other than 1, at which a difference d has a minimum
-    beyond a larger d, with the ratio of the two."""
+    """Yield each multiple of an estimate, other than 1, at which the difference has a minimum after
+    a larger value, with the ratio of the two."""
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
     found = int(np.argmin(np.abs(multiples - 1.0)))

@@ -282,7 +282,7 @@ def throttle_of(file: EngineFile, around: Surroundings) -> Any:
 
 
 def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
-    """Return the state of the engine's lag, or None where lags are no states."""
+    """Return the state of the engine's lag, or None where lags are not states."""
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
@@ -517,7 +517,7 @@ def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
     """Define the properties of an engine, computed when one of them is read.
 
-    compute: gives its `Effect`. Returned: the writer whose value the effect is.
+    compute: gives its `Effect`. Returns the writer whose value is the effect.
     """
     properties = around.properties
     writer = Writer(compute, file.mount.where)

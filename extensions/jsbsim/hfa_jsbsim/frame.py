@@ -298,8 +298,8 @@ class Frames:
 
 
 def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
-    """Raise BadInputError for an input that is no command of the pilot: a surface, or is_position:
-    the position of a throttle."""
+    """Raise BadInputError for an input that is not a command of the pilot but a surface or, with
+    is_position, the position of a throttle."""
     if is_position or pilot_input.unit != "1":
         part = "the position of a throttle" if is_position else "a surface itself"
         raise BadInputError(

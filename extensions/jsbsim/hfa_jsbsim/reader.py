@@ -525,7 +525,7 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
 
 
 def _usual(name: str, parts: Parts) -> float:
-    """Return the value of an input or a parameter that is not declared since nothing depends on
+    """Return the value of an input or parameter that is not declared because nothing depends on
     it."""
     return 1.0 if name.startswith("engine") else 0.0
 

@@ -45,7 +45,7 @@ def cut_surfaces(
 
     Other components that depend on these commands keep their values for a centered stick.
     names: properties on which the forces of the air depend. inputs: receives the new inputs in
-        place of the commands of the same name. Returned: notes for the user.
+        place of the commands of the same name. Returns notes for the user.
     """
     commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     cut: dict[str, PilotInput] = {}

@@ -88,7 +88,7 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
 
 
 def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether flights within the user's limits are within the stated ones."""
+    """Return whether the stated limits contain the user's limits."""
     for name, (low, high) in stated.items():
         least, most = own.get(name, (-np.inf, np.inf))
         if (low is not None and least < low) or (high is not None and most > high):

@@ -149,8 +149,8 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
-    """Return the gain K, (actions, observations), of an .npz file, u = -K o, or None where the file
-    has no K or is no .npz.
+    """Return the gain K, (actions, observations), of an .npz file, u = -K o, or None if the file
+    has no K or is not an .npz file.
 
     Raises BadInputError where the file cannot be read or K is not a finite matrix."""
     if path.suffix.lower() != ".npz":

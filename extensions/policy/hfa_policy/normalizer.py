@@ -41,7 +41,7 @@ class Normalizer:
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for numbers with which nothing can be normalized."""
+        """Raise BadInputError for numbers that cannot normalize an observation."""
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):

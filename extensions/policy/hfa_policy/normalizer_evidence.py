@@ -94,7 +94,7 @@ def unknown_normalizer(deployed: Deployed) -> str:
 
 def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
     """Return whether the training had a VecNormalize. PPO and A2C store an original observation
-    only then.
+    only in this case.
 
     SAC and TD3 always store one: behind a VecNormalize that which the last one was made of, column
     by column on a line, else the one a sample before. The records of one or two environments show

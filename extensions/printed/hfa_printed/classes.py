@@ -267,7 +267,8 @@ def _is_cut_off(comparison: Comparison) -> bool:
 def _asymmetric_block(file: PrintedFile) -> str:
     """Return the first of P and H whose mirrored entries differ beyond their digits, or "".
 
-    One wrong entry is no asymmetry: two positions must differ. A learned P may be a little so."""
+    A single wrong entry does not count: two positions must differ. A learned P may be slightly
+    asymmetric."""
     names = ("H",) if file.learned else ("P", "H")
     for name in names:
         if name in file.answer:

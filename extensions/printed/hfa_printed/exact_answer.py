@@ -108,7 +108,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """P, (n, n), by two derivations. Raises NoSolutionError where none exists."""
+    """P, (n, n), by two derivations. Raises NoSolutionError if no solution exists."""
     game = plant.game()
     if isinstance(game, DiscreteGame):
         return solve_discrete(game).P

@@ -97,8 +97,8 @@ class PrintedFile:
 def load_printed(path: Path) -> PrintedFile:
     """Return the printed answer of a TOML file.
 
-    BadInputError names the block and the row of a text that is not a number, a shape that does not
-    fit, and missing entries."""
+    Raises BadInputError that names the block and the row of a text that is not a number, a shape
+    that does not fit, and missing entries."""
     try:
         content = read_toml(path)
     except OSError as error:
@@ -175,7 +175,7 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
     """Return the value of a formula of named numbers, such as "m*g/l".
 
-    BadInputError, one line, for anything else, and for a value that is not finite.
+    Raises BadInputError, one line, for anything else, and for a value that is not finite.
     """
     symbols = {name: ca.SX(value) for name, value in parameters.items()}
     try:

@@ -149,9 +149,9 @@ class WithRegion(Result):
 
 @dataclass(frozen=True, eq=False)
 class CheckedSet(ProvedSet):
-    """A set that a certificate proves.
+    """Set proved by a certificate.
 
-    written: version, command and date in the file, which nothing verifies.
+    written: version, command and date in the file, not verified.
     not_given: parts of the subject that no option gave, so that they were not compared.
     """
 

@@ -79,7 +79,8 @@ def design_controller(
     `breakpoints` (N,).
 
     Raises BadInputError for a model that is not scheduled over one of its linear states.
-    NoSolutionError names the breakpoint at which there is no trim or no certified controller.
+    Raises NoSolutionError that names the breakpoint at which there is no trim or no certified
+    controller.
     """
     by = model.schedule
     if by not in model.linear:

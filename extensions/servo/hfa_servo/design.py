@@ -318,7 +318,7 @@ def load_design(name: str, model: Model) -> Design:
     [shaping.following]: filter, bandwidth, and by name outputs, states, rates
     [newton.TABLE]: entries that replace those above for these equations
 
-    BadInputError names the file, the entry and the fault.
+    Raises BadInputError that names the file, the entry and the fault.
     """
     data = read_named("design", name, NAMED, "hfa_servo", {...: None})
     return design_of(name, data, native_of(model))

@@ -273,7 +273,8 @@ def stored_plant(
     """Return the generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11,
     D22, delta; its delta or None, and notes.
 
-    found: its entries that `read_arrays` has read already. BadInputError names the file.
+    found: its entries that `read_arrays` has read already. Raises BadInputError that names the
+    file.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
@@ -358,8 +359,8 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
     IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
 
     It takes δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) <
-    δ². NoSolutionError names the one that fails with delta_min, the mode that violates an
-    assumption, or the check."""
+    δ². Raises NoSolutionError that names the one that fails with delta_min, the mode that violates
+    an assumption, or the check."""
     check_modes(plant)
     try:
         return _certified(plant, delta)

@@ -21,7 +21,7 @@ class Axes(NamedTuple):
     """Coordinates y = D W'U⁻¹ x of a state x.
 
     units: the diagonal of U, (n,), powers of two
-    W: (n, n), orthogonal but for rounding
+    W: (n, n), orthogonal except for rounding
     inverse: (W')⁻¹, with twice the digits
     scale: the diagonal of D, (n,), powers of two
     """

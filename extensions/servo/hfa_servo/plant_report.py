@@ -188,7 +188,7 @@ def solution_of_plant(
     origin: name of the plant
     notes: what was noticed when it was read
 
-    NoSolutionError names the assumption or the condition that fails.
+    Raises NoSolutionError that names the assumption or the condition that fails.
     """
     smallest = plant.minimum_delta()
     if delta is None:

@@ -302,7 +302,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 def _refuse_another(path: Path, job: RowJob) -> None:
     """Raise BadInputError unless the store at `path` is of this job and of this version.
 
-    Its metadata are read as JSON; nothing is opened before they are those of a new store.
+    Its metadata are read as JSON; nothing is opened before they match those of a new store.
     """
     _require_xarray()
     with temporary_folder() as folder:

@@ -109,7 +109,7 @@ class Fit:
     problem: the flights whose cost is bounded
     c: level
     wanted: flights at which W is to be large
-    beyond: the largest z'P z of samples, in levels; W > c where it is larger
+    beyond: the largest z'P z of samples, as a multiple of the level; W > c is required beyond it
     tell: called before each linear program; may raise
     """
 

@@ -78,8 +78,7 @@ def fly(request: FlyRequest) -> int:
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay. With --samples the code is 1 only if every member does
-    so, with --draws if any member does."""
+    oscillation does not decay: with --samples for every member, with --draws for any."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.members is not None:

@@ -51,7 +51,7 @@ def from_network(
     scale: (n,), the network takes state i times scale[i].
     features: a single layer on these functions (default: the quadratic basis) is a polynomial.
 
-    BadInputError, one line, names the file.
+    Raises BadInputError, one line, that names the file.
 
     >>> import casadi as ca
     >>> import hfa

@@ -110,7 +110,7 @@ def network_in(
     features: size of the basis; a single layer with this number of inputs acts on the basis.
     inputs: number of inputs of the plant, which follow the states in a Q.
 
-    BadInputError, one line that names the file.
+    Raises BadInputError, one line that names the file.
     """
     path = Path(path)
     parts = parts or {"": ""}

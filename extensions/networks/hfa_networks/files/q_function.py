@@ -50,8 +50,8 @@ def _degree(Q: ca.Function, states: int) -> float:
     """Return the largest degree in u of a graph of scalars, or inf where it may not be a polynomial
     in u.
 
-    Degrees are added in a product and the larger one counts in a sum, so nothing that cancels is
-    seen.
+    The degree of a product is the sum of the degrees, that of a sum the larger one, so cancellation
+    is not detected.
     """
     degrees = np.zeros(Q.sz_w())
     largest = 0.0

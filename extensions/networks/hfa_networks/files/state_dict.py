@@ -107,7 +107,7 @@ _NORMALIZERS: tuple[
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
-    """Return the tensors but for those of optimizers."""
+    """Return the tensors without those of optimizers."""
     return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
 
 

@@ -60,7 +60,8 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
 def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
     """Return the tensors, floats as doubles, and the precision of the file.
 
-    Raises BadInputError where they are no finite numbers of at least 32 bits, or too many.
+    Raises BadInputError if there are too many, or if they are not finite numbers of at least 32
+    bits.
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"

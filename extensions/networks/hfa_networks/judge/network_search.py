@@ -100,7 +100,7 @@ class Comparison(NamedTuple):
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
         """Return the kind of each error, and the errors, of the symbols z.
 
-        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V but for its
+        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V without its
         constant, on which no policy depends.
         """
         P = ca.DM(self.exact.P)

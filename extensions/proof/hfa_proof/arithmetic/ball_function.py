@@ -23,7 +23,7 @@ class BallFunction:
     A series represents its Taylor polynomial in one variable, so that running the instructions on
     series differentiates automatically. Numbers in the function are the doubles that CasADi holds.
 
-    BadInputError names an operation that balls do not take.
+    Raises BadInputError that names an operation that balls do not support.
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
@@ -48,7 +48,7 @@ class BallFunction:
 
         arguments: the nonzeros of each input, in the same order
 
-        Undecided when a divisor, a root or a comparison is not decided on the box. Raises
+        Raises Undecided when a divisor, a root or a comparison is not decided on the box. Raises
         ValueError when an argument has another number of entries.
         """
         if [len(argument) for argument in arguments] != self._inputs:
@@ -85,7 +85,7 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     code: `ca.OP_...`
     name: of the function, for the message
 
-    BadInputError names an operation that balls do not take.
+    Raises BadInputError that names an operation that balls do not support.
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]

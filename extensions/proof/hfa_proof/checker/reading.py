@@ -176,7 +176,7 @@ class Fields:
         name: of the entry
         shape: length of each level of lists, or None for any length
 
-        Malformed for anything else.
+        Raises Malformed for anything else.
         """
         entries = self.value(name, lambda value: True)
         numbers = _walked(self._called(name), entries, list(shape), _double)

@@ -363,7 +363,7 @@ class GameStatement:
         entries: of the statement
         model: of the aircraft, or None where the game is of a plant's matrices
 
-        Malformed names the first wrong entry.
+        Raises Malformed that names the first wrong entry.
         """
         plant: Flight | Plant
         if model is None:
@@ -584,7 +584,7 @@ def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[R
     flight: from whose low end to whose high end the runs must follow each other without a gap
     size: how many eigenvalues there are
 
-    Malformed names the entry when its rows are anything else.
+    Raises Malformed that names the entry when its rows are anything else.
     """
     runs: list[Run] = []
     for row in entries.array(name, None, 4).tolist():

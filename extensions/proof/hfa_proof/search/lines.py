@@ -20,8 +20,8 @@ _DEPENDENT = 1e12
 
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
-    """Return (count, line), : how many eigenvalues of every matrix lie right of Re λ = -rate, and
-    the H that proves it. None when no H does: an eigenvalue may lie on the line.
+    """Return (count, line): the number of eigenvalues of every matrix right of Re λ = -rate, and
+    the H that proves it. Return None if no H does, because an eigenvalue may lie on the line.
 
     A: the matrices, (n, n)
     rate: 1/s

@@ -135,7 +135,8 @@ def loop_of_servo(
     model: of the aircraft
     intervals: of bandwidth, effectiveness and delay, in place of the numbers of the actuators
 
-    BadInputError names an input without an actuator, and a measurement that a proof does not take.
+    Raises BadInputError that names an input without an actuator, and a measurement that a proof
+    does not take.
     """
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]

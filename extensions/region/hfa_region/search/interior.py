@@ -282,7 +282,7 @@ class _Search:
         return max(length_Q, length_Z) > _SHORTEST_STEP
 
     def _direct(self, factors: object, product: float, *, corrected: bool) -> np.ndarray:
-        """Set the steps toward Q Z = product I and return that of f."""
+        """Set the steps of all unknowns toward Q Z = product I, and return the step of f."""
         side = -self._slope
         for part in self.parts:
             side = side + part.aim(product, corrected=corrected)
