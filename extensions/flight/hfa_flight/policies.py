@@ -92,6 +92,12 @@ class Policy(Reported):
         measured: (n,), deviations of the states from the trim, with noise."""
         return None
 
+    @property
+    def gain(self) -> np.ndarray | None:
+        """K (m, k) of u = -K z near the trim, or None if the policy has memory or changes in
+        time."""
+        return None
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the data for JSON on the policy of a flight of this model."""
         return {"law": self.name}
@@ -131,6 +137,11 @@ class GainPolicy(Policy):
         """Return -K z."""
         return -ca.mtimes(ca.reshape(held, *self.gains.shape[1:]), measurements.error)
 
+    @property
+    def gain(self) -> np.ndarray | None:
+        """K (m, k), or None if it changes in time."""
+        return self.gains[0] if len(self.gains) == 1 else None
+
     def data(self, model: Model) -> dict[str, Any]:
         """Return the data, with the gain of the last tick."""
         units = list(model.units(model.linear))
@@ -152,6 +163,13 @@ class FunctionPolicy(Policy):
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
         """Return π(z), within the limits."""
         return self.limited(measurements.error)
+
+    @property
+    def gain(self) -> np.ndarray:
+        """K (m, k) = -∂π/∂z at z = 0."""
+        z = ca.SX.sym("z", self.function.numel_in(0))
+        slope = ca.Function("slope", [z], [ca.jacobian(self.function(z), z)])
+        return -slope(np.zeros(z.numel())).full()
 
     @cached_property
     def limited(self) -> ca.Function:

@@ -3,7 +3,14 @@
 from hfa.entry_points import CommandEntry
 
 #: Formats to which `--draws N` adds.
-_WITH_DRAWS = ("trim", "linear-model", "game-solution", "critic-check", "assessment")
+_WITH_DRAWS = (
+    "trim",
+    "linear-model",
+    "game-solution",
+    "critic-check",
+    "assessment",
+    "monte-carlo-summary",
+)
 IDENTIFY = CommandEntry(
     "model",
     "identify parameters from flight records, with 95 % bands",

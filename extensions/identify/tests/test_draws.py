@@ -237,7 +237,31 @@ def test_drawn_aircraft_are_flown(folder, capsys):
         errors.append(np.abs(pitch).max())
     assert found["peak_error"]["pitch"][-1] == pytest.approx(max(errors), rel=1e-6)
     assert main([*words, "8", "--aircraft", written(5.0, "wide.toml")]) == 1
+    capsys.readouterr()
     main(["fly", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
-    out = capsys.readouterr().out
-    assert "PASS: 2 of 2 members stayed within limits" in out
-    assert "members are aircraft that the parameters allow" in out
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == [
+        "PASS: 2 of 2 members stayed within limits",
+        "linear loop stable for 2 of 2 drawn aircraft",
+    ]
+    assert lines[3].startswith("members are aircraft that the parameters allow")
+    main(["fly", "--law", "none", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
+    assert capsys.readouterr().out.splitlines()[1].startswith("trimmed: 2 of 2 drawn aircraft; ")
+
+
+def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
+    """Planted: a gain of the wrong sign, whose flights of 0.1 s stay within limits. A network with
+    this slope is judged alike; a delay is not part of a linear loop, and has no such line."""
+    model = hfa.load_model(written())
+    linear = hfa.linearize(model, hfa.find_operating_point(model))
+    K = -hfa.lqr(linear, np.ones(8), np.ones(4)).K
+    np.savez("K.npz", K=K)
+    np.savez("net.npz", **{"0.weight": -K})
+    words = ["fly", "--aircraft", "found.toml", "--draws", "2", "--duration", "0.1", "--weights"]
+    for weights in ("K.npz", "net.npz"):
+        assert main([*words, weights]) == 1
+        printed = capsys.readouterr()
+        assert "linear loop stable for 0 of 2 drawn aircraft" in printed.out.splitlines()[1]
+        assert "linear loop stable for 0 of 2 drawn aircraft" in printed.err
+    assert main([*words, "K.npz", "--delay", "0.02"]) == 0
+    assert "linear loop" not in capsys.readouterr().out

@@ -21,7 +21,7 @@ from hfa.options.trims import (
     picture_option,
 )
 from hfa.options.workers import WorkersOptions
-from hfa.output import ProgressLine, print_report, show
+from hfa.output import ProgressLine, show
 from hfa_discrete.critic_file import critic_of_steps
 from hfa_flight.options import FlightOptions
 from hfa_identify.draws.parameters import spread_of
@@ -46,7 +46,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
         "simulate N aircraft drawn from the uncertain parameters", "N", whole(1), rare=True
     )
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
-    picture: Path | None = picture_option("the flight")
+    picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
         "your plant in discrete time: simulate it from --initial for --duration steps with the "
         "game's policy or --weights",
@@ -166,6 +166,7 @@ def _fly_members(request: FlyRequest) -> int:
 
     It is 0 if at least one member, or with --draws every one, stayed within its limits.
     """
+    from hfa_flight.drawn_aircraft import drawn_figure, with_stability
     from hfa_flight.monte_carlo import MonteCarlo
     from hfa_flight.monte_carlo_report import member_report
     from hfa_flight.monte_carlo_store import run_monte_carlo, stream_members
@@ -175,7 +176,8 @@ def _fly_members(request: FlyRequest) -> int:
     if request.draws is not None:
         request.refuse(("samples",), "and --draws both set the number of flights; leave one out")
     target = request.output
-    request.refuse(("picture",), "shows one flight; leave it out with --samples or --draws")
+    if request.draws is None:
+        request.refuse(("picture",), "shows one flight or drawn aircraft; leave it out")
     if target is not None and target.suffix != ".zarr":
         raise BadInputError(f"{target}: the members of --samples go to a store; use -o FILE.zarr")
     if request.resume and target is None:
@@ -198,5 +200,7 @@ def _fly_members(request: FlyRequest) -> int:
         report = member_report(plan, lambda name: dataset[name].values, f"members in {target}")
     notes = list(dict.fromkeys(plan.point.warnings))
     report = report.with_data(store=None if target is None else str(target), warnings=notes)
-    print_report(report, request, notes=notes)
+    if spread is not None:
+        report = with_stability(report, plan, request.trim_condition, ProgressLine("draws"))
+    show(report, replace(request, output=None), figure=lambda: drawn_figure(plan), notes=notes)
     return 0 if report.data["within_limits"] >= plan.least_within else 1

@@ -172,16 +172,10 @@ class DrawnAircraft:
 
         game: of the aircraft itself, whose weights the others share
         """
-        points = self.points(progress)
-        stable = 0
+        linear_models = [linearize(each.model, each) for each in self.points(progress)]
         costs = []
         unsolved = 0
-        slowest = []
-        for point in points:
-            linear = linearize(point.model, point)
-            abscissa = _abscissa(linear.A - linear.B @ K)
-            slowest.append(abscissa)
-            stable += abscissa < 0.0
+        for linear in linear_models:
             drawn = replace(game, A=linear.A, B=linear.B)
             try:
                 solution = solve_game(drawn)
@@ -189,16 +183,26 @@ class DrawnAircraft:
                 unsolved += 1
                 continue
             costs.append(flight_cost(drawn, solution, K).worst)
-        own = _abscissa(game.A - game.B @ K)
-        bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
-        found = self._draws(len(points), bands)
+        found = self._loops(K, _abscissa(game.A - game.B @ K), linear_models)
         worst = max(costs, default=np.nan)
-        return replace(
-            found,
-            stable=stable,
-            cost_lost_worst_percent=worst,
-            unsolved=unsolved,
-        )
+        return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)
+
+    def loops(self, K: np.ndarray, progress: Progress | None = None) -> Draws:
+        """Return the spread of the stability of a gain without a game, as `gain`."""
+        drawn = [linearize(each.model, each) for each in self.points(progress)]
+        itself = linearize(self.point.model, self.point)
+        return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
+
+    def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
+        """Return the stability of a gain on linear models, and the largest real part of the
+        eigenvalues of A - B K.
+
+        own: that of the aircraft itself
+        """
+        slowest = [_abscissa(each.A - each.B @ K) for each in drawn]
+        bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
+        stable = sum(each < 0.0 for each in slowest)
+        return replace(self._draws(len(drawn), bands), stable=stable)
 
     def _alone(self, bands: Mapping[str, Band], drawn: Sequence[LinearModel]) -> Draws:
         """Return the result without a gain, from the linear models of the aircraft with a trim."""

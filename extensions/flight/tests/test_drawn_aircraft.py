@@ -1,0 +1,45 @@
+"""The figure of flights of drawn aircraft."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from project import ROOT
+
+import hfa
+from hfa_flight import GainPolicy, MonteCarlo, Scenario, flight_envelope
+from hfa_flight.drawn_aircraft import drawn_figure
+from hfa_flight.monte_carlo import fly_member
+from hfa_identify.parameter_spread import ParameterSpread
+
+
+def test_the_figure_shows_differences_of_drawn_flights() -> None:
+    """Each line ends with the difference of its aircraft from the aircraft itself, also where the
+    aircraft leaves its limits before the end. States that do not move have no row."""
+    model = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
+    point = hfa.find_operating_point(model)
+    names = ("CL_alpha", "Cm_alpha")
+    values = {name: model.parameters[name].start for name in names}
+    spread = ParameterSpread(values, np.diag([0.3 * value for value in values.values()]) ** 2)
+    start = np.zeros(len(model.states))
+    start[list(model.states).index("alpha")] = 0.05
+    scenario = Scenario(duration=1.0, initial=start)
+    gain = GainPolicy("none", np.zeros((len(model.inputs), len(model.linear))))
+    limits = flight_envelope(model, point, {"alpha": (point.alpha - 0.02, point.alpha + 0.06)})
+    plan = MonteCarlo(8, 0, model, point, gain, scenario, limits, spread)
+    itself = hfa.fly(model, point, None, 1.0, initial=start, envelope=limits)
+    axes = drawn_figure(plan).axes
+    labels = [each.get_ylabel() for each in axes]
+    assert "beta, deg" not in labels
+    lines = axes[labels.index("Δ alpha, deg")].get_lines()
+    assert len(lines) == 8
+    ends = []
+    for member, line in enumerate(lines):
+        flown = fly_member(plan, member)
+        end = min(len(flown.times), len(itself.times)) - 1
+        difference = np.degrees(flown["alpha"][end] - itself["alpha"][end])
+        drawn = line.get_ydata()
+        assert drawn[end] == pytest.approx(difference, abs=1e-9)
+        assert np.isnan(drawn[end + 1 :]).all()
+        ends.append(end)
+    assert len(set(ends)) > 1
