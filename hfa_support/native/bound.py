@@ -52,10 +52,13 @@ class BoundFunction:
 
 #: Expressions are built and compiled by one thread at a time.
 MAKING = threading.RLock()
-#: Rows a call of a mapped function: the most of which there are at least half.
+#: Rows of a block: the most of which there are at least half.
 _TOGETHER = (250, 16)
+#: From this many rows on, of all calls, `bound_columns` saves more time than it takes.
+_MANY = 1000
 
-Rows = list[np.ndarray]
+#: A Function of some rows, with views (rows, size) of the memory of its arguments and results.
+Block = tuple[BoundFunction, list[np.ndarray], list[np.ndarray]]
 
 
 class RowFunction(threading.local):
@@ -68,7 +71,8 @@ class RowFunction(threading.local):
 
     def __init__(self, function: ca.Function) -> None:
         self.function = function
-        self._bound: dict[int, tuple[BoundFunction, Rows, Rows]] = {}
+        self._rows = 0
+        self._blocks: dict[tuple[int, bool], Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """Pickle the Function alone."""
@@ -77,11 +81,10 @@ class RowFunction(threading.local):
     def __call__(self, *tables: Any) -> list[np.ndarray]:
         """Return the results (N, size of the result) for arguments (N, size of the argument)."""
         count = len(tables[0])
-        together = 1
-        for size in _TOGETHER:
-            if together < size <= 2 * count:
-                together = size
-        evaluate, inputs, results = self._bound.get(together) or self._bind(together)
+        self._rows += count
+        together = next((size for size in _TOGETHER if size <= 2 * count), 1)
+        kind = (together, self._rows >= _MANY)
+        evaluate, inputs, results = self._blocks.get(kind) or self._bind(*kind)
         if count == together:
             for memory, table in zip(inputs, tables, strict=True):
                 memory[:] = table
@@ -97,12 +100,22 @@ class RowFunction(threading.local):
                 table[first:last] = memory[: last - first]
         return tables_out
 
-    def _bind(self, together: int) -> tuple[BoundFunction, Rows, Rows]:
-        """Return the Function of `together` rows, bound to its memory."""
+    def _bind(self, together: int, is_often: bool) -> Block:
+        """Return the Function of `together` rows, bound to its memory.
+
+        is_often: whether there are many rows in all calls
+        """
+        bind = bound_rows
+        if is_often:
+            from hfa_support.native.columns import bound_columns as bind
         with MAKING:
-            mapped = self.function.map(together) if together > 1 else self.function
-            bound = BoundFunction(mapped)
-        inputs = [memory.reshape(together, -1) for memory in bound.inputs]
-        results = [memory.reshape(together, -1) for memory in bound.results]
-        self._bound[together] = (bound, inputs, results)
-        return self._bound[together]
+            block = self._blocks[together, is_often] = bind(self.function, together)
+        return block
+
+
+def bound_rows(function: ca.Function, rows: int) -> Block:
+    """Return the Function of some rows, evaluated row by row."""
+    bound = BoundFunction(function.map(rows) if rows > 1 else function)
+    inputs = [memory.reshape(rows, -1) for memory in bound.inputs]
+    results = [memory.reshape(rows, -1) for memory in bound.results]
+    return bound, inputs, results

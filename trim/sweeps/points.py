@@ -34,10 +34,10 @@ STATUS = (Status.TRIMMED, Status.BEYOND_LIMITS, Status.NO_TRIM)
 TRIMMED, BEYOND_LIMITS, NO_TRIM = range(len(STATUS))
 #: From this many points on, compiling the functions to machine code pays, for any model: the time
 #: to compile and the time that a point then saves both grow with the number of instructions.
-#: Measured: 58,000 points of the F-16 with 5 unknowns, 60,000 with 12, 97,000 of the HFA. No clock
-#: decides: machine code gives the same numbers to rounding only, and a sweep has the same bits each
-#: time.
-COMPILE_FROM = 60_000
+#: Measured: 560,000 points of the F-16 with 5 unknowns, 770,000 with 12, 1,000,000 of the HFA. No
+#: clock decides: machine code gives the same numbers to rounding only, and a sweep has the same
+#: bits each time.
+COMPILE_FROM = 1_000_000
 #: Width of the cells at whose centers points with free states begin, in nominal values: of a single
 #: variable, and of each of several, which have many more cells.
 _FINE_CELL = 0.01
@@ -176,10 +176,10 @@ def parameters_at(model: Model, variables: tuple[str, ...], values: np.ndarray) 
 
 
 #: What `_system` was asked for last, and what it made.
-_last_system: tuple[tuple[Any, ...], TrimSystem] | None = None
+_last_system: tuple[tuple[Any, ...], SharedSystem] | None = None
 
 
-def _system(*request: Any) -> TrimSystem:
+def _system(*request: Any) -> SharedSystem:
     """Return the trim system of (model, condition, variables, start, compile_code).
 
     The last system is reused for identical objects, for example in many calls with one point each.
@@ -198,7 +198,9 @@ def _system(*request: Any) -> TrimSystem:
     return system
 
 
-def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
+def _settled_together(
+    system: SharedSystem, variables: tuple[str, ...], values: np.ndarray
+) -> Points:
     """Return the points that Newton's method settles; the status of others is NO_TRIM."""
     model = system.model
     n = len(model.states)

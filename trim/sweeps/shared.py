@@ -27,6 +27,17 @@ class SharedSystem(TrimSystem):
         """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
         return super().rows if self.is_quick else self._shared[1:]
 
+    def linear(
+        self, z: np.ndarray, c: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
+        (flat,) = self.rows[1](z, c)
+        n = len(self.model.states)
+        m = len(self.model.inputs)
+        ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
+        point, A, B, residual = np.split(flat, ends, axis=1)
+        return point, A.reshape(len(z), n, n), B.reshape(len(z), n, m), residual
+
     def constants(
         self, count: int = 1, columns: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:

@@ -1,0 +1,95 @@
+"""Rows computed column by column have the bits of rows computed one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import hfa
+from hfa_support.native.bound import RowFunction
+from hfa_support.native.columns import by_columns
+from trim.point.condition import usual_condition
+from trim.point.system import TrimSystem
+
+_SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -2.5, 3.0, np.inf, -np.inf, np.nan)
+_F16 = Path(__file__).parents[3] / "examples" / "f16.py"
+
+
+def of_every_operation() -> ca.Function:
+    """Return the Function of two numbers that has every operation of CasADi's scalars."""
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    of_one = (
+        *(ca.sqrt, ca.exp, ca.log, ca.log1p, ca.expm1, ca.erf, ca.fabs, ca.sign),
+        *(ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil),
+        *(ca.sinh, ca.cosh, ca.tanh, ca.asinh, ca.acosh, ca.atanh, ca.logic_not),
+    )
+    of_two = (ca.atan2, ca.hypot, ca.fmod, ca.copysign, ca.fmin, ca.fmax, ca.remainder)
+    entries = [operation(a) for operation in of_one]
+    entries += [operation(a, b) for operation in of_two]
+    entries += [a + b, a - b, a * b, a / b, -a, 1 / a, 2 * a, a**b, a**2, a**2.5, 0.1 - a]
+    entries += [a < b, a <= b, a == b, a != b, ca.logic_and(a, b), ca.logic_or(a, b)]
+    entries += [ca.if_else(a < b, a, 7 * b), ca.SX(1.5)]
+    return ca.Function("operations", [a, b], [ca.densify(ca.vertcat(*entries)), a])
+
+
+def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
+    """Return the results of a Function called for each row."""
+    rows = [function.call([ca.DM(row) for row in each]) for each in zip(*tables, strict=True)]
+    return [
+        np.array([np.array(entry).ravel("F") for entry in side]) for side in zip(*rows, strict=True)
+    ]
+
+
+def test_every_operation_has_the_same_bits() -> None:
+    """Values at the ends of the range too, in a last block that is not full."""
+    function = of_every_operation()
+    pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
+    pairs += np.random.default_rng(0).normal(0.0, 3.0, (1000, 2)).tolist()
+    tables = [np.array(column)[:, None] for column in zip(*pairs, strict=True)]
+    rows = RowFunction(function)
+    expected = one_by_one(function, *tables)
+    for found, wanted in zip(rows(*tables), expected, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+        numbers = ~np.isnan(wanted)
+        np.testing.assert_array_equal(np.signbit(found)[numbers], np.signbit(wanted)[numbers])
+    # Few rows of a Function that is called often.
+    few = [table[:20] for table in tables]
+    np.testing.assert_array_equal(rows(*few)[0], expected[0][:20])
+
+
+def test_matrices_constants_and_empty_arguments() -> None:
+    """An argument without entries, a matrix, and a result that is constant."""
+    x, nothing = ca.SX.sym("x", 2, 3), ca.SX.sym("nothing", 0)
+    function = ca.Function("matrix", [x, nothing], [x.T, ca.DM([[1.0, 2.0]]), ca.SX(0, 1)])
+    table = np.random.default_rng(0).normal(size=(2100, 6))
+    found = RowFunction(function)(table, np.empty((2100, 0)))
+    np.testing.assert_array_equal(found[0], table[:, [0, 2, 4, 1, 3, 5]])
+    np.testing.assert_array_equal(found[1], np.tile([1.0, 2.0], (2100, 1)))
+    assert found[2].shape == (2100, 0)
+
+
+def test_a_function_called_inside_stays_a_call() -> None:
+    """Only Functions of scalar operations are taken apart."""
+    x = ca.SX.sym("x", 2)
+    inner = ca.Function("inner", [x], [ca.sin(x[::-1])], {"never_inline": True})
+    X = ca.MX.sym("X", 2)
+    outer = ca.Function("outer", [X], [inner(inner(X))])
+    assert by_columns(outer, 250) is None
+    table = np.random.default_rng(0).normal(size=(1001, 2))
+    np.testing.assert_array_equal(RowFunction(outer)(table)[0], one_by_one(outer, table)[0])
+
+
+@pytest.mark.parametrize("name", ["hfa", "f16"])
+def test_equations_of_aircraft_have_the_same_bits(name: str) -> None:
+    """Residuals, Jacobians and linear models of a trim."""
+    model = hfa.aircraft() if name == "hfa" else hfa.load_model(f"{_F16}:F16")
+    system = TrimSystem(model, usual_condition(model))
+    random = np.random.default_rng(0)
+    z = system.start + random.normal(0.0, 0.1, (1003, len(system.start)))
+    c = system.constants(len(z))
+    for rows in (system.equations.residual_rows, system.equations.linear_rows):
+        for found, wanted in zip(rows(z, c), one_by_one(rows.function, z, c), strict=True):
+            np.testing.assert_array_equal(found, wanted)
