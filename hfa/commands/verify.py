@@ -138,7 +138,7 @@ def verify(request: VerifyRequest) -> int:
     progress = ProgressLine("compare")
     if not paths:
         run = request.learned(named.game)
-        verdicts[""] = check_critic(
+        verdicts[f"the law {run.law!r}, seed {run.seed},"] = check_critic(
             named.game, run.critic(named.game), run=run, limit=request.limit_error, scope=scope
         )
     else:

@@ -128,7 +128,7 @@ def test_linearize_json_keeps_the_contract() -> None:
 def test_sweep_text_and_json() -> None:
     """`hfa sweep` prints a column for each mode; its eigenvalues are those of its A."""
     shown = text("sweep", "--dihedral", "0:15:5")
-    assert shown.startswith("Sweep, published dynamics: 4 of 4 points trimmed\n")
+    assert shown.startswith("Sweep, published dynamics: trimmed at 4 of 4 points\n")
     assert re.search(
         r"^dihedral deg +short period 1/s +dihedral \(fast\) 1/s +phugoid 1/s +dihedral \(slow\)"
         r" 1/s$",
@@ -151,9 +151,13 @@ def test_sweep_keeps_failed_points_as_rows() -> None:
     assert {value for row in data["A"][0] for value in row} == {None}
     assert None not in {value for row in data["A"][1] for value in row}
     shown = text("sweep", "--dihedral", "0", "--hold", "speed=20,68")
-    assert "1 of 2 points trimmed" in shown
+    assert "trimmed at 1 of 2 points" in shown
     assert re.search(r"^0 +20( +-)+$", shown, re.M)
     assert "20: no trim" in shown
+    for speeds, verdict in (("20", "no trim"), ("20,21", "no trim at any of 2 points")):
+        failed = hfa("sweep", "--dihedral", "0", "--hold", f"speed={speeds}")
+        assert failed.code == 1
+        assert failed.out.startswith(f"Sweep, published dynamics: {verdict}\n")
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:

@@ -33,6 +33,12 @@ def test_verify_keeps_the_contract() -> None:
     assert data["diagnosis"] == ""
 
 
+def test_verify_names_the_critic_that_it_judges() -> None:
+    """The first paragraphs name the law and seed, or the file."""
+    shown = hfa("verify", *AT_15).out.split("\n\n")[1]
+    assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
+
+
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
     exact = solve_game(game)

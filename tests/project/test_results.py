@@ -26,7 +26,7 @@ SHOWN = {
     "OperatingPoint": "Trim, published dynamics: trimmed",
     "LinearModel": "dihedral (slow)",
     "Bands": "A ±",
-    "Sweep": "Sweep, published dynamics: 2 of 3 points trimmed",
+    "Sweep": "Sweep, published dynamics: trimmed at 2 of 3 points",
     "Regeneration": "Both printed pairs regenerated: yes",
     "RegeneratedPair": "Dihedral 15 deg, published dynamics",
     "TrainingRun": "Law 'certified', basis 'quadratic', on the aircraft at dihedral 15 deg, published dynamics: settled",

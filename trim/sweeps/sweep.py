@@ -117,6 +117,13 @@ def run_points(
     }
 
 
+def trimmed_words(trimmed: int, count: int) -> str:
+    """Return the verdict on a sweep of so many points."""
+    if not trimmed:
+        return f"no trim at any of {count:,} points" if count > 1 else "no trim"
+    return f"trimmed at {trimmed:,} of {count:,} points"
+
+
 def slow_note(one_by_one: int, count: int) -> list[str]:
     """Return a note where many points were trimmed one by one."""
     if one_by_one < _MANY_SLOW:
@@ -370,7 +377,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             text = f"Eigenvalues over {self.variables[-1]}"
             parts.append(Picture("root_locus.png", text, self.figure))
         return Report(
-            title=f"Sweep, {self.model.title}: {count - len(failed)} of {count} points trimmed",
+            title=f"Sweep, {self.model.title}: {trimmed_words(count - len(failed), count)}",
             parts=tuple(parts),
             notes=self.warnings,
             data=self.as_data(),

@@ -209,7 +209,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Return the aircraft, the initial condition and the cost."""
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
-        first = f"Best flight found, {whose}: cost {self.cost:.6g}"
+        first = f"Best flight, {whose}: found, cost {self.cost:.6g}"
         if self.bracket is not None and self.over_bound is not None:
             first += f", {bracket_sentence([(self.bracket, self.cost)])}"
         elif self.found.spread_of_guesses > MESHES_AGREE:

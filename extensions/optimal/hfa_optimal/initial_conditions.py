@@ -139,7 +139,8 @@ class StartsTable(OfProblem, Result, Reported):
         """Return the number found, each policy over the best, and the reasons of refused
         flights."""
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
-        title = f"Best flights found, {whose}: from {self.found} of {self.starts}"
+        found = f"found from {self.found}" if self.found else "none found from 0"
+        title = f"Best flights, {whose}: {found} of {self.starts}"
         brackets = self._bounded
         if not brackets:
             title += " initial conditions"

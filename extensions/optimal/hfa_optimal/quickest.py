@@ -160,7 +160,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Return the aircraft, the duration and the initial condition."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
-        found = f"Quickest flight found, to {whose}: {self.seconds:.4g} s"
+        found = f"Quickest flight, to {whose}: found, {self.seconds:.4g} s"
         return f"{found}\nfrom {begin} off this trim"
 
     def _checked(self) -> str:

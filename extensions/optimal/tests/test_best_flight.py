@@ -194,7 +194,7 @@ def test_bad_input_is_one_line(start: dict[str, float], more: dict[str, object],
 
 def test_report_calls_the_linear_figure_linear(gtm: hfa.BestFlight) -> None:
     text = gtm.report().text()
-    assert text.startswith("Best flight found, GTM")
+    assert text.startswith("Best flight, GTM")
     assert "which is not a cost of the aircraft" in text
     data = gtm.to_dict()
     assert data["policies"][0]["over_best"] == pytest.approx(gtm.found.linear.cost / gtm.cost)

@@ -117,7 +117,7 @@ def test_a_table_shows_the_bracket_of_each_start(
 ) -> None:
     assert main(["optimize", *AIRCRAFT, "--starts", "2", "--bound", str(certificate)]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
-    assert first.startswith("Best flights found, pendulum: from 2 of 2, between 1.00 and 1.")
+    assert first.startswith("Best flights, pendulum: found from 2 of 2, between 1.00 and 1.")
     assert len(first) <= 100
     rows = [line.split() for line in lines if re.match("angle [+-]", line)]
     assert len(rows) == 2

@@ -19,7 +19,7 @@ from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import Table
 from trim.point.system import TrimSystem
 from trim.sweeps.points import STATUS
-from trim.sweeps.sweep import run_points, slow_note
+from trim.sweeps.sweep import run_points, slow_note, trimmed_words
 from trim.sweeps.sweep_plan import SweepPlan
 
 #: Points of a chunk: half a second of work or more, about 90 MB of results.
@@ -83,8 +83,8 @@ class StoredSweep(Result, Reported):
         """Return the number of points with each status."""
         rows = [(status, str(count)) for status, count in self.counts.items()]
         return Report(
-            title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}, "
-            f"in {self.store}",
+            title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}: "
+            f"{trimmed_words(self.counts['trimmed'], self.plan.count)}, in {self.store}",
             parts=(Table(("status", "points"), rows),),
             notes=self.warnings,
             data=self.as_data(),

@@ -501,7 +501,7 @@ def test_a_long_sweep_prints_its_ends(
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
     text = result.report().text()
-    assert "2999 of 3001 points trimmed" in text
+    assert "trimmed at 2,999 of 3,001 points" in text
     assert "(2,961 more)" in text
     assert len(re.findall(r"^ *5\.7\d* {2,}", text, re.MULTILINE)) == 40
     assert text.count("5.72958, 30: ") == 2
