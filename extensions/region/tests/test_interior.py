@@ -59,10 +59,12 @@ def test_the_margin_of_a_sum_of_squares() -> None:
     assert refused is None or refused[0] < 0.0
 
 
-def test_the_schur_complement_of_products_is_that_of_their_matrices() -> None:
-    """Degree by degree, the entries are tr(H_i Z⁻¹ H_j Q)."""
-    products = products_of(3, 0, 2)
+@pytest.mark.parametrize("highest", [2, 5])
+def test_schur_complement_of_products_is_that_of_matrices(highest: int) -> None:
+    """The entries are tr(H_i Z⁻¹ H_j Q), computed degree by degree and block by block."""
+    products = products_of(3, 0, highest)
     n = products.size
+    assert (len(products.blocks) > 2 * highest + 1) == (highest == 5)  # blocks of one degree
     half = np.random.default_rng(0).normal(size=(2, n, n))
     Q, inverse = half @ half.mT
     H = products.sums.toarray().reshape(-1, n, n)

@@ -13,6 +13,8 @@ from hfa_region.check.polynomial import exponents_of, monomials
 
 #: Base of the exponents in one whole number.
 BASE = 16
+#: Entries of the matrices of a block; larger arrays are also allocated anew at each use.
+_ENTRIES = 60_000
 
 
 @cache
@@ -29,7 +31,7 @@ def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """The k products of one degree, with the n monomials that occur in products of this degree or
+    """k products of one degree, with the n monomials that occur in products of this degree or
     higher.
 
     start: first of these monomials
@@ -52,7 +54,7 @@ class Products:
     size: n
     keys: (k,), packed keys of the products, by degree
     sums: (k, n²), 1 where an entry of m m' is the product
-    blocks: one for each degree of the products
+    blocks: of products of one degree each, whose matrices together stay in the cache
     """
 
     size: int
@@ -97,9 +99,12 @@ def products_of(variables: int, low: int, high: int) -> Products:
     blocks = []
     for degree in np.unique(by_degree).tolist():
         start = int(np.searchsorted(degrees, degree - high))
-        first, last = np.searchsorted(by_degree, [degree, degree + 1]).tolist()
+        begin, end = np.searchsorted(by_degree, [degree, degree + 1]).tolist()
         taken = np.arange(len(own)) >= start
         inner = sums[:, np.outer(taken, taken).ravel()]
-        stacked = inner[first:last].reshape((-1, len(own) - start)).tocsr()
-        blocks.append(_Block(start, first, last, stacked, inner[first:]))
+        count = max(1, _ENTRIES // (len(own) - start) ** 2)
+        for first in range(begin, end, count):
+            last = min(first + count, end)
+            stacked = inner[first:last].reshape((-1, len(own) - start)).tocsr()
+            blocks.append(_Block(start, first, last, stacked, inner[first:]))
     return Products(len(own), keys, sums, blocks)
