@@ -45,12 +45,14 @@ class Setting:
     half: highest degree of the monomials of the Gram matrices of V'
     degree: highest degree that V may have
     seconds: processor time that must be left for the attempt
+    reaches: how far beyond its ball the set of the next V may reach, one after the other
     """
 
     order: int
     half: int
     degree: int = 2
     seconds: float = 0.0
+    reaches: tuple[float, ...] = (1.35, 1.1)
 
 
 @dataclass(frozen=True, eq=False)
