@@ -10,7 +10,7 @@ import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -75,16 +75,23 @@ def _annotation(kind: Any, name: str) -> Any:
 def _for_type_checkers(module: types.ModuleType, text: str) -> dict[str, Any]:
     """Return the classes of an annotation that its module imports for type checkers alone, by
     name."""
-    found: dict[str, Any] = {}
+    modules = _modules_for_type_checkers(module)
+    return {
+        name: getattr(import_module(place), name) for name, place in modules.items() if name in text
+    }
+
+
+@cache
+def _modules_for_type_checkers(module: types.ModuleType) -> dict[str, str]:
+    """Return the names that a module imports for type checkers alone, with the modules that define
+    them."""
+    places: dict[str, str] = {}
     for block in ast.parse(inspect.getsource(module)).body:
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
             for statement in block.body:
                 if isinstance(statement, ast.ImportFrom) and statement.module:
-                    names = [each.name for each in statement.names if each.name in text]
-                    found |= {
-                        name: getattr(import_module(statement.module), name) for name in names
-                    }
-    return found
+                    places |= {each.name: statement.module for each in statement.names}
+    return places
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
