@@ -80,9 +80,9 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
-    for name, (level, place), color in (("lowest V with V' >= 0", region.bounds.rises, "C1"),):
-        if place is not None:
-            levels.append((name, level, color, "--"))
+    rises, place = region.bounds.rises
+    if place is not None:
+        levels.append(("lowest V with V' >= 0", rises, "C1", "--"))
     for outcome, (level, _) in region.bounds.starts.items():
         if outcome in _MARKERS:
             levels.append((f"V of the nearest condition that {_ENDS[outcome]}", level, "C3", "--"))

@@ -23,7 +23,7 @@ from hfa_region.check.certificate import VerifiedRegion
 from hfa_region.check.extents import extents_of
 from hfa_region.check.statement import RegionStatement
 from hfa_region.results import CheckedSet, FoundSet, Place
-from hfa_region.search.plant import NOT_RETURNED as STARTS, Outcome
+from hfa_region.search.plant import NOT_RETURNED, Outcome
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, shown_unit, shown_values
 
@@ -52,7 +52,7 @@ def region_report(region: Region) -> Report:
     nowhere = (np.inf, None)
     for name, (level, place) in (
         ("V' >= 0 found", bounds.rises),
-        *((f"start {words}", bounds.starts.get(kind, nowhere)) for kind, words in STARTS.items()),
+        *((words, bounds.starts.get(kind, nowhere)) for kind, words in NOT_RETURNED.items()),
     ):
         if place is None:
             rows.append((name, "none found", "", ""))

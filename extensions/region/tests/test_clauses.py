@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ from pendulum_regions import read_and_check
 
 from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.plant import limits_hold
-from hfa_proof.checker.reading import Malformed, Rejected
+from hfa_proof.checker.reading import Fields, Malformed, Rejected
 from hfa_region.check.checker import _check_extents, check_covered, limits_of
 from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import HIGHEST, LOWEST, Equilibrium, RegionLoop
@@ -24,6 +25,7 @@ from hfa_region.check.polynomial import Polynomial, key_of
 from hfa_region.check.positivity import Evidence, Square, check_positive
 from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
+from hfa_region.check.witness import _read_parts
 from hfa_support.errors import BadInputError
 
 Content = dict[str, Any]
@@ -178,6 +180,14 @@ def _lower_order(content: Content) -> None:
     content["witness"]["order"] = 1
 
 
+def _thirteen(content: Content) -> None:
+    """Monomials up to degree 13 in the proof that the ball contains the set."""
+    content["witness"]["inside"] |= _square(0, 13, [1e-9] * 105)
+
+
+_INSIDE = ("witness", "inside")
+_PART = ("witness", "parts", 0)
+
 #: What is wrong -> how, and the message of the clause that refuses it.
 FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "low end": (_low_by_the_evidence_of_high, "x low"),
@@ -213,6 +223,29 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "rho of 0": (_put(0.0, "statement", "rho"), "rho"),
     "ends that do not hold 0": (_put([0.5, 2.0], "statement", "extents", "y"), "extents"),
     "another unit": (_put(["rad", "1"], "statement", "state_units"), "state_units"),
+    "lowest degree not whole": (_put([0.5, 1], *_INSIDE, "degrees"), "inside is not valid"),
+    "highest degree not whole": (_put([0, 1.5], *_INSIDE, "degrees"), "inside is not valid"),
+    "monomials of degree 13": (_thirteen, "inside is not valid"),
+    "a part of an input too many": (_put(["free"], *_PART, "inputs"), "inputs is not valid"),
+    "an unknown multiplier": (
+        _put(_square(0, 0, [1.0]), *_INSIDE, "multipliers", "level"),
+        "multipliers: unknown entry",
+    ),
+    "extents of no state": (_put({}, "witness", "extents", "z"), "extents: unknown entry"),
+}
+#: Objects of a certificate in which every entry is read.
+OBJECTS: dict[str, tuple[Any, ...]] = {
+    "certificate": (),
+    "statement": ("statement",),
+    "witness": ("witness",),
+    "evidence": _INSIDE,
+    "multiplier": (*_INSIDE, "multipliers", "outside"),
+    "part": _PART,
+    "pair of extents": ("witness", "extents", "x"),
+}
+FORGED |= {
+    f"an unread entry of a {name}": (_put(1.0, *path, "note"), "unknown entry")
+    for name, path in OBJECTS.items()
 }
 
 
@@ -330,6 +363,27 @@ def test_policies_are_about_trims_not_equilibria() -> None:
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     (slope,) = region.command(0).parts[1].values()
     assert slope > 2
+
+
+@pytest.mark.parametrize("size", [0.0, -0.1])
+def test_a_disturbance_has_a_positive_size(size: float) -> None:
+    """Under disturbances of negative size every set is invariant."""
+    extents = {"x": (-1.0, 1.0)}
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
+    stated = statement.content()
+    assert RegionStatement.read(stated, DRIVEN).loop.disturbances == {"w": 1.0}
+    with pytest.raises(Malformed, match="disturbances: w"):
+        RegionStatement.read(stated | {"disturbances": {"w": size}}, DRIVEN)
+
+
+def test_a_disturbance_is_at_an_end_on_each_part() -> None:
+    """A disturbance is at one of its ends on each part."""
+    statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
+    evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
+    for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
+        entries = Fields("witness", {"parts": [{"inputs": done, "evidence": evidence}]})
+        with nullcontext() if is_valid else pytest.raises(Malformed, match="inputs is not valid"):
+            _read_parts(entries, "parts", statement, ("free", LOWEST, HIGHEST))
 
 
 def test_output_is_within_limits_between_ends_of_disturbance() -> None:

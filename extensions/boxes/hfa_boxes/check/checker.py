@@ -2,10 +2,10 @@
 
 The theorem. S = {V <= rho} in the cube |y_i| <= 1, y = M z, meets no face of it. In S, V' < 0
 except at the equilibrium: near it by the enclosed Jacobian, elsewhere on boxes that cover the cube.
-    All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it
-never leaves S. It converges to the only point of S where V' = 0 (LaSalle). Where the equations
-switch, trajectories are those of Filippov. The search is not trusted: the checker uses only its
-multipliers of extents and the number of boxes after which it gives up.
+All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it never
+leaves S. It converges to the only point of S where V' = 0 (LaSalle). Where the equations switch,
+trajectories are those of Filippov. The search is not trusted: the checker uses only its multipliers
+of extents and the number of boxes after which it gives up.
 
     loop.py       equilibrium, V', the hole     cover.py    branch and bound
     piece.py      V and its set                 statement.py  the claim

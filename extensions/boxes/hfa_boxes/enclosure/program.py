@@ -5,7 +5,7 @@ is the constant 1, then come the inputs and the nodes. Layers of a network becom
 evaluated by products of matrices.
 
 CasADi folds constants of an expression in doubles: it stores 5 (0.2 x) as x. The proof covers the
-    folded function, which is also the one that is evaluated."""
+folded function, which is also the one that is evaluated."""
 
 from __future__ import annotations
 

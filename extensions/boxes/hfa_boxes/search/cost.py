@@ -55,6 +55,7 @@ _BEYOND_FEW = 1.3
 _BEYOND_MANY = 1.6
 _FURTHER = 1.3
 _MOST_BEYOND = 2.5
+#: More than are proved in any time that is given.
 _ENDLESS = 10**9
 #: Refuted places that become rows of the next fit.
 _REFUTED = 60

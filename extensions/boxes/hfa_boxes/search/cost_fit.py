@@ -137,6 +137,7 @@ class Fit:
         self._coefficients = self._fixed.copy()
         self._rows: list[np.ndarray] = []
         self._sides: list[np.ndarray] = []
+        self._begun = False
 
     def fitted(self) -> Polynomial:
         """Return the polynomial of the last linear program; each program adds the rows that samples
@@ -260,8 +261,6 @@ class Fit:
             self._rows = [rows[kept]]
             self._sides = [sides[kept]]
         self._begun = True
-
-    _begun = False
 
     def _values(self, y: np.ndarray) -> np.ndarray:
         return np.asarray(self._basis.at(y) @ self._coefficients)

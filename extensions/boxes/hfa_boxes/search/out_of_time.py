@@ -13,6 +13,7 @@ class OutOfTimeError(NoSolutionError):
 
         what: clause on the time, such as "the time limit was reached"
         step: description of the last step
-        done: decided share of the cube
+        done: decided share of the cube, 0 in a fit
         """
-        super().__init__(f"{what} after {step}, {1.0 - done:.2g} of the cube undecided")
+        undecided = f", {1.0 - done:.2g} of the cube undecided" if done > 0.0 else ""
+        super().__init__(f"{what} after {step}{undecided}")

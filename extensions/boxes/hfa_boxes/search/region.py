@@ -241,8 +241,8 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set and keep it if it is the largest so far; return the error if it is not
-        proved."""
+        """Prove a set and keep it if it is the largest so far. Raises Rejected or OutOfTimeError if
+        it is not proved."""
         extents = shape.extents()
         decrease = Decrease(
             self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers

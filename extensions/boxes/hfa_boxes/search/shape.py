@@ -240,7 +240,6 @@ class Shape:
         """Return the bound of the level, up to a highest one.
 
         quick: with 10 % of the samples and fewer iterations"""
-
         slow = self.slow(samples.J)
         to_slow = np.linalg.solve(slow, self.M)
 

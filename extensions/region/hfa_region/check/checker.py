@@ -98,7 +98,7 @@ def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomi
     for name in loop.statement.loop.inputs:
         what = inputs.get(name, ANY)
         for side, limit in zip((LOWEST, HIGHEST), loop.sides(name), strict=True):
-            if limit is None or what == ANY:
+            if limit is None:
                 continue
             if what == FREE:
                 constraints[f"{name} {side}"] = limit

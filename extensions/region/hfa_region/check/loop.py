@@ -227,8 +227,7 @@ class RegionLoop:
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
         """Return z' where each input is free or at its limit and each disturbance at its end.
-        Raises
-        Rejected where an output may leave its limits under any disturbance."""
+        Raises Rejected where an output may leave its limits under any disturbance."""
         key = tuple(part.values())
         if key not in self._rates:
             sizes = {name: exact(size) for name, size in self.statement.loop.disturbances.items()}

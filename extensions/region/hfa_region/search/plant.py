@@ -257,11 +257,11 @@ class Outcome(IntEnum):
     LOST = 3  # it diverges, or comes to rest elsewhere
 
 
-#: What is said of a start that does not return.
+#: Descriptions of flights that do not enter the proved set.
 NOT_RETURNED = {
-    Outcome.LEFT: "leaves the limits",
-    Outcome.LOST: "lost",
-    Outcome.UNKNOWN: "not known in the time",
+    Outcome.LEFT: "flight leaves the limits",
+    Outcome.LOST: "flight does not converge",
+    Outcome.UNKNOWN: "flight without outcome in the time",
 }
 
 
