@@ -119,9 +119,7 @@ def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, G
             )
         if not own.same(stated[path], own.value):
             name = _first_other(name, stated[path], own)
-            raise NoSolutionError(
-                f"the certificate is about a {name} other than that of {own.option}"
-            )
+            raise NoSolutionError(f"the certificate's {name} differs from that of {own.option}")
     subjects = [table[path].subject for path in stated if path not in given]
     order = dict.fromkeys(field.subject for field in table.values())
     return [subject for subject in order if subject and subject in subjects]
