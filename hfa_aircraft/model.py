@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -56,6 +56,8 @@ class Model(Reported):
     >>> hfa.Model("cart", states, inputs, equations).at([0.0, 0.0], [1.0]).B.tolist()
     [[0.0], [0.5]]
     """
+
+    how_to_make: ClassVar[str] = "hfa.load_model(FILE)"
 
     name: str
     states: Mapping[str, Signal]

@@ -36,9 +36,10 @@ def of_control(model: LinearModel, name: str) -> Any:
     """Return an attribute of python-control's StateSpace, or a function of python-control on the
     model.
 
-    Names of python-control's MATLAB interface are accepted too. The function acts from the inputs=
-    to the outputs= of its call. A function of matrices, ctrb(A, B), gets those of the model. An
-    error of python-control is a BadInputError. Raises AttributeError for another name.
+    Names of python-control's MATLAB interface are accepted too. The function acts from inputs= to
+    outputs= of its call, which may be input=, output= or its first two texts. A function of
+    matrices, ctrb(A, B), gets those of the model. An error of python-control is a BadInputError.
+    Raises AttributeError for another name.
     """
     import control
     from control import matlab
@@ -50,10 +51,15 @@ def of_control(model: LinearModel, name: str) -> Any:
         wanted = signature(function).parameters
 
         def call(*arguments: Any, inputs: Names = None, outputs: Names = None, **more: Any) -> Any:
+            inputs = more.pop("input", inputs)
+            outputs = more.pop("output", outputs)
+            others = list(arguments)
+            if len(others) > 1 and isinstance(others[0], str):
+                inputs, outputs, *others = others
             system = state_space(chosen(model, inputs, outputs))
             matrices = [getattr(system, each) for each in _leading_matrices(wanted)]
             try:
-                return function(*(matrices or [system]), *arguments, **more)
+                return function(*(matrices or [system]), *others, **more)
             except Exception as error:  # whatever python-control raises
                 raise BadInputError(
                     f"python-control's {name}: {on_one_line(str(error))}"

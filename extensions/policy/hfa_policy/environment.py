@@ -38,7 +38,7 @@ def environment(
     deployment: observations, actions, timing and cost, or the path of a deployment file; its policy
         may be empty. Default: `Deployment.usual(model, dt)`
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
-        scheduling variable in the units of the model; default: its own trim
+        scheduling variable in the units of the model, or one point; default: its own trim
     seconds: length of an episode, after which it is truncated; it terminates earlier if the
         aircraft leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far

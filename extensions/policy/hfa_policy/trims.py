@@ -41,10 +41,10 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
 
 
 def _listed(points: Any) -> list[Any]:
-    """Return the points as a list. Raises BadInputError for one point and for one number."""
-    if not isinstance(points, OperatingPoint):
-        try:
-            return list(points)
-        except TypeError:  # NumPy and CasADi refuse to iterate in words of their own
-            pass
-    raise BadInputError(f"points is a single {type(points).__name__}; give a list")
+    """Return one or several points as a list."""
+    if isinstance(points, OperatingPoint):
+        return [points]
+    try:
+        return list(points)
+    except TypeError:  # NumPy and CasADi refuse to iterate in words of their own
+        return [points]

@@ -35,14 +35,13 @@ def test_points_are_what_assess_takes() -> None:
     """Operating points, values of the scheduling variable, or None."""
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     speeds = []
-    for points in (trims("ppo_gtm")[1:2], [45.0]):
+    for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
         env = environment(model, deployment, points)
         _, info = env.reset(seed=1)
         speeds.append(info["X"][0])
-    assert speeds[0] == pytest.approx(speeds[1])
+    assert speeds == pytest.approx([speeds[0]] * 3)
     environment(model, deployment, None).reset(seed=1)
     for wrong, said in (
-        (45.0, "give a list"),
         ([], "empty"),
         (["45"], "points has"),
         (trims("ppo_hfa"), "was trimmed with"),

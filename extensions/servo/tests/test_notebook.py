@@ -138,6 +138,10 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
     solution = hfa.solve_game(game)
     assert np.array_equal(solution.eigenvalues, solution.closed_loop_eigenvalues)
     assert solution.gamma == game.delta
+    analysed = hfa.solve(game)
+    assert solution.delta_min == analysed.delta_min
+    assert solution.disk_margin == analysed.disk_margin
+    assert solution.to_json() == solution.report().json()
     flight = hfa.fly(MODEL, point, K=solution.K, T=0.1)
     assert np.array_equal(flight.t, flight.time)
     assert flight.summary().text() == flight.report().text()

@@ -8,6 +8,8 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from controller.riccati.gare import Solution
+from controller.riccati.solution_report import AnalysedGame, solve
 from hfa_support.arguments import argument_tests
 from hfa_support.errors import nearest
 from hfa_support.unknown import no_attribute
@@ -22,6 +24,8 @@ duration: seconds
 gain: policy
 input: inputs
 output: outputs
+point: points
+start: initial
 seconds: time
 t: time seconds
 tf: seconds time
@@ -29,17 +33,31 @@ u: policy
 x0: initial
 """
 _SAME_ATTRIBUTES = """
+as_dict: to_dict
+controllability: ctrb
 converged: ok
 derivatives: rates_at
 eigenvalues: closed_loop_eigenvalues
 gain: K
 gamma: delta
+info: report
+n_inputs: ninputs
+n_outputs: noutputs
+n_states: nstates
+observability: obsv
 passed: ok
+regret: cost_lost
+suboptimality: cost_lost
 success: ok
 summary: report
 t: time
+to_csv: save
 to_dataframe: to_pandas
+to_mat: save
+to_matlab: save
+to_npz: save
 u: inputs
+value: cost
 x: states
 """
 #: Keyword of python-control or SciPy -> arguments of the same meaning.
@@ -49,12 +67,15 @@ ARGUMENTS = {
 }
 #: Attribute of results of SciPy, pandas or python-control -> attribute of the same meaning.
 ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlines())
+#: Attributes that the analysis of a game adds to its solution.
+_ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
     """Return the attribute that a word of another tool means, or a function of `hfa` as a method.
 
-    A function of `hfa` is a method of its first argument: model.linearize(point).
+    A function of `hfa` is a method of its first argument: model.linearize(point). A solution has
+    the attributes that `hfa.solve` adds.
 
     more: further attributes for the message
 
@@ -63,6 +84,10 @@ def attribute(value: Any, name: str, *more: str) -> Any:
     same = ATTRIBUTES.get(name)
     if same is not None and hasattr(value, same):
         return getattr(value, same)
+    if name == "to_json":
+        return value.report().json
+    if type(value) is Solution and name in _ANALYSED:
+        return getattr(solve(value.game), name)
     method = _method(value, name)
     if method is not None:
         return method
