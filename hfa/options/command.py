@@ -11,9 +11,13 @@ R = TypeVar("R", bound=Request)
 
 
 class Command(NamedTuple):
-    """request: the class whose fields are the options. run: request -> exit code; its docstring is
-    the help. install: what pip installs where a package that it needs is missing. example: a line
-    that ends the help."""
+    """A command of `hfa`.
+
+    request: the class whose fields are the options.
+    run: request -> exit code; its docstring is the help.
+    install: what pip installs where a package that it needs is missing.
+    example: a line that ends the help.
+    """
 
     request: type[Request]
     run: Callable[[Any], int]

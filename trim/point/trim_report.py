@@ -30,7 +30,7 @@ _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "ve
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimResult(Result):
-    """A trim: every variable between its limits, each equation; angles in radians.
+    """A trim: every variable with its limits, and each equation; angles in radians.
 
     dihedral_deg: of the HFA the dihedral angle, degrees.
     scheduled: of other models the scheduling variable.

@@ -21,7 +21,8 @@ class Expressions:
     its limits."""
 
     def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
-        """given: value by varID, in the file's units. table: shared by the files of an aircraft."""
+        """Begin with the given values. given: value by varID, in the file's units. table: shared by
+        the files of an aircraft."""
         self._document = document
         self._values = {
             key: _limited(document.variables[key], value) for key, value in given.items()

@@ -130,7 +130,7 @@ class Aerodynamics:
         return ca.mtimes(self._to_body(self._force_frame), sums)
 
     def _lift(self) -> Any:
-        """Lift, lb: the force across the wind, upwards."""
+        """Lift, lb: the upward force normal to the wind."""
         if self._force_frame == "WIND":
             return self._sum(2, at_center=False) + self._sum(2, at_center=True)
         force = self._force(False) + self._force(True)

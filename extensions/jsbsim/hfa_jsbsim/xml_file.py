@@ -23,7 +23,7 @@ _LONGEST_ENTITY = 100
 
 
 class Attributes(dict[str, str]):
-    """Attributes of an element: name -> text; `taken` are those that were read."""
+    """Attributes of an element, name -> text; `taken` contains the names that were read."""
 
     def __init__(self, *values: Any) -> None:
         super().__init__(*values)

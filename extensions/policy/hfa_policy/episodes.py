@@ -79,9 +79,9 @@ class Episodes:
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
     ) -> None:
-        """turbulence: turbulence of the episodes, drawn anew for each. Raises BadInputError if
-        there is no trim, an action has no box, the time is not a number, or the aircraft does not
-        support turbulence."""
+        """Prepare `count` episodes of at most `seconds` about the trims `points`. turbulence: drawn
+        anew for each episode. Raises BadInputError if there is no trim, an action has no box, the
+        time is not a number, or the aircraft does not support turbulence."""
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):

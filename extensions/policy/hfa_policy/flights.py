@@ -221,7 +221,8 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Reset the extremes before a window: those of X to X, those of U to none."""
+        """Reset the extremes before a window, those of X to the present X and those of U to
+        none."""
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]
         rows[:, high_X] = rows[:, X]

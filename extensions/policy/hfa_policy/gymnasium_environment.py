@@ -28,7 +28,7 @@ class AircraftEnvironment(gymnasium.Env):
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
-        """episodes: the simulation of one episode."""
+        """Wrap the simulation of one episode."""
         self.episodes = episodes
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")

@@ -56,7 +56,7 @@ class ProvedResult(Result):
 
     @property
     def proved(self) -> bool:
-        """True: an unproved claim is not printed."""
+        """Always true, because an unproved claim is not printed."""
         return True
 
     @property

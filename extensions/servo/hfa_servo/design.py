@@ -172,8 +172,8 @@ class Design:
         _refuse_names(f"{where} unknown input", self.inputs, [*self.model.inputs])
         _refuse_names(f"{where} unknown integrated output", self.integrals, self.model.measurable)
         _refuse_names(f"{where} unknown actuator", [*self.actuators], self.inputs)
-        _refuse_names(f"{where} unknown weight of a state", [*self.state_weights], self.states)
-        _refuse_names(f"{where} unknown weight of an input", [*self.input_weights], self.inputs)
+        _refuse_names(f"{where} unknown weighted state", [*self.state_weights], self.states)
+        _refuse_names(f"{where} unknown weighted input", [*self.input_weights], self.inputs)
         _refuse_names(f"{where} unknown sensor", [*self.sensors], measurable)
         _refuse_names(f"{where} unknown disturbance", [*self.disturbances], disturbances)
         for name, value in self.sensors.items():
@@ -192,8 +192,8 @@ class Design:
         """
         following = shaping.following
         measured = [*shaping.outputs]
-        _refuse_names(f"{where} unknown rate of an input", [*following.rates], self.inputs)
-        _refuse_names(f"{where} unknown weight of a state", [*following.states], self.model.linear)
+        _refuse_names(f"{where} unknown input with a rate", [*following.rates], self.inputs)
+        _refuse_names(f"{where} unknown weighted state", [*following.states], self.model.linear)
         _refuse_names(f"{where} unknown scheduled output", [*shaping.schedule], measured)
         unmeasured = f"{where} unknown followed output, which must be measured"
         _refuse_names(unmeasured, [*following.outputs], measured)

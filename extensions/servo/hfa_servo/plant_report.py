@@ -124,7 +124,7 @@ class OutputSolution(PlantSolution):
 
     @property
     def law(self) -> str:
-        """Control law: u from y."""
+        """Control law u = Ck xk + Dk y."""
         return "Output feedback xk' = Ak xk + Bk y, u = Ck xk + Dk y"
 
     @property
@@ -159,7 +159,7 @@ class StateSolution(PlantSolution):
 
     @property
     def law(self) -> str:
-        """Control law: u from x."""
+        """Control law u = -K x."""
         return "State feedback u = -K x"
 
     @property

@@ -222,8 +222,8 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """One row for each value and actuators: abscissa, and for each loop gain dB, phase deg,
-        crossover rad/s, delay s."""
+        """Return one row for each scheduling value and set of actuators: abscissa, and for each
+        loop gain (dB), phase (deg), crossover (rad/s) and delay (s)."""
         by = self.controller.model.schedule
         rows = []
         for row in self.rows:

@@ -266,7 +266,7 @@ def test_names_and_filter_of_the_controller() -> None:
         ),
         (
             ("[shaping.inputs]\nthrottle", "[shaping.inputs]\nflap"),
-            "unknown weight of an input 'flap'",
+            "unknown weighted input 'flap'",
         ),
         (("filter = [0.5, 2.0]", "filter = [0.5]"), "filter must be a bandwidth and a damping"),
         (

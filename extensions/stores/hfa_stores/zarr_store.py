@@ -365,8 +365,8 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Deviations of a store from the request: a file that describes it, a file that does not belong
-    to it, or a link, which may lead anywhere, or "" where there is nothing."""
+    """Return the first deviation of a store from the request: a file that describes it, a file that
+    does not belong to it, or a link, which may lead anywhere; "" without one."""
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:

@@ -70,7 +70,7 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """The largest level: the bound wherever W is larger."""
+        """The largest level, which is the bound where W is larger."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:

@@ -275,7 +275,8 @@ class RegionSearch:
             self._progress(done, whole, text)
 
     def _first_shapes(self) -> list[tuple[str, Shape]]:
-        """Return quadratic V with descriptions and sampled sets, the largest set first."""
+        """Return quadratic V, scaled to their sampled sets, with descriptions, the largest set
+        first."""
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
         for origin, P in self._candidates():

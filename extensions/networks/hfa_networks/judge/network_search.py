@@ -51,7 +51,7 @@ _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
 class Found(NamedTuple):
-    """Largest error that was found: relative, of `name`, at the state z (n,)."""
+    """Largest relative error found, of the quantity `name`, at the state z (n,)."""
 
     name: str
     error: float

@@ -41,7 +41,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=4,
     )
     margin: float = option(
-        "part of the cost that W gives up; a smaller one needs more boxes; default 0.02",
+        "relative slack of W below the cost; less slack needs more boxes; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,

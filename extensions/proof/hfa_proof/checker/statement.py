@@ -69,7 +69,8 @@ class Flight:
     trims: tuple[StatedTrim, ...]
 
     def value(self, scheduling_value: Any) -> Any:
-        """In the unit of the model, as a ball or a double: of an angle in rad, π enclosed."""
+        """The value in the unit of the model, as a ball or a double; an angle is in rad, with π
+        enclosed."""
         return in_model_unit(self.model, scheduling_value)
 
     @property
@@ -80,7 +81,7 @@ class Flight:
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
-        """point: whether `low` and `high` are one value."""
+        """Return the flight of a certificate. point: whether `low` and `high` are one value."""
         for name, fact in facts_of(model).items():
             entries.same(name, fact)
         scheduled = model.schedule

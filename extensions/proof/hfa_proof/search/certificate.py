@@ -68,7 +68,8 @@ class Proof(Reported):
         return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
-        """The certificate, every number a double in full. The digest does not cover the run.
+        """Write the certificate, with all digits of every double. The digest does not cover the
+        run.
 
         Raises NoSolutionError where nothing is proved that it could state."""
         if not self.witness:

@@ -64,8 +64,8 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
-    """Scheduling values as data: dihedral_deg for the HFA, the name of the scheduling variable for
-    other models."""
+    """Return scheduling values as data, under dihedral_deg for the HFA and the name of the
+    scheduling variable for other models."""
     if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}

@@ -140,8 +140,8 @@ class ScheduleSearch:
         self.motion: Content | None = None
 
     def prove(self, name: str) -> Iterator[Box]:
-        """Prove each box of the loop, or of the modes of A, in increasing order: proved or given
-        up."""
+        """Yield each box of the loop, or of the modes of A, in increasing order, as proved or
+        open."""
         prove = self._prove_loop if name == "loop" else self._prove_modes
         narrowest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         if name == "loop" and isinstance(self.loop.actuators, UncertainActuators):
@@ -153,7 +153,8 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Prove the loop on a box: stable with a decay rate, or its number of unstable modes."""
+        """Prove that the loop on a box is stable with a decay rate, or else its number of unstable
+        modes."""
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
             pieces = find_pieces(linear, self.family.model, self.loop)
