@@ -92,11 +92,12 @@ def _failure(error: BaseException) -> tuple[str, int]:
             )
         case UnicodeError():
             return (
-                "a name contains half a character, which is not allowed in files; choose another",
+                "a name contains an incomplete character, which is not allowed in files; choose "
+                "another",
                 BAD_INPUT,
             )
         case MemoryError():
-            return "not enough memory; ask for fewer points or a shorter flight", BAD_INPUT
+            return "not enough memory; request fewer points or a shorter flight", BAD_INPUT
         case OSError(filename=None):
             return f"cannot write the output: {error.strerror or error}", BAD_INPUT
         case OSError():

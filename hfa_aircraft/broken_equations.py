@@ -24,9 +24,9 @@ def refused(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputE
             )
     said = " ".join(str(error).split())[:200]
     if not _takes_four(layout.equations):
-        advice = "do not take (x, u, p, w); declare all four, also those that are not used"
+        advice = "do not accept (x, u, p, w); declare all four, also those that are not used"
     elif "indices must be integers" in said:
-        advice = f"ask for x['NAME']; write x.NAME ({said})"
+        advice = f"use x['NAME']; write x.NAME ({said})"
     else:
         advice = (
             f"fail ({type(error).__name__}: {said}); write ca.if_else for if, and CasADi's "

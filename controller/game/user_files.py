@@ -87,7 +87,7 @@ def stored_game(
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
         if "disturbances" in stored and "E" in parts:  # of `hfa linearize`
             del parts["E"]
-            notes.append("its E is that of the wind and not used")
+            notes.append("its E belongs to the wind and is not used")
         for key in ("A", "B"):
             if key not in parts:
                 beside = "a model file contains A and B (.csv, .npy: A.csv and B.csv in one folder)"
@@ -218,7 +218,7 @@ def _names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> Plant
             notes.append(f"{key} needs one unit for each; none is used")
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
-            notes.append(f"{key} has not one name for each; they are called {letter}1 and so on")
+            notes.append(f"{key} needs one name for each; the names {letter}1 and so on are used")
     states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
     return PlantNames(states, inputs, state_units, input_units)
 

@@ -52,7 +52,7 @@ TEST_OF_REACH = {
 }
 #: Name of a test of P alone: relation, limit, and the reason where it does not hold.
 TESTS_OF_P = {
-    "residual": ("<=", RESIDUAL, "the Riccati equation is left with a residual of {:.2g}"),
+    "residual": ("<=", RESIDUAL, "the residual of the Riccati equation is {:.2g}"),
     "symmetry": ("<=", ASYMMETRY, "P is not symmetric ({:.2g} relative)"),
     "positive_semidefinite": (
         ">=",

@@ -41,7 +41,9 @@ def pendulum(torque: Any) -> Model:
 def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
     model = pendulum(torque)
     (note,) = notes_on_degrees(model)
-    assert note.startswith(f"the equations take the {function} of angle, which is declared in deg")
+    assert note.startswith(
+        f"the equations compute the {function} of angle, which is declared in deg"
+    )
     assert notes_on_degrees(in_si(model)) == [note]
     assert note in hfa.find_operating_point(model, free="angle_dot").warnings
 

@@ -309,11 +309,10 @@ def _trust_in(bands: Bands | None, model: LinearModel, other: LinearModel | None
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
-        sentences.append(f"Largest band of an entry from the rounding of the print: {largest}")
+        sentences.append(f"Largest band of an entry from the printed rounding: {largest}")
     else:
         sentences.append(
-            "No bands of the rounding of the print: only the six printed states of the identified "
-            "aircraft have them"
+            "No error bands: only the six printed states of the identified aircraft have them"
         )
     if other is not None:
         difference = _largest(np.abs(other.A - model.A), np.abs(other.B - model.B))

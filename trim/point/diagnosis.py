@@ -35,10 +35,10 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
     reasons = [f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
-        reasons.append(f"{equations} equations for {unknowns} unknowns, set more free")
+        reasons.append(f"{equations} equations for {unknowns} unknowns; free more variables")
     idle = _without_effect(problem, z)
     if idle:
-        reasons.append(f"{' and '.join(idle)} moves none of them, free another variable")
+        reasons.append(f"{' and '.join(idle)} affects none of them; free another variable")
     elif not can_balance:
         alike = _alike(problem, z)
         if alike:

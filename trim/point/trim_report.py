@@ -263,7 +263,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
         sentences.append(f"No limits are declared for {names}; check that they are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
-        sentences.append(f"In no equation, and left where the search begins: {names}")
+        sentences.append(f"In no equation, kept at the initial value: {names}")
     sentences += [_other_trim(problem, point, other) for other in others]
     search = {
         "equations": equations,

@@ -130,7 +130,7 @@ def slow_note(one_by_one: int, count: int) -> list[str]:
         return []
     return [
         f"{one_by_one:,} of {count:,} points were trimmed one by one, which is slower: Newton's "
-        "method on all points at once did not settle them"
+        "method on all points at once did not converge for them"
     ]
 
 

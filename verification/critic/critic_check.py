@@ -165,7 +165,7 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     abscissa = spectrum(game.A - game.S @ P).abscissa
     unstable = f"A - S P is not Hurwitz (abscissa {abscissa:+.3g} 1/s)"
     residual = float(form.relative_residual(scaled))
-    unsolved = f"the Riccati equation is left with a residual of {residual:.2g}"
+    unsolved = f"the residual of the Riccati equation is {residual:.2g}"
     costs = np.linalg.eigvalsh(form.Q)
     least = 0.0 if costs[0] > SIGNLESS * costs[-1] else -INDEFINITENESS
     if limit > LIMIT and exact.any():

@@ -75,7 +75,7 @@ def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()
 
 def _sentence(statement: CostStatement) -> str:
     held = statement.plant.held
-    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    kept = f" {', '.join(held)} held at trim values." if held else ""
     return (
         "No flight within the limits that ends at the trim costs less than W at its initial "
         "condition, or than the level where W is larger, whatever moves the inputs. Cost: the "

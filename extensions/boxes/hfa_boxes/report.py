@@ -48,15 +48,15 @@ def found_report(
     if reason:
         lines.append(f"Proved on boxes, not by sums of squares: {reason}.")
     if place is None:
-        lines.append("No state with V' >= 0 or beyond a limit was found about the set.")
+        lines.append("No state with V' >= 0 or beyond a limit was found around the set.")
     else:
         what = "V' >= 0" if rises else "A limit is passed"
         if rises:
             fails = dict(zip(statement.loop.states, place.tolist(), strict=True))
         share = np.sqrt(statement.rho / level)
         lines.append(
-            f"{what} at V = {level:.6g}, {place_in_words(statement.loop, place)}: the proved set "
-            f"reaches {share:.3g} of that level, linearly."
+            f"{what} at V = {level:.6g}, {place_in_words(statement.loop, place)}: the linear "
+            f"dimensions of the proved set are {share:.3g} times those of that level set."
         )
         if flight is not None:
             lines.append(f"A flight from that state {flight}.")
@@ -118,7 +118,7 @@ def _title(
 def _sentence(statement: BoxStatement, policy: str) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
-    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    kept = f" {', '.join(held)} held at trim values." if held else ""
     level = at_least(statement.rho, 6)
     V = "z'P z" if statement.degree == 2 else "W(M z)"
     cube = "" if statement.degree == 2 else ", |(M z)_i| <= 1"

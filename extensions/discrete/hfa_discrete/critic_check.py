@@ -145,7 +145,7 @@ def _judged(
     checks = [*errors, *_loop_checks(problem, critic.K, all(check.ok for check in errors))]
     if critic.P is not None:
         residual = bellman_residual(problem, (critic.P + critic.P.T) / 2.0)
-        reason = f"Bellman's equation is left with a residual of {residual:.2g}"
+        reason = f"the residual of Bellman's equation is {residual:.2g}"
         checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
     lost = discounted_cost_lost(exact, critic.K)
     text = "L2 gain, margins and the box of states belong to continuous time and are not checked"

@@ -228,7 +228,7 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
     paid = float(np.linalg.eigvalsh((saddle + saddle.T) / 2.0).min(initial=1.0))
     game_radius = _radius(loop + form.E @ gains.L)
     radius = _radius(loop)
-    unsolved = f"Bellman's equation is left with a residual of {residual:.2g}"
+    unsolved = f"the residual of Bellman's equation is {residual:.2g}"
     moved = f"a Newton step changes P by {error:.2g}"
     indefinite = f"P is indefinite ({smallest:.3g} of its size)"
     unpaid = "delta^2 I - discount E'P E is not positive definite"
@@ -247,7 +247,7 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 def _gain_check(radius: float) -> Check:
     """Return the check that the returned K stabilizes, in the user's coordinates; radius: of
     sqrt(discount) (A - B K)."""
-    reason = f"sqrt(discount) (A - B K) of the K that is handed out has radius {radius:.6g}"
+    reason = f"sqrt(discount) (A - B K) of the returned K has radius {radius:.6g}"
     return below("gain_radius", radius, 1.0, reason)
 
 

@@ -399,5 +399,5 @@ def test_gain_does_not_stabilize_is_not_handed_out(monkeypatch: pytest.MonkeyPat
     assert solve_discrete(DiscreteGame(step)).certificate.checks[-1].name == "gain_radius"
     # The planted fault: no known game has a certified P with such a gain.
     monkeypatch.setattr(StepForm, "gain", lambda *_: np.zeros((1, 1)))
-    with pytest.raises(NoSolutionError, match=r"K that is handed out has radius 1\.5"):
+    with pytest.raises(NoSolutionError, match=r"returned K has radius 1\.5"):
         solve_discrete(DiscreteGame(step))

@@ -38,7 +38,7 @@ from trim.point.operating_point import OperatingPoint
 KEPT = {
     "left": ("number in the attribute left; -1: stayed inside", ""),
     "cycle": (
-        "number among inputs and states of what still oscillates at the end; -1: nothing",
+        "number of the input or state that still oscillates at the end; -1: none",
         "",
     ),
     "factors": ("factor on a parameter", "error"),

@@ -93,7 +93,8 @@ def _outcomes(found: MemberSummary) -> list[str]:
     lines = []
     if found.drawn is not None:
         lines.append(
-            "members are aircraft that the parameters allow, each flown from the trim of the model"
+            "members are aircraft drawn from the parameters, each simulated from the trim of the "
+            "model"
         )
     if found.first_left is not None:
         lines.append(

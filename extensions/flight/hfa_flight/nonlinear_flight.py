@@ -461,8 +461,8 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(self._inputs())
         if self.cost is not None:
             parts.append(
-                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}. The cost "
-                "after its end is left out."
+                f"Cost of this flight of {self.flown:g} s with Q and R: {self.cost:.6g}, "
+                "without the cost after its end."
             )
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(self.flight.states).max(), np.abs(self.flight.inputs).max())

@@ -152,7 +152,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
         if {*self.set} - reads:
             nothing = f"with --law {self.law} nothing is learned"
             if instead:
-                nothing = f"beside --{instead[0]} nothing is learned"
+                nothing = f"with --{instead[0]} nothing is learned"
             self.refuse(("set",), f"belongs to a learning law; {nothing}")
         if self.members is None and self.turbulence is None:
             nothing = "here nothing is random"

@@ -303,7 +303,9 @@ class Identified(Result, Reported):
         if not errors:
             return []
         stated = ", no ".join(errors)
-        text = f"The bands assume no {stated}, which the records cannot tell from parameters."
+        text = (
+            f"The bands assume no {stated}, which the records cannot distinguish from parameters."
+        )
         return [wrapped(text, _WIDTH)]
 
     def _columns(self) -> list[Any]:

@@ -244,7 +244,7 @@ def test_drawn_aircraft_are_flown(folder, capsys):
         "PASS: 2 of 2 members stayed within limits",
         "linear loop stable for 2 of 2 drawn aircraft",
     ]
-    assert lines[3].startswith("members are aircraft that the parameters allow")
+    assert lines[3].startswith("members are aircraft drawn from the parameters")
     main(["fly", "--law", "none", "--aircraft", "found.toml", "--draws", "2", "--duration", "1"])
     assert capsys.readouterr().out.splitlines()[1].startswith("trimmed: 2 of 2 drawn aircraft; ")
 

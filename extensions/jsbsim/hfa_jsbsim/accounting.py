@@ -41,13 +41,13 @@ _IDLE = (
 _STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: Properties of JSBSim that a file may set, and what is left out then.
 _NOTED = {
-    "propulsion/tank/external-flow-rate-pps": "tanks stay as full as they are",
+    "propulsion/tank/external-flow-rate-pps": "tank contents are constant",
     "simulation/integrator/": "the motion is never stopped",
 }
 #: Statements of notes.
-_OF_FILTERS = "?filters=states behind the aircraft's name makes these states"
-_NEVER = "these are left out; `hfa fly --method jsbsim` has them"
-_SET_TWICE = "set here and by the pilot; what is read before this is the pilot's"
+_OF_FILTERS = "?filters=states after the aircraft's name makes these states"
+_NEVER = "these are omitted; `hfa fly --method jsbsim` includes them"
+_SET_TWICE = "set here and by the pilot; components before this read the pilot's value"
 _NO_FORCE = "no force in flight depends on them"
 _NOT_READ = "JSBSim does not read them either"
 

@@ -234,7 +234,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
     play = component.value_of("hysteresis_width", 0.0)
     if play:
         name = shortened(component.attributes.get("name", ""))
-        statement = "no hysteresis; in JSBSim these actuators may rest so far away"
+        statement = "no hysteresis; in JSBSim these actuators may stop this far from their command"
         properties.notes.append(Note(statement, f"{name} by {0.5 * play:g}", component.where))
     return value + component.value_of("bias", 0.0)
 

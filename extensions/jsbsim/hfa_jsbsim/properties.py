@@ -298,7 +298,9 @@ class Properties:
         try:
             return self.read(name, where)
         except LoopError as error:
-            self.notes.append(Note(f"{error.cause}; left as it begins", plain(name), error.where))
+            self.notes.append(
+                Note(f"{error.cause}; kept at its initial value", plain(name), error.where)
+            )
             self.replace(name, default)
             return default
 

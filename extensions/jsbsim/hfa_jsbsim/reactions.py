@@ -85,7 +85,7 @@ class Reactions:
         try:
             return function_value(function, self._properties)
         except LoopError as error:
-            statement = f"this {element.name} from outside is left out"
+            statement = f"this {element.name} from outside is omitted"
             name = shortened(element.attributes.get("name", ""))
             note = Note(statement, f"{name} ({error.cause})", element.where)
             self._properties.notes.append(note)

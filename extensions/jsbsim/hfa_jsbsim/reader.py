@@ -284,7 +284,7 @@ class _Declaration:
             return ""
         names = ", ".join(shortened(each.attributes.get("name", "")) for each in components)
         what = f"{name} moves and <kinematic> {names} follows at once"
-        return f"{what}; --method jsbsim gives it its time"
+        return f"{what}; --method jsbsim includes the travel time"
 
     def _left_out(self, throttle: str) -> str:
         """Return the note on a throttle that engines follow at once, or "" where their lags are
@@ -295,7 +295,7 @@ class _Declaration:
         if not left_out:
             return ""
         return (
-            f"{throttle} moves and engines follow at once; ?engines=states behind the aircraft's"
+            f"{throttle} moves and engines follow at once; ?engines=states after the aircraft's"
             f" name makes their lags states ({', '.join(left_out)})"
         )
 

@@ -29,7 +29,7 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
     solve: solves the same condition with other values held and names set free.
     """
     if not steered:
-        return "nothing that a pilot moves changes a force or a moment"
+        return "no input of the pilot changes a force or a moment"
     reasons = [*_of_engines(parts, imposed, solve), *of_files(parts)]
     return "; ".join(reasons or [*_of_lift(solve)] or _of_moments(solve))
 
@@ -107,7 +107,7 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
     if solid is not None:
         yield f"{solid.where}: {name} burns solid fuel; it is not lit"
     if file.kind == "turbine_engine" and file.has_propeller:
-        yield f"{name} is a turbine engine on a propeller; its thrust is taken as power"
+        yield f"{name} is a turbine engine on a propeller; its thrust is interpreted as power"
     diameter = file.thruster.find("diameter")
     if not file.has_propeller or diameter is None or "unit" in diameter.attributes:
         return

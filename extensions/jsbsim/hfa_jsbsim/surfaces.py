@@ -60,7 +60,7 @@ def cut_surfaces(
             key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
             if key not in inputs:
                 properties.replace(name, properties.read_centered(name, commands))
-                statement = "these stay as they are with the stick in its middle"
+                statement = "these keep their values with the stick centered"
                 notes.append(Note(statement, f"{name} ({error.cause})", error.where))
                 continue
             sign = -1.0 if surface.startswith("right-aileron") else 1.0

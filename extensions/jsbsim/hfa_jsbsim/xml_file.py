@@ -216,7 +216,7 @@ def parsed(text: bytes, file: str) -> Element:
     def check_entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
         line = parser.CurrentLineNumber
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
-            fault = f"the entity {shortened(name)} is a file, or long, or made of others"
+            fault = f"the entity {shortened(name)} refers to a file, is too long or contains others"
             raise BadInputError(f"{file}:{line}: {fault}; replace it by its text")
 
     parser.StartElementHandler = start
@@ -304,7 +304,7 @@ class Folders:
         if document is element:
             return element
         if document.name != element.name:
-            fault = f"the file holds <{document.name}>, not <{element.name}>"
+            fault = f"the file contains <{document.name}>, not <{element.name}>"
             raise document.error(f"{fault}; {element.where} names it")
         document.take()
         both = [*document.children, *element.children]

@@ -50,11 +50,11 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             '<!DOCTYPE a [\n<!ENTITY b SYSTEM "file:///etc/passwd">]><fdm_config>&b;</fdm_config>',
-            r"glider.xml:2: the entity b is a file, or long, or made of others; replace it by its text",
+            r"glider.xml:2: the entity b refers to a file, is too long or contains others; replace it by its text",
         ),
         (
             '<!DOCTYPE a [<!ENTITY b "lol">\n<!ENTITY c "&b;&b;">]><fdm_config>&c;</fdm_config>',
-            r"glider.xml:2: the entity c is a file, or long, or made of others",
+            r"glider.xml:2: the entity c refers to a file, is too long or contains others",
         ),
         (
             "<FDM_CONFIG NAME='old'/>",
@@ -262,7 +262,7 @@ def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
     assert outputs["elevator_position"] == pytest.approx(0.3, abs=1e-14)
     notes = [note for note in model.extras.notes if "hysteresis" in note]
     assert len(notes) == 1
-    assert "these actuators may rest so far away" in notes[0]
+    assert "these actuators may stop this far from" in notes[0]
     assert "by 0.025" in notes[0]
 
 

@@ -90,7 +90,7 @@ def test_governed_propeller_may_rest_at_limit_of_blades():
         (
             "mk82",
             {"kcas": 200.0, "altitude": 5000.0},
-            "nothing that a pilot moves changes a force or a moment",
+            "no input of the pilot changes a force or a moment",
         ),
         pytest.param(
             "fokker50",
@@ -106,7 +106,7 @@ def test_governed_propeller_may_rest_at_limit_of_blades():
         (
             "C130",
             {"kcas": 160.0, "altitude": 8000.0},
-            r"4 x 13 hp: .*; t56 is a turbine engine on a propeller; its thrust is taken as power",
+            r"4 x 13 hp: .*; t56 is a turbine engine on a propeller; its thrust is interpreted as power",
         ),
     ],
 )

@@ -108,7 +108,7 @@ def test_constant_in_u_off_origin_rests_off_trim() -> None:
     assert failed_names(verdict.checks) == {"origin_error", "searched_policy_error", "rest_point"}
     rest = np.linalg.solve(np.eye(2) - A + B @ exact.K, 0.2 * B[:, 0])
     assert verdict.to_dict()["network"]["rest_point"] == pytest.approx(rest, rel=1e-9)
-    assert verdict.reason == "it is right but for a constant in u"
+    assert verdict.reason == "it is right except for a constant in u"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -218,7 +218,8 @@ def test_command_says_how_network_read_on_discrete_plant() -> None:
     right = hfa(*words, torch_file("right.pt", {"weight": -exact.K}))
     assert right.code == DONE
     assert right.out.startswith(
-        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as simplified"
+        "PASS on the linear game: optimal cost, no error above 1e-06 in the box, proved as "
+        "simplified"
     )
     assert "Read: network right.pt: policy 2 -> 1" in right.out
     shifted = torch_file("shifted.pt", {"weight": -exact.K, "bias": np.array([0.2])})

@@ -95,7 +95,7 @@ def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
     assert verdict.grade == "fail"
     assert "optimal cost, equilibrium 0." in headline
     assert "without bound" not in headline
-    assert verdict.reason == "it is right but for a constant in u"
+    assert verdict.reason == "it is right except for a constant in u"
 
 
 def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:

@@ -40,9 +40,9 @@ from trim.point.trim_report import trim_report
 from verification.critic.figures import verdict_figure
 
 _COLORS = (
-    "Colors of A and B: green prints the same (within 1 half unit of the last printed digit), "
-    "yellow is one off (2 half units), violet at most 3 half units, red more. The table entry by "
-    "entry has the half units."
+    "Colors of A and B: green entries agree (within 1 half unit of the last printed digit), yellow "
+    "entries are one off (2 half units), violet at most 3 half units, red more. The table of "
+    "entries lists the half units."
 )
 TITLE = "Highly flexible aircraft: linear models"
 _PAPER = (
@@ -75,7 +75,7 @@ def main_report(job: MainJob) -> Report:
             Report("Any dihedral angle", [plot for plot in plots if plot is not None]),
             *angles,
             claims,
-            Report("Every entry against the print", (job.regeneration.picture(),)),
+            Report("Every entry compared with the printed one", (job.regeneration.picture(),)),
             Report("Checks", (glosses(),)),
             Report("Modes over the dihedral angle", (replace(swept, parts=tables),)),
             Report("The aircraft", (job.parameters.report(),)),
@@ -235,7 +235,8 @@ def verdict_sentence(job: MainJob) -> str:
     )
     at = f" at {asked} deg" if job.angles else ""
     sentences.append(
-        f"The critic that hfa learns by its own law {agrees} with the exact solution of the game{at}."
+        f"The critic that hfa learns by its own law {agrees} with the exact solution of the "
+        f"game{at}."
     )
     return " ".join(sentences)
 

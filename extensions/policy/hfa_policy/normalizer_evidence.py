@@ -51,7 +51,7 @@ def mistakes_of_normalizer(
         yield Mistake(
             "another checkpoint's normalizer",
             True,
-            f"{normalizer.origin} has seen {normalizer.count:.0f} observations, the policy "
+            f"{normalizer.origin} has counted {normalizer.count:.0f} observations, the policy "
             f"{stored.timesteps + stored.environments}: it is of another checkpoint",
         )
 
@@ -85,8 +85,8 @@ def unknown_normalizer(deployed: Deployed) -> str:
     if _normalizer_in_training(deployed, stored) is not _Training.UNKNOWN:
         return ""
     return (
-        f"the file of the {stored.algorithm} does not show whether it was trained behind a "
-        "VecNormalize, and the deployment file has no normalizer: where it was, give its file; "
+        f"the file of the {stored.algorithm} does not show whether it was trained with a "
+        "VecNormalize, and the deployment file has no normalizer: if it was, give its file; "
         "else "
         f'normalizer = "{NONE}"'
     )

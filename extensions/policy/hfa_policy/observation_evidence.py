@@ -176,8 +176,8 @@ def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mista
     if exchanged:
         causes = f"its scale, its about or its place (with {' or '.join(exchanged)})"
     text = (
-        f"{one.name}: the policy is given {given} at the trim, and its training saw "
-        f"{record.centre:.3g}, spread by {record.spread:.3g}: {causes} is another"
+        f"{one.name}: the policy receives {given} at the trim; in training the mean was "
+        f"{record.centre:.3g} and the spread {record.spread:.3g}: {causes} differs"
     )
     return Mistake(UNCLEAR, True, text)
 
@@ -278,7 +278,7 @@ def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
     if spans <= _SPANS:
         return ""
     seen = model.describe(name, spread * abs(scale))
-    text = f"with this scale the training saw it spread by {seen}, more than its limits allow"
+    text = f"with this scale its spread in training was {seen}, more than its limits allow"
     if unit.startswith("rad") and spans < 60.0 * _SPANS:
         text += "; it may have been in degrees"
     return text

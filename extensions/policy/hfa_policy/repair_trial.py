@@ -289,4 +289,4 @@ def _said(found: _Found, of_card: Flown) -> str:
     with it."""
     times = of_card.times(found.flown)
     said = f"{times:.3g}" if times < 1000.0 else "over 1000"
-    return f"it would fly better if {found.why}: as it is its flights cost {said} times as much"
+    return f"flights would improve if {found.why}: now they cost {said} times as much"

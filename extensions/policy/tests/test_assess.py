@@ -187,7 +187,7 @@ def test_normalizer_files_do_not_show_note_and_data(capsys):
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
     printed = capsys.readouterr()
-    assert "does not show whether it was trained behind a VecNormalize" in printed.err
+    assert "does not show whether it was trained with a VecNormalize" in printed.err
     assert json.loads(printed.out)["warnings"][0] in printed.err
 
 

@@ -220,7 +220,7 @@ def suggested(name, deployment, samples=24):
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_the_sign_of_an_action_is_suggested(name):
     (first, *_) = suggested(name, turned(name, "elevator"))
-    assert first.startswith("it would fly better if the action of elevator had the other sign")
+    assert first.startswith("flights would improve if the action of elevator had the other sign")
 
 
 @pytest.mark.slow

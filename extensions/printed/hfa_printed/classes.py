@@ -327,9 +327,9 @@ def _mistaken_answers(
     if "W" in file.answer:
         yield "W lacks the factor 2 on products", exact | {"W": P[row, column][None, :]}
         by_column = np.lexsort((row, column))
-        yield "W stands column by column", exact | {"W": exact["W"][:, by_column]}
+        yield "W is stored column by column", exact | {"W": exact["W"][:, by_column]}
         squares_first = np.argsort(row != column, kind="stable")
-        yield "W stands with the squares first", exact | {"W": exact["W"][:, squares_first]}
+        yield "W is stored with the squares first", exact | {"W": exact["W"][:, squares_first]}
     for name in ("P", "K", "W", "H"):
         if name in file.answer:
             yield f"{name} is twice the value", exact | {name: 2.0 * exact[name]}

@@ -365,7 +365,7 @@ def _of_network(
     if max(judged_errors) <= SMALL:
         has_constant = np.any(np.array(critic.policy(np.zeros(len(box)))))
         if has_constant and box_errors[-1] <= SMALL:
-            return "it is right but for a constant in u"
+            return "it is right except for a constant in u"
         return "it is right at the origin and wrong away from it"
     judged = slice(None) if own_policy else slice(-1)  # a K that follows from P is not judged
     causes = [_NO_CAUSE]

@@ -122,10 +122,10 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
     quadratic = weights[: psi.quadratic_size]
     orders = {
         "": np.arange(len(quadratic)),
-        "stand with the squares first": np.argsort(row != column, kind="stable"),
+        "are stored with the squares first": np.argsort(row != column, kind="stable"),
     }
     if psi.states > 2:  # two states have the same order by columns as by rows
-        orders["stand column by column"] = np.lexsort((row, column))
+        orders["are stored column by column"] = np.lexsort((row, column))
     factors = {
         "": np.ones(len(quadratic)),
         "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
@@ -139,7 +139,7 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
             right = costs[cost] * factors[factor] * placed
             says = f"the weights {' and '.join(mistakes)}"
             if order:
-                says += "; they must go row by row, i <= j"
+                says += "; the order must be row by row, i <= j"
             yield Hypothesis(says, psi.matrix(right))
     if len(quadratic) > 1:
         exact_weights = psi.weights(exact)[: psi.quadratic_size]
@@ -164,7 +164,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
         view = view._replace(judged=(view.judged + view.judged.T) / 2.0)
         yield from _factors(view, "value", "V is z'Pz, without a factor 1/2")
         beside = np.where(np.eye(len(view.judged), dtype=bool), 1.0, 0.5)
-        says = "P has entries beside the diagonal of twice their size: they are W / 2"
+        says = "the entries of P off the diagonal are twice too large: they must be W / 2"
         yield Hypothesis(says, view.judged * beside)
         yield from of_sides(view, "state")
     else:
@@ -174,7 +174,7 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
             yield Hypothesis("K is transposed", K.T)
         says = "R⁻¹ is missing: this is B'P, and K is R⁻¹B'P"
         yield Hypothesis(says, np.linalg.solve(game.R, K))
-        says = "K was read row by row, its entries stand column by column"
+        says = "K was read row by row, but its entries are stored column by column"
         yield Hypothesis(says, K.reshape(K.shape[::-1]).T)
         yield from of_rows(view, "input", 1.0 / _DEGREE)
         yield from of_columns(view, "state", _DEGREE)

@@ -145,14 +145,14 @@ def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = 
 def _sentence(statement: RegionStatement) -> str:
     saturated = ", ".join(statement.loop.inputs) or "no input"
     held = statement.loop.held
-    kept = f" {', '.join(held)} held at the trim's." if held else ""
+    kept = f" {', '.join(held)} held at trim values." if held else ""
     level = at_least(statement.rho, 6)
     begins = f"Every trajectory that begins in V(z) <= {level} stays there and within "
     within = f"all limits, and converges to the trim; inputs saturated: {saturated}.{kept}"
     if statement.loop.disturbances:
         within = (
             f"all limits under every disturbance {_sizes(statement)}; inputs saturated: "
-            f"{saturated}.{kept} That it converges is not claimed."
+            f"{saturated}.{kept} Convergence is not claimed."
         )
     return begins + within
 

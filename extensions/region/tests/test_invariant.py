@@ -106,7 +106,7 @@ def test_what_is_proved_is_said(
     assert main([*OF_CHECK, str(certificate)]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert "|push| <= 0.1 N m" in shown
-    assert "That it converges is not claimed" in shown
+    assert "Convergence is not claimed" in shown
     assert "converges to the trim" not in shown
 
 

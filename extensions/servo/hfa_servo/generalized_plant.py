@@ -64,12 +64,12 @@ _OBSTACLES = (
     (
         "to rounding no input reaches the {}, which is not stable; change B2",
         (
-            "to rounding z does not show the {}, which does not decay (a zero from u to z on the"
+            "to rounding z does not observe the {}, which does not decay (a zero from u to z on the"
             " imaginary axis); let z weigh it"
         ),
     ),
     (
-        "to rounding the sensors do not see the {}, which is not stable; measure more",
+        "to rounding the sensors do not observe the {}, which is not stable; measure more",
         (
             "to rounding the disturbance does not reach the {}, which does not decay, so its"
             " estimate would never settle; let the disturbance enter there"
@@ -594,7 +594,7 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
     Source: Zhou, Doyle and Glover, Theorem 17.1."""
     if not delta > plant.floor * (1.0 + SHARP):
         surely = delta < plant.floor * (1.0 - SHARP)
-        reason = f"D11 alone lets {plant.floor:.6g} past every controller"
+        reason = f"D11 alone causes a gain of {plant.floor:.6g} under every controller"
         return Answer(False if surely else None, reason, "feedthrough condition")
     plant = plant.apart
     forms = [side.form(delta) for side in plant.sides]
@@ -610,7 +610,7 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
         return by_signs
     X, Y = (solution_that_holds(each.form) for each in found)
     if X is None or Y is None:
-        return Answer(None, "X or Y is too large for its digits", COUPLING)
+        return Answer(None, "X or Y is too large for double precision", COUPLING)
     by_radius = _coupling_by_radius(forms, X, Y, delta)
     if by_radius.exists is None and _keeps_gain(plant, X, Y, delta):
         return Answer(True)
@@ -659,7 +659,7 @@ def _coupling_by_radius(
     error = value_error(forms[0], X, a) + value_error(forms[1], Y, b) + by_roots
     largest = max(radius, delta**2)
     if not error <= FIRST_ORDER * largest or abs(radius - delta**2) <= error:
-        return Answer(None, "rho(XY) is delta^2 but for rounding", COUPLING)
+        return Answer(None, "rho(XY) equals delta^2 within rounding", COUPLING)
     reason = f"rho(XY) = {radius / delta**2:.6g} delta^2"
     return Answer(True) if radius < delta**2 else Answer(False, reason, COUPLING)
 

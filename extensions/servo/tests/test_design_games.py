@@ -125,7 +125,12 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
             "the noise of sensor speed is 0.0; it must be a positive number",
         ),
         ("[sensors]\nspeed = 'x'", {}, 2, "sensors.speed is 'x'; give a finite number from 0 on"),
-        ("[sensors]\npitch_rate = 1", {}, 1, "the sensors do not see the mode with eigenvalue 0,"),
+        (
+            "[sensors]\npitch_rate = 1",
+            {},
+            1,
+            "the sensors do not observe the mode with eigenvalue 0,",
+        ),
         (
             SENSORS,
             {"delta = inf": 'disturbance = "updraft"'},

@@ -345,15 +345,15 @@ def test_mixed_sensitivity_agrees_with_slycot(
     [
         (
             {"C1": [[0.0, 0.0], [0.0, 0.0]]},
-            r"z does not show the mode with eigenvalue .*a zero from u to z on the imag",
+            r"z does not observe the mode with eigenvalue .*a zero from u to z on the imag",
         ),
         (
             {"B1": [[0.0, 0.0], [0.0, 0.0]]},
             r"the disturbance does not reach the mode with eigenvalue",
         ),
         ({"B2": [[0.0], [0.0]]}, r"no input reaches the mode with eigenvalue"),
-        ({"C2": [[0.0, 0.0]]}, r"the sensors do not see the mode with eigenvalue"),
-        ({"C2": [[0.0, 1.0]]}, r"the sensors do not see the mode with eigenvalue"),
+        ({"C2": [[0.0, 0.0]]}, r"the sensors do not observe the mode with eigenvalue"),
+        ({"C2": [[0.0, 1.0]]}, r"the sensors do not observe the mode with eigenvalue"),
         ({"A": [[0.0, 1.0], [-1.0, 0.0]], "C1": [[0.0, 0.0], [0.0, 0.0]]}, r"eigenvalue 0 ± 1i"),
     ],
 )

@@ -140,12 +140,14 @@ def _template(plan: SweepPlan) -> Any:
         if 0 not in shape:  # a model without inputs has no B
             arrays[name] = array_of_rows(axes, shape, fill, chunk, array.attributes)
     status = {
-        "long_name": "how the trim came out",
+        "long_name": "outcome of the trim",
         "flag_values": list(range(len(STATUS))),
         "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
-    kinks = {"long_name": "entries of A and B at a kink, -1 where not looked for"}
-    slow = {"long_name": "1 where the point was trimmed on its own, a thousand times slower"}
+    kinks = {"long_name": "entries of A and B at a kink, -1 where not determined"}
+    slow = {
+        "long_name": "1 where the point was trimmed separately, which is a thousand times slower"
+    }
     fill_status = np.int8(MISSING)
     arrays["status"] = array_of_rows((_POINT,), (plan.count,), fill_status, chunk, status)
     arrays["kinks"] = array_of_rows((_POINT,), (plan.count,), np.int16(-1), chunk, kinks)

@@ -29,7 +29,7 @@ _AHEAD = 2
 _RETRIES = 3
 #: Within which a scheduler must answer.
 _ANSWER = "10s"
-_ADVICE = "continue with --resume what was written to a store"
+_ADVICE = "if the results are in a store, continue with --resume"
 
 #: (key, arguments of the function) of each task.
 Tasks = Iterable[tuple[int, tuple[Any, ...]]]

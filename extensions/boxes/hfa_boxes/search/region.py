@@ -198,7 +198,7 @@ class RegionSearch:
             while growth.grown() is not None:
                 pass
         except OutOfTimeError:
-            self._stopped = "the time was over before larger sets were tried"
+            self._stopped = "the time limit was reached before larger sets were tried"
         level = growth.shape.bound(self.samples, _HIGHEST).level
         growth.shape = growth.shape.of_level(min(level, _HIGHEST))
 

@@ -86,7 +86,7 @@ def from_network(
         sizes = [function.numel_out(0) for function in stored.functions.values()]
         if len(sizes) == 1 and is_taken_as_policy(next(iter(parts)), sizes[0], m):
             value = f"V={parts[next(iter(parts))]}"
-            mistake = f'its output is V, not u; say network="{value}" (--network {value})'
+            mistake = f'its output is V, not u; give network="{value}" (--network {value})'
             variants[mistake] = partial(
                 from_network, game, source, network=value, activation=activation, scale=scale
             )

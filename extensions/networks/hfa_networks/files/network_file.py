@@ -211,7 +211,7 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
     layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:
-            reason = f"takes {layer.inputs} numbers, the layer before gives {before.outputs}"
+            reason = f"takes {layer.inputs} numbers, but the layer before returns {before.outputs}"
             name = f"{layer.name}.weight".removeprefix(".")
             raise _no_chain(name, layer.weight, reason, tensors)
     return layers

@@ -232,8 +232,8 @@ def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
     least, most = actuators.effectiveness
     return (
         f"{'' if stable else 'requested '}for every actuator bandwidth from {slow:g} to {fast:g} "
-        f"rad/s, the same of all inputs; for effectiveness from {least:g} to {most:g}\n"
-        f"and delay up to {actuators.delay:g} s of each input for itself, changing at any time, "
+        f"rad/s, the same for all inputs; for effectiveness from {least:g} to {most:g}\n"
+        f"and delay up to {actuators.delay:g} s of each input independently, changing at any time, "
         "as when commands are sampled and held"
     )
 

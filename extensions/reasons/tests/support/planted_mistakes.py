@@ -108,12 +108,12 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "weights as P": (
         "P",
         lambda game: value(game) * (2.0 - np.eye(len(game.A))),
-        "of twice their size",
+        "are twice too large",
     ),
     "column order": (
         "W",
         lambda game: in_order(game, lambda row, column: np.lexsort((row, column))),
-        "the weights stand column by column",
+        "the weights are stored column by column",
     ),
     "states, P": (
         "P",
@@ -178,7 +178,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "column by column, K": (
         "K",
         lambda game: gain(game).T.reshape(5, 6),
-        "its entries stand column by column",
+        "but its entries are stored column by column",
     ),
     "sign of an input, K": (
         "K",
@@ -194,7 +194,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "column order, no factor 2": (
         "W",
         lambda game: value(game).T[np.tril_indices(len(game.A))],
-        "the weights stand column by column and lack the factor 2 of products z_i z_j",
+        "the weights are stored column by column and lack the factor 2 of products z_i z_j",
     ),
     "delta² as delta, P": (
         "P",
@@ -275,7 +275,7 @@ NAMED: dict[str, tuple[str, Plant, str]] = {
     "squares first": (
         "W",
         lambda game: in_order(game, lambda row, column: np.argsort(row != column, kind="stable")),
-        "the weights stand with the squares first",
+        "the weights are stored with the squares first",
     ),
     "half cost, no factor 2": (
         "W",
