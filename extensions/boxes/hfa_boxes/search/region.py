@@ -17,6 +17,7 @@ from hfa_boxes.check.checker import BoxWitness
 from hfa_boxes.check.cover import OpenBoxError, RefutedError, SmallestBoxError
 from hfa_boxes.check.loop import Decrease, Loop, equilibrium_near
 from hfa_boxes.check.statement import BoxStatement, Gain
+from hfa_boxes.search.hurwitz import refuse_unstable
 from hfa_boxes.search.kinks import kink_at
 from hfa_boxes.search.out_of_time import OutOfTimeError
 from hfa_boxes.search.shape import Bound, Growth, Samples, Shape
@@ -119,12 +120,7 @@ class RegionSearch:
         earlier: proved in an earlier run, which this one continues
 
         An interruption keeps the proved region."""
-        modes = np.linalg.eigvals(self.J)
-        if not np.all(modes.real < 0.0):
-            raise NoSolutionError(
-                "the loop's linearization is not Hurwitz (an eigenvalue with real part "
-                f"{modes.real.max():.3g}); such equilibria are not covered"
-            )
+        refuse_unstable(self.J)
         try:
             self._search(earlier)
         except KeyboardInterrupt:

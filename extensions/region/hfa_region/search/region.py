@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from hfa_boxes.search.hurwitz import refuse_unstable
 from hfa_region.check.extents import extents_of
 from hfa_region.check.loop import Equilibrium
 from hfa_region.check.statement import SaturatedLoop
@@ -144,12 +145,7 @@ class RegionSearch:
 
         known: V of an earlier run, which the search continues
         """
-        eigenvalues = np.linalg.eigvals(self.plant.closed_matrix)
-        if not np.all(eigenvalues.real < 0.0):
-            raise NoSolutionError(
-                "the loop's linearization is not Hurwitz (an eigenvalue with real part "
-                f"{eigenvalues.real.max():.3g}); such equilibria are not covered"
-            )
+        refuse_unstable(self.plant.closed_matrix)
         Equilibrium(self.loop)  # refuses equations that a proof does not take
         V = known or self._start()
         if known:

@@ -1,0 +1,18 @@
+"""Refusal of loops whose linearization is unstable."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfa_support.errors import NoSolutionError
+
+
+def refuse_unstable(J: np.ndarray) -> None:
+    """Raise NoSolutionError unless every eigenvalue of the linearization J (n, n) has a negative
+    real part."""
+    modes = np.linalg.eigvals(J)
+    if not np.all(modes.real < 0.0):
+        raise NoSolutionError(
+            "the loop's linearization is not Hurwitz (an eigenvalue with real part "
+            f"{modes.real.max():.3g}); such equilibria are not covered"
+        )
