@@ -28,7 +28,7 @@ class StableSubspace(NamedTuple):
     """Stable subspace of a Hamiltonian.
 
     basis: (2n, n), orthonormal
-    error: angle, rad, by which rounding of the Hamiltonian may turn it, to first order
+    error: largest rotation, rad, due to rounding of the Hamiltonian, to first order
     """
 
     basis: np.ndarray

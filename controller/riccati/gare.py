@@ -40,8 +40,8 @@ class Solution(Result, Reported):
     certificate: the tests that hold
     closed_loop_eigenvalues: of A - B K, the flight without disturbance, 1/s
     worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
-    abscissa_error: by which rounding of A, B and K may move the abscissa of A - B K, 1/s, to first
-        order
+    abscissa_error: change of the abscissa of A - B K that rounding of A, B and K may cause, 1/s, to
+        first order
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)

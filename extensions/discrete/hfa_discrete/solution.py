@@ -113,8 +113,8 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
 
 
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
-    """P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W =
-    blkdiag(R, -δ² I).
+    """Solve a game in discrete time exactly and certify the solution. P = Q + α A'P A - (α A'P G +
+    [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I).
 
     With δ² I - α E'P E > 0 and P >= 0 the saddle point exists; √α (A - B K + E L) must have its
     eigenvalues within the unit circle, and so must √α (A - B K). Raises NoSolutionError that names

@@ -52,8 +52,8 @@ class NewtonStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StepForm(NormalForm):
-    """X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(I, -I): of one game, in
-    y = T x.
+    """Equation X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A, G = [B E], W = blkdiag(I, -I), of one
+    game in y = T x.
 
     low: (n, n), the rounding error of A: of fast sampling A is nearly I, and A - I is what counts
     """

@@ -46,7 +46,8 @@ class ActuatorFault:
 
 @dataclass(frozen=True)
 class ActuatorBank:
-    """m actuators, which follow the commanded deviation u within limits of position and rate.
+    """Bank of m actuators, which follow the commanded deviation u within limits of position and
+    rate.
 
     c = sat(U0 + u, lowest, highest) - U0
     order 1:  a' = sat((λ c - a) ω, ±rate)

@@ -70,7 +70,7 @@ _LEVERS = {
 
 
 class Equations:
-    """x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
+    """Equations x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
 
     states, parameters, gusts: name -> symbol. inputs: name -> `PilotInput`.
     rates: by state. outputs: by name. notes: for the user.

@@ -212,7 +212,8 @@ class SampledFlight:
         return (*self.observed(row), *past)
 
     def window(self, flights: int, seconds: float) -> Window:
-        """Return the function that advances rows by a window, as machine code where that pays."""
+        """Return the function that advances rows by a window, as machine code if there are enough
+        flights."""
         is_long = flights * seconds / self.dt >= COMPILE_FROM
         on_rows = row_code if is_long else RowFunction
         network = self.steered.rows or _first_result(on_rows(self.steered.network))

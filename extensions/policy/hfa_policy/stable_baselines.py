@@ -243,7 +243,7 @@ def _activation(stored: Any, usual: str) -> str:
     name = made_of.rpartition(".")[2]
     if name not in _ACTIVATIONS:
         raise BadInputError(
-            f"its activation is {shortened(made_of)}; {', '.join(_ACTIVATIONS)} are read"
+            f"its activation is {shortened(made_of)}; use one of {', '.join(_ACTIVATIONS)}"
         )
     return _ACTIVATIONS[name]
 

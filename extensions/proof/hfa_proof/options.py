@@ -31,7 +31,8 @@ not_negative = partial(number, declared=Number(0.0))
 
 
 def interval(text: str) -> tuple[float, ...]:
-    """`LOW:HIGH` or one number, as written: a proof is about these numbers."""
+    """Return the ends of `LOW:HIGH`, or of one number, exactly as written, because a proof is about
+    these numbers."""
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")

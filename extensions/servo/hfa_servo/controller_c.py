@@ -91,7 +91,7 @@ def longest_step(controller: ScheduledController) -> float:
 def commanded_policy(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> CommandedPolicy:
-    """Return the controller about a trim, with commands given from outside.
+    """Return the controller about a trim, with external commands.
 
     Raises BadInputError when it was made for another model, or for other values of the scheduling
     variable.

@@ -206,8 +206,8 @@ def _output_feedback(built: DesignModel) -> Feedback:
 
 
 def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
-    """x = [x_m; the weights' own; x̂]: u = u_m - W1 F x̂, x̂ observes the shaped plant from y_s =
-    W2 (y - y_m).
+    """Return the controller with x = [x_m; states of the weights; x̂]: u = u_m - W1 F x̂, where x̂
+    observes the shaped plant from y_s = W2 (y - y_m).
 
     x_m, u_m, y_m: of the model that the commands go through. The observer receives the inputs that
     are applied.

@@ -124,8 +124,8 @@ class DesignModel(Reported):
 
 @checks_arguments
 def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
-    """x' = A x + B a + E w,  actuators from commands to a,  e' and y = C x + D a + F w,  y also a
-    state of z.
+    """Return the design model of x' = A x + B a + E w with actuators from commands to a, and with
+    e' and y = C x + D a + F w; y may also be a state of z.
 
     linear: made of this model
 

@@ -78,8 +78,7 @@ def robust_check(A: np.ndarray, B: np.ndarray, C: np.ndarray, found: Robust) -> 
 
 
 class Weights(NamedTuple):
-    """x' = A x + B y, y_s = C x + D y: the weights of all outputs side by side, and the names of
-    x."""
+    """Weights x' = A x + B y, y_s = C x + D y of all outputs side by side, and the names of x."""
 
     A: np.ndarray
     B: np.ndarray

@@ -29,8 +29,8 @@ class Reduced(NamedTuple):
 
 
 class Side(NamedTuple):
-    """x' = A x + E w + B u, z = C x + D w + N u: of the plant, or of its transpose, which is the
-    filter's."""
+    """One side x' = A x + E w + B u, z = C x + D w + N u of the problem: the plant for the control,
+    or its transpose for the filter."""
 
     A: np.ndarray
     E: np.ndarray

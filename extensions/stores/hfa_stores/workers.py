@@ -86,7 +86,7 @@ def _run_in(
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """`count` child processes, each served by a thread of this one through a pipe.
+    """Executor of `count` child processes, each served by a thread of this one through a pipe.
 
     Not `ProcessPoolExecutor`: it cannot kill its workers, and its semaphores are reported as leaked
     when this process is ended by a signal.

@@ -117,7 +117,7 @@ def _steady_flight(
     outputs: tuple[str, ...],
     measured: tuple[str, ...],
 ) -> SteadyFlight:
-    """`steady_flight`, kept for the next call.
+    """Return `steady_flight`, cached.
 
     unknowns: of the trim
     imposed_outputs: that the trim imposes

@@ -156,7 +156,7 @@ class ScheduleWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ScheduleStatement) -> ScheduleWitness:
-        """Sizes are those of the statement."""
+        """Return the witness of a certificate. Sizes are those of the statement."""
         flight = statement.flight
         actuators = statement.actuators
         n = len(flight.model.linear)
@@ -262,7 +262,7 @@ class GameWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: GameStatement) -> GameWitness:
-        """Sizes are those of the statement."""
+        """Return the witness of a certificate. Sizes are those of the statement."""
         n = len(statement.weights.Q)
         trim = None
         if isinstance(statement.plant, Flight):
@@ -294,7 +294,7 @@ class ModelsWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: ModelsStatement) -> ModelsWitness:
-        """Sizes are those of the statement."""
+        """Return the witness of a certificate. Sizes are those of the statement."""
         n = len(statement.weights.Q)
         cells = []
         for cell in entries.items("cells"):

@@ -73,7 +73,7 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
 
 
 def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """H (n, n) for the middle of a box, and coordinates T in which to prove it.
+    """Yield H (n, n) for the middle of a box, and coordinates T in which to prove it.
 
     H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. For all of
     some additions h = y/x with G x = 1, G'y = 1, G = diag|Re λ + a| - N, N their largest

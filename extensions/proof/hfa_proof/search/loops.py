@@ -81,8 +81,8 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """u = -K x, or with intervals through uncertain actuators of first order, u = -K x or -K [x;
-    positions of the actuators].
+    """Return the loop u = -K x or, with intervals, u = -K x or -K [x; positions of the actuators]
+    through uncertain actuators of first order.
 
     model: of the aircraft
     breakpoints: (g,), values of the scheduling variable

@@ -168,8 +168,8 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
     rate = statement.scheduled_rate
     if rate is not None:
         parts.append(
-            f"stable while the {variable} moves by at most {at_least(rate, 4)} {unit}/s, however "
-            "it does"
+            f"stable while the {variable} moves by at most {at_least(rate, 4)} {unit}/s, for any "
+            "such motion"
         )
     elif moving:
         interval = f"{flight.low:.10g} to {flight.high:.10g}"
