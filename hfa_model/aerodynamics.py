@@ -48,7 +48,7 @@ class Loads(NamedTuple, Generic[T]):
     lift: across the flight path, lbf
     drag: along the flight path, lbf
     pitching_moment: about the center of mass, ft lbf
-    hinge_moment: of one outer panel about its hinge, without spring and damper, ft lbf
+    hinge_moment: hinge moment of one outer panel about its hinge, without spring and damper, ft lbf
     thrust: lbf
     center: loads on the center panel
     outer: loads on one outer panel

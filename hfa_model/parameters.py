@@ -118,7 +118,7 @@ class ParameterSet(ByValue, Reported):
     notes: name -> why, for assumed values
     covariance: (n, n), of the identified parameters in the order of `identified`, in their own
         units, propagated from the rounding of the printed digits; (0, 0) when nothing is identified
-    name: of the set or its file
+    name: name of the set or its file
     """
 
     values: Parameters[float]

@@ -46,7 +46,7 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 class TrimLoads(Result):
     """Loads and performance of the HFA at a trim.
 
-    loads: of the HFA forces and moments on aircraft and panels.
+    loads: for the HFA, forces and moments on aircraft and panels.
     load_units: unit of each.
     performance: of the HFA weight, lift coefficient, load factor and so on; of other aircraft their
         outputs.

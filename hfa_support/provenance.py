@@ -25,7 +25,7 @@ class Change(Result):
 
     value: the current value.
     identified: the identified value.
-    unit: of both values.
+    unit: unit of both values.
     """
 
     value: float
@@ -45,7 +45,7 @@ class Provenance(Result):
     condition: imposed, free and limited variables of a trim; angles in radians.
     flight: the condition in words, as changes of the paper's level flight; not among the data.
     model: file of a plant.
-    version: of the program.
+    version: version of the program.
     date: UTC; from SOURCE_DATE_EPOCH where that is set, for reproducible output."""
 
     schema = "hfa.provenance/1"

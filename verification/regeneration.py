@@ -51,7 +51,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     entries: computed and printed values.
     printed_eigenvalues: of the printed A, 1/s.
     eigenvalues: of the computed one, 1/s.
-    checks: of the entries and both spectra.
+    checks: checks of the entries and both spectra.
     """
 
     json_keys = (

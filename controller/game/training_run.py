@@ -63,9 +63,9 @@ class TrainingRun(Result, Reported):
     K: (m, n), the gain of the last weights
     excitation: the rank of the data
     settings: of the learner
-    seed: of the data
+    seed: seed of the data
     diagnostics: further numbers by name
-    names: of the states and inputs of the game
+    names: names of the states and inputs of the game
     clock: the unit of `time`: s, or iterations
     """
 

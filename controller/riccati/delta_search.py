@@ -27,7 +27,7 @@ class Answer(NamedTuple):
 
     exists: True or False where shown, None where rounding leaves it open
     reason: why no solution exists, or why it is open, or "" where one exists
-    condition: of several conditions for a solution, the one that fails or is open
+    condition: the condition for a solution that fails or is open, if there are several
     """
 
     exists: bool | None

@@ -31,7 +31,7 @@ class AnalysedGame(Solution):
     smallest: the smallest delta
     meaning: the cost of the policies and the L2 gain, checked
     loops: margins of each input
-    disk_margin: of all inputs at once
+    disk_margin: disk margin of all inputs at once
     """
 
     schema = "hfa.game-solution/1"

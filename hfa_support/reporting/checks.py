@@ -26,7 +26,7 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 class Check(Result):
     """A number that must satisfy `value relation limit`.
 
-    name: of the quantity
+    name: name of the quantity
     value: the number
     limit: the limit
     ok: whether the relation holds

@@ -25,9 +25,9 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 class Quantity(Result):
     """A number of handling qualities: short period damping, CAP, time to double of the spiral.
 
-    name: of the number.
+    name: name of the number.
     value: in its unit.
-    unit: of the value."""
+    unit: unit of the value."""
 
     json_keys = "value unit"
 

@@ -13,7 +13,7 @@ class Mode(Result):
 
     Times are in the model's unit of time, s unless it declares another.
 
-    name: of the states that take part most.
+    name: name by the states with the largest participation.
     eigenvalue: 1/s, imaginary part >= 0, or 0 where it differs from 0 by rounding only.
     damping: ζ = -Re λ / |λ|, 0 for λ = 0.
     frequency: ω_n = |λ|, rad/s.

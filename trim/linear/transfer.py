@@ -21,7 +21,7 @@ class Transfer(Result):
 
     output: its name.
     input: its name.
-    unit: of the output over that of the input.
+    unit: unit of the output over that of the input.
     gain: 0 where the input does not reach the output.
     static: the value at s = 0, null where a pole is there.
     zeros: (zeros,), 1/s.

@@ -18,13 +18,13 @@ from trim.point.problem import TrimProblem
 class Margin(Result):
     """A variable between its limits, in its own unit.
 
-    name: of the variable.
+    name: name of the variable.
     value: at the point.
     role: "free", "held", "left" at the initial value of the search, or "follows" for another state
         or output.
     lowest: limit, infinite without one.
     highest: limit, infinite without one.
-    unit: of all of them.
+    unit: unit of all of them.
     scale: the nominal size.
     """
 

@@ -44,7 +44,7 @@ class SweepPlan:
     axes: variable -> its values on a grid, listed or as `Steps`: all combinations, the last
         variable running fastest.
     model: the aircraft.
-    condition: of the other variables; default: the model's own trim.
+    condition: condition of the other variables; default: the model's own trim.
     start: initial point of the search at each point.
     listed: the axes are columns of equal length, one row for each point.
 

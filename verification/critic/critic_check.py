@@ -57,7 +57,7 @@ def check_critic(
     game: the game
     critic: the critic, a solution, a training run, or a file; an array is the gain K of u = -K z,
         (m, n)
-    limit: of the errors and the residual
+    limit: limit of the errors and the residual
     scope: further data for the checks
     run: the training run that ends with the critic; the rank of its data and its settling time are
         checked.

@@ -39,7 +39,7 @@ class ErrorTable(Result):
     times: (N,), s.
     errors: by the names of `COLUMNS`, (N,) each, or nan where P is not known.
     decides: name of the column that must settle.
-    limit: of that column.
+    limit: limit of that column.
     predefined_time: T_w, s, or None without one.
     """
 

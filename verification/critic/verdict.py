@@ -46,7 +46,7 @@ class Details(Result):
     """Optional data of a verdict besides its checks.
 
     graded: cost lost, L2 gain, distance to instability; with a limit of the cost, whether it holds.
-    disk_margin: of K.
+    disk_margin: disk margin of K.
     disk_margin_exact: of the exact gain.
     discount: factor of a step.
     cost_lost_worst_percent: above the optimum, from the worst initial condition.
@@ -88,7 +88,7 @@ class Verdict(Checked, Result, Reported):
     critic: the critic.
     exact: the certified solution.
     checks: with their kind: error, rest, stability, cost, gain or data.
-    limit: of the errors.
+    limit: limit of the errors.
     reason: the mistake recognized, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
     searched: number of searched states, where the errors over the box are not bounds; else 0.

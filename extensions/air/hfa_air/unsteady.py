@@ -89,7 +89,7 @@ class _PanelMotion(NamedTuple):
     """Motion of a panel relative to its air.
 
     panel: "center" or "outer"
-    wind: of the air at the panel
+    wind: wind of the air at the panel
     calm: velocity relative to air that moves from ahead alone; gusts rise or move outward
     moving: velocity relative to the air as it is
     turn: pitch rate about the spanwise axis of the panel, rad/s
@@ -122,9 +122,9 @@ class _Strip(NamedTuple):
 class _LaggedPanel(NamedTuple):
     """Velocity of the air at one panel, and its loads.
 
-    loads: of wing and tail
+    loads: loads of wing and tail
     lift_coefficient: of the wing
-    rates: of the panel's lag states, by name
+    rates: rates of the panel's lag states, by name
     """
 
     loads: PanelLoads[Quantity]
@@ -154,7 +154,7 @@ class _CarriedAir(NamedTuple):
     forward: lbf, along the x axis of the body
     downward: lbf, along the z axis
     pitching_moment: ft lbf
-    hinge_moment: of one outer panel, ft lbf
+    hinge_moment: hinge moment of one outer panel, ft lbf
     mass: M_a, (3, 3)
     """
 

@@ -24,7 +24,7 @@ class CheckedOutput(Result):
     output: name of the output.
     printed: value in the file.
     computed: value of the equations.
-    tolerance: of the file.
+    tolerance: tolerance of the file.
     """
 
     json_keys = "case output printed computed tolerance ok"

@@ -96,7 +96,7 @@ class CheckCase:
 class Document:
     """A DAVE-ML file.
 
-    path: of the file. title: the title of its header.
+    path: path of the file. title: the title of its header.
     variables: by varID. functions: by the varID of their result. cases: its check cases.
     """
 

@@ -92,7 +92,9 @@ def completed(linear: LinearModel) -> dict[str, Any]:
     usual = names.states if linear.C is None else numbered("y", len(C))
     outputs = tuple(linear.outputs) or usual
     if len(outputs) != len(C):
-        raise BadInputError(f"outputs has {len(outputs)} entries; C has {len(C)} rows")
+        raise BadInputError(
+            f"outputs has {len(outputs)} names and C {len(C)} rows; give a name for each row"
+        )
     disturbances = tuple(linear.disturbances)
     if disturbances or linear.E is not None:
         raise BadInputError("a model of matrices has no disturbances; give E to hfa.game")

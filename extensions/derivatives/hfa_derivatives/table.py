@@ -54,7 +54,7 @@ class Entry:
 class Table:
     """The checked table of an aircraft, in its own system of units, angles in rad.
 
-    name: of the aircraft.
+    name: name of the aircraft.
     system: "english" or "si".
     source: the file and its hash.
     values: geometry, mass or weight, condition and thrust line by name.

@@ -56,7 +56,7 @@ class LimitCycle(NamedTuple):
 class Decay(NamedTuple):
     """The largest oscillation, in nominal sizes, that decays at a constant rate.
 
-    name: of an input or state
+    name: name of an input or state
     time_to_half: s
     frequency: rad/s
     """

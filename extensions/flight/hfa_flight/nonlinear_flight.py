@@ -161,7 +161,8 @@ def fly_within(
     compiled: the loop
     envelope: limits of the states, absolute
     scenario: replaces the loop's own; `CompiledLoop.fly` lists the values that may differ
-    parameters: of the simulated aircraft, as in `CompiledLoop.fly`, or None for the loop's own
+    parameters: parameters of the simulated aircraft, as in `CompiledLoop.fly`, or None for the
+    loop's own
     progress: as in `CompiledLoop.fly`
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)

@@ -215,7 +215,7 @@ def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, tick
     Raises BadInputError for a name that is not an input.
     """
     for name in commands.names:
-        refuse_unknown("there is no law, and no input", name, inputs)
+        refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)
     columns = [inputs.index(name) for name in commands.names]
     table = np.zeros((ticks, len(inputs)))
     for time, row in zip(commands.times, commands.values, strict=True):

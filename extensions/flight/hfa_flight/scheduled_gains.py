@@ -118,7 +118,7 @@ def scheduled_gains(
 ) -> ScheduledGainPolicy:
     """Return the policy of a gain schedule that follows commands of the scheduling variable.
 
-    name: of the policy
+    name: name of the policy
     base: the initial trim of the flight
     commands: steps of the scheduling variable, as deviations from `base`; empty to stay there
     condition: scheduling value -> its trim

@@ -158,7 +158,7 @@ def test_exports_have_its_names() -> None:
         ("fly --initial paper", "'paper' is not NAME=VALUE"),
         ("fly --initial speed=1,alpa=2", "alpa is unknown; did you mean alpha?"),
         ("fly --command flap=1:1", "a gain cannot follow a command of 'flap'"),
-        ("fly --law none --command flap=1:1", "there is no law, and no input 'flap'"),
+        ("fly --law none --command flap=1:1", "unknown input 'flap'"),
         ("fly --law none --command speed=1", "give NAME=TIME:VALUE"),
         ("fly --law none --delta 100", "belongs to a law"),
         ("fly --disturbance rain=1", "rain is unknown; choose from"),

@@ -18,7 +18,7 @@ from hfa_support.reporting.results import Result
 class Stamp(Result):
     """Fields that the command adds to every result.
 
-    units: of every number here, english (ft, slug, lbf) or si (m, kg, N).
+    units: units of every number here, english (ft, slug, lbf) or si (m, kg, N).
     provenance: version, command, date, equations, parameters with a hash, condition."""
 
     units: Literal["english", "si"] | None = None

@@ -87,7 +87,7 @@ def faults_of(
 ) -> Iterator[str]:
     """Yield the faults of the records that explain residuals of a fit.
 
-    errors: of the columns, by one step from 0
+    errors: errors of the columns, by one step from 0
     """
     spikes = list(outliers(search, fit))
     # A column in another unit leaves residuals that look like outliers.
@@ -130,7 +130,7 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
     obvious or shifts an estimate by a third of its band, or "". A second error that explains them
     equally well is named too. Another interpolation of the inputs is not reported as a delay.
 
-    errors: of the columns, by one step from 0
+    errors: errors of the columns, by one step from 0
     """
     from scipy.stats import norm
 
@@ -250,7 +250,7 @@ def fault_of_columns(
     explain them alike are joined by "or".
 
     fit: None where the simulation diverges
-    errors: of the columns, by one step from 0
+    errors: errors of the columns, by one step from 0
     """
     if fit is not None and not _suspicious(search, fit, errors):
         return ""

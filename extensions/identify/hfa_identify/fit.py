@@ -372,7 +372,7 @@ class OutputError:
     def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
         """Return the Fisher information (p, p) of a record with these slopes and an unknown start.
 
-        number: of the record"""
+        number: index of the record"""
         nothing = np.zeros(slopes.shape[:2])
         normal = self._normal(number, slopes, nothing, noise, np.zeros(len(self.guesses[number])))
         return normal.information

@@ -79,7 +79,7 @@ class Identified(Result, Reported):
     records: names of the records.
     parameters: name -> estimate with its 95 % band, corrected for colored residuals.
     quantities: measured state or output -> goodness of fit.
-    covariance: of the estimates, in the order of `parameters`.
+    covariance: covariance of the estimates, in the order of `parameters`.
     coloured: largest factor by which the correction widened a band.
     correlated: pairs of estimates that are correlated by more than 0.9, with the coefficient.
     undetermined: parameter that the records do not determine -> the state or input that it

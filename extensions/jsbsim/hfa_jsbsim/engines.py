@@ -44,7 +44,7 @@ KINDS = ("turbine_engine", "rocket_engine", "piston_engine", "turboprop_engine",
 class EngineFile:
     """Engine with its thruster, as described in the files.
 
-    number: of the engine, from 0.
+    number: index of the engine, from 0.
     mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
         nozzle. location: of the thruster, inches.
     feeds: numbers of the tanks that feed it.

@@ -186,7 +186,7 @@ class Frames:
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
         """Return the motion at a state, (_SIZE,), over the equator, with accelerations of 0.
 
-        values: of the states, by name. wind: north, east and down, ft/s
+        values: values of the states, by name. wind: north, east and down, ft/s
         """
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])

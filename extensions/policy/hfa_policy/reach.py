@@ -32,7 +32,8 @@ _DEFECTIVE = 1e10
 class OwnMode(NamedTuple):
     """A slow mode of the aircraft that a deployment does not change.
 
-    name: of the mode, with its time to half or to double. growth: 1/s, real part of its eigenvalue.
+    name: name of the mode, with its time to half or to double. growth: 1/s, real part of its
+    eigenvalue.
     why: why it is out of reach, or "" for a mode within reach.
     """
 

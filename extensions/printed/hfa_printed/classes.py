@@ -47,7 +47,7 @@ _EVIDENCE = 1.0
 class Classified:
     """Class of a printed answer, with the reason.
 
-    name: of the class
+    name: name of the class
     reason: one line
     comparison: of every entry with the exact answer of the plant as typed
     P: (n, n), that answer

@@ -68,7 +68,7 @@ class Block:
 class PrintedFile:
     """A plant and its printed answer.
 
-    title: of the file
+    title: title of the file
     source: where the answer is printed, or "" if not stated
     note: notes for the reader; or ""
     plant: as typed

@@ -129,7 +129,7 @@ class Design:
     """Settings of a design: the linear model with `inputs`, their actuators, and e' = y for
     `integrals`.
 
-    name: of a shipped design or its file
+    name: name of a shipped design or its file
     inputs: all of the model unless given
     actuators: input -> actuator; an input without one acts at once
     integrals: outputs
@@ -138,7 +138,7 @@ class Design:
         the model
     state_weights, input_weights: diagonal of Q and R by name, in the names of `states` and
         `inputs`; a state without a weight has 0
-    delta: of the game, inf for an LQR
+    delta: delta of the game, inf for an LQR
     sensors: state or output -> intensity of its noise
     shaping: of a controller by loop shaping, which has no game
     variants: name of a model's equations -> the design's name model: whose names these are

@@ -214,7 +214,7 @@ def watched_outputs(
     """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for
     other names, and E.
 
-    winds: of `linearize`
+    winds: winds of `linearize`
     """
     parts = [model.part(name) for name in names]
     measurable = (model.part(name)[0] for name in names if name in model.measurable)

@@ -314,9 +314,9 @@ class OutputFeedback(Reported):
     Dk: (m, p)
     X: (n, n), stabilizing solution of the control equation
     Y: (n, n), stabilizing solution of the filter equation
-    delta: of the plant's game: the gain from w to z is below it
+    delta: delta of the plant's game: the gain from w to z is below it
     coupling: ρ(X Y) / δ², below 1
-    checks: of the two equations' certificates, the coupling, the closed loop and the second
+    checks: checks of the two equations' certificates, the coupling, the closed loop and the second
         derivation
     """
 
@@ -338,8 +338,8 @@ class StateFeedback(Reported):
     P: (n, n), the stabilizing solution
     K: (m, n), gain, u = -K x
     disturbance_gain: L, (k, n), worst disturbance w = L x
-    delta: of the plant's game: the gain from w to z is below it
-    checks: of the certificate and the closed loop
+    delta: delta of the plant's game: the gain from w to z is below it
+    checks: checks of the certificate and the closed loop
     """
 
     P: Matrix

@@ -80,11 +80,11 @@ class ControllerData(ControllerTable):
 class ControllerFile(ControllerTable):
     """The file of a controller.
 
-    name: of the design.
+    name: name of the design.
     trim_states: (N, states of the aircraft) X0.
     trim_inputs: (N, inputs of the aircraft) U0.
     about: JSON text: the table of its design, provenance.
-    units: of every number, where they are not those of the aircraft's declaration.
+    units: units of every number, where they are not those of the aircraft's declaration.
     """
 
     schema = "hfa.controller/1"

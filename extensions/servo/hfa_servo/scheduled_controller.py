@@ -57,7 +57,7 @@ class ScheduledController(ByValue, Reported):
     `breakpoints` and constant beyond the ends. y = [measured; commanded], as deviations from the
     trim X0, U0 in which the flight begins. u_applied: u after the limits, u itself without any.
 
-    name: of its design
+    name: name of its design
     feedback: "state" or "output"
     breakpoints: (N,), values of η, radians for angles, increasing
     A: (N, n, n)

@@ -181,8 +181,8 @@ def open_store(path: Path) -> Any:
 class Place(NamedTuple):
     """Place of a chunk.
 
-    number: of the chunk.
-    path: of the store, or None where the rows are given back instead.
+    number: index of the chunk.
+    path: path of the store, or None where the rows are given back instead.
     identity: of the job.
     """
 

@@ -49,7 +49,7 @@ class CostProblem:
     """Flights whose cost is to be bounded from below.
 
     plant: the aircraft; its state limits are the envelope
-    equilibrium: of states and inputs
+    equilibrium: equilibrium of states and inputs
     Q, R: (n, n), (m, m). P: (n, n), solution of the linear quadratic problem
     degree: degree of W
     margin: relative slack of W below the cost

@@ -45,7 +45,7 @@ class Draws(Result):
     """A result on aircraft with drawn parameters.
 
     count: number of aircraft.
-    seed: of the draws.
+    seed: seed of the draws.
     parameters: names of the drawn parameters.
     trimmed: number of aircraft with a trim within their limits.
     stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
@@ -113,7 +113,7 @@ class DrawnAircraft:
 
     models: the aircraft.
     parameters: names of the drawn parameters.
-    seed: of the draws.
+    seed: seed of the draws.
     condition: trim condition of all aircraft.
     point: the trim of the aircraft itself.
     """
@@ -170,7 +170,7 @@ class DrawnAircraft:
         """Return the spread of the stability and cost of a gain; u = -K z about the trim of each
         aircraft.
 
-        game: of the aircraft itself, whose weights the others share
+        game: game of the aircraft itself, whose weights the others share
         """
         linear_models = [linearize(each.model, each) for each in self.points(progress)]
         costs = []

@@ -171,7 +171,7 @@ def _on_basis(
 ) -> Critic:
     """Return the critic of a single layer on the basis.
 
-    game: of the critic.
+    game: game of the critic.
     stored: content of the file.
     functions: of the basis.
     scales: (n,), of the states.

@@ -75,7 +75,7 @@ class NetworkFile(NamedTuple):
 
     functions: requested part, or name of an output -> function from x (n,) to its numbers (k,).
     chain: the operations in their order, as "6 -> tanh 64 -> 1".
-    precision: of the weights in the file, as "float32".
+    precision: precision of the weights in the file, as "float32".
     on_basis: the only layer, where it acts on the basis and not on the states; then there are no
         functions.
     rows: `functions` for many rows at once, where that is faster.
@@ -191,7 +191,7 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
     """Return the layers in order of evaluation.
 
     widths: how many inputs the first may have.
-    suffix: of the file.
+    suffix: suffix of the file.
     """
     layers = []
     for name, array in tensors.items():

@@ -313,7 +313,7 @@ class GraphFunctions(NamedTuple):
     functions: requested kind, or name of the output -> function of x (states,), of a Q (states +
         inputs,).
     rows: name -> function of many x at once, where a product is large.
-    precision: of its weights, "float32" or "float64".
+    precision: precision of its weights, "float32" or "float64".
     operators: on x with the sizes of their results, as one line.
     """
 
@@ -328,7 +328,7 @@ def graph_functions(
 ) -> GraphFunctions:
     """Return the functions of the graph in a file.
 
-    path: of the file; external weights are read from files of its folder.
+    path: path of the file; external weights are read from files of its folder.
     states: their number in the plant.
     inputs: their number in the plant.
     outputs: requested kind -> name of an output of the graph, or "" for all.

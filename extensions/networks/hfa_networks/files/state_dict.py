@@ -34,7 +34,7 @@ _ELSE = "save the state dict of the network alone, or export it to ONNX with all
 class Normalizer(NamedTuple):
     """Normalizer x -> clip((x - mean) / deviation, -clip, clip) of a state dict.
 
-    name: of its tensors in the file.
+    name: name of its tensors in the file.
     mean: (n,).
     deviation: (n,), above 0.
     clip: largest absolute value, or inf for none.

@@ -83,7 +83,7 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     """Return the operation of a CasADi code on balls.
 
     code: `ca.OP_...`
-    name: of the function, for the message
+    name: name of the function, for the message
 
     Raises BadInputError that names an operation that balls do not support.
     """

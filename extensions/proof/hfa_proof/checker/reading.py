@@ -173,7 +173,7 @@ class Fields:
     def array(self, name: str, *shape: int | None) -> np.ndarray:
         """Return an entry of nested lists of finite numbers as an array.
 
-        name: of the entry
+        name: name of the entry
         shape: length of each level of lists, or None for any length
 
         Raises Malformed for anything else.

@@ -361,7 +361,7 @@ class GameStatement:
     def read(cls, entries: Fields, model: Model | None) -> GameStatement:
         """Return the statement of a certificate.
 
-        entries: of the statement
+        entries: entries of the statement
         model: of the aircraft, or None where the game is of a plant's matrices
 
         Raises Malformed that names the first wrong entry.
@@ -581,7 +581,7 @@ def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[R
     """Return the runs of a certificate's entry.
 
     entries: where the entry is
-    name: of the entry, rows [low, high, least, most]
+    name: name of the entry, rows [low, high, least, most]
     flight: from whose low end to whose high end the runs must follow each other without a gap
     size: how many eigenvalues there are
 

@@ -127,7 +127,7 @@ class Motion:
     def read(cls, entries: Fields, flight: Flight, n: int) -> Motion:
         """Return the motion of a certificate.
 
-        entries: of the motion
+        entries: entries of the motion
         flight: whose trims the boxes enclose
         n: number of states of the loop
 

@@ -87,7 +87,7 @@ def loop_of_gains(
     model: of the aircraft
     breakpoints: (g,), values of the scheduling variable
     K: (g, m, n), or with intervals (g, m, n + m)
-    intervals: of bandwidth, effectiveness and delay of the actuators
+    intervals: intervals of bandwidth, effectiveness and delay of the actuators
 
     Raises BadInputError for a single gain and for other shapes.
     """
@@ -133,7 +133,8 @@ def loop_of_servo(
     controller: whose commands are left out
     actuators: input -> actuator, of its design
     model: of the aircraft
-    intervals: of bandwidth, effectiveness and delay, in place of the numbers of the actuators
+    intervals: intervals of bandwidth, effectiveness and delay, in place of the numbers of the
+    actuators
 
     Raises BadInputError that names an input without an actuator, and a measurement that a proof
     does not take.

@@ -130,7 +130,7 @@ def proof_report(statement: Statement, data: Content) -> Report:
     """Return the report of a proof.
 
     statement: what was proved
-    data: of the report
+    data: data of the report
     """
     if isinstance(statement, ScheduleStatement):
         moving = {"dihedral_rate_deg_s", "scheduled_rate"} & data.keys()
@@ -154,7 +154,7 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
     """Return the proved, refuted and open parts of a schedule: sentences, then tables of the
     unstable modes of the loop and of A.
 
-    statement: of the loop
+    statement: statement of the loop
     moving: whether a rate of the scheduling variable is claimed
     data: the report's data, for the number of boxes
     """
@@ -184,7 +184,7 @@ def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) ->
 def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -> list[str]:
     """Return the intervals where the loop is unstable, open or stable, in sentences.
 
-    statement: of the loop
+    statement: statement of the loop
     stable: whether no run has an unstable mode, or may have one
     data: the report's data, for the number of boxes
     """
@@ -255,7 +255,7 @@ def game_report(
     """Return the report of a proof about a game: of its solution the statements one by one and P,
     of a critic its distances from the solution.
 
-    data: of the proof, with the entry `statement`
+    data: data of the proof, with the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
     origin: whose game it is, for the title
     file: of the critic, for the title

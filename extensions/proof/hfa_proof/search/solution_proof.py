@@ -83,7 +83,7 @@ class ExactGame:
     """A game whose A and B are enclosed.
 
     game: in doubles
-    weights: of the statement
+    weights: weights of the statement
     plant: of the statement
     trim: about which A and B are, or None for a plant
     doubles: A and B of the doubles

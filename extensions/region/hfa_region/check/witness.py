@@ -42,7 +42,7 @@ class RegionWitness:
     """Gram matrices in coordinates y, z = T y.
 
     T: (n, n)
-    order: of the Taylor polynomials
+    order: order of the Taylor polynomials
     inside: evidence that {V <= rho} lies in the open unit ball
     parts: evidence that V' < 0 on each part; with disturbances, where V = rho
     empty: parts outside the set, with evidence

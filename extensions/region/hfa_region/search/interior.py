@@ -105,7 +105,7 @@ def minimized(
     groups: of equations
     cost: (k,), c
     enough: (cost, bound) -> whether the search may end before the least cost
-    tolerance: of every equation
+    tolerance: tolerance of every equation
     seconds: of processor time
     """
     search = _Search(groups, cost, tolerance)

@@ -41,7 +41,7 @@ _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 class Setting:
     """Settings of an attempt at a proof.
 
-    order: of the Taylor polynomials
+    order: order of the Taylor polynomials
     half: highest degree of the monomials of the Gram matrices of V'
     degree: highest degree that V may have
     seconds: processor time that must be left for the attempt
@@ -377,7 +377,7 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
     """Return evidence that {V <= 1} lies in the open unit ball, or None.
 
     V: over rho, in y
-    degree: of V
+    degree: degree of V
     n: number of states
     """
     target = V + ONE.scaled(-1.0)

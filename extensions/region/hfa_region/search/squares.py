@@ -105,7 +105,7 @@ class Identity:
 class Squares:
     """A problem in Gram matrices and free numbers; the margin is unknown 0.
 
-    variables: of the polynomials
+    variables: variables of the polynomials
     """
 
     def __init__(self, variables: int) -> None:
@@ -251,8 +251,8 @@ def positive(
 
     target: polynomial
     constraints: name, polynomial and the degrees of the monomials of its multiplier
-    degrees: of the monomials of the target's Gram matrix
-    variables: of the polynomials
+    degrees: degrees of the monomials of the target's Gram matrix
+    variables: variables of the polynomials
     enough: a margin with which the solver may stop; default: the largest
 
     The margin is relative to the largest coefficient of the target.
