@@ -132,7 +132,7 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
 
     errors: errors of the columns, by one step from 0
     """
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     suspects = [
         name
@@ -140,7 +140,7 @@ def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) ->
         if each.clear > _OBVIOUS or (each.clear > _SEEN and each.shift > _MATTERS)
     ]
     suspects.sort(key=lambda name: -errors[name].clear)
-    least = float(norm.isf(0.5 * _CHANCE / max(len(errors), 1)))
+    least = -float(ndtri(0.5 * _CHANCE / max(len(errors), 1)))
     found: dict[str, tuple[float, float]] = {}
     for name in suspects[:_TRIED]:
         value, clear, likelihood = _estimated(search, fit, name)

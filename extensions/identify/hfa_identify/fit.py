@@ -20,12 +20,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.records import Record
-from hfa_identify.response import Response, Responses, Simulation
+from hfa_identify.response import ROUGH_STEP, STEP, Response, Responses, Simulation
 
 #: Before any sample a measured state's start is known to this many of its nominal sizes, another's
 #: to one, and that of a state that no trim balances (altitude, heading) to this small part.
@@ -38,6 +39,8 @@ _STUCK = 0.05
 MOST_STEPS = 30
 #: An unknown whose whole range is so small a part of its standard deviation is not moved.
 _LOOSE = 0.1
+#: A step of the parameters (p,), and steps of the initial states (n,).
+Step: TypeAlias = tuple[np.ndarray, list[np.ndarray]]
 #: Steps that are tried in turn: damping, and part of the step that is taken.
 _TRIALS = (
     (0.0, 1.0), (0.0, 0.5), (0.0, 0.25), (1e-4, 1.0), (1e-3, 1.0), (1e-2, 1.0), (1e-1, 1.0),
@@ -79,11 +82,11 @@ class Fit:
     noise: (k,) variances of the measured quantities.
     residuals: (N, k) of each record, 0 where a sample is missing.
     present: (N, k) flags of each record, False where a sample is missing.
-    responses: the simulated records.
-    normals: the normal equations of each record.
+    simulated: the simulated records.
     likelihood: L.
     steps: number of Gauss-Newton steps.
     converged: whether the last step was small.
+    search: the search, which computes sensitivities.
     """
 
     theta: np.ndarray
@@ -91,11 +94,26 @@ class Fit:
     noise: np.ndarray
     residuals: tuple[np.ndarray, ...]
     present: tuple[np.ndarray, ...]
-    responses: tuple[Response, ...]
-    normals: tuple[Normal, ...]
+    simulated: tuple[Simulation, ...]
     likelihood: float
     steps: int
     converged: bool
+    search: OutputError
+
+    @cached_property
+    def responses(self) -> tuple[Response, ...]:
+        """The simulated records with their sensitivities.
+
+        Raises FloatingPointError where these leave the finite numbers."""
+        slopes = self.search.responses.slopes
+        return tuple(Response(each.y, slopes(each)) for each in self.simulated)
+
+    @cached_property
+    def normals(self) -> tuple[Normal, ...]:
+        """The normal equations of each record.
+
+        Raises FloatingPointError where these leave the finite numbers."""
+        return self.search.normals(self)
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -135,6 +153,8 @@ class OutputError:
     bounds: (p, 2). guesses: (n,) initial states of the records.
     by_motion: whether the noise variance of each quantity is that of its motion, so that far from
         the minimum no motion is treated as noise.
+    is_rough: whether steps of integration may be long, and the sensitivities at the end of a search
+        are not needed.
     """
 
     def __init__(
@@ -144,11 +164,13 @@ class OutputError:
         bounds: np.ndarray,
         guesses: Sequence[np.ndarray],
         by_motion: bool = False,
+        is_rough: bool = False,
     ) -> None:
         self.responses = responses
         self.records = tuple(records)
         self.bounds = bounds
         self.guesses = tuple(guesses)
+        self.is_rough = is_rough
         self._priors = tuple(_start_weights(responses.model, record) for record in self.records)
         tables = [record.table(responses.measured) for record in self.records]
         self._present = tuple(np.isfinite(table) for table in tables)
@@ -175,15 +197,17 @@ class OutputError:
         most_steps: largest number of steps
 
         Raises FloatingPointError if the simulation diverges from the given ones."""
-        found = self.at(theta, tuple(starts), 0)
+        found = self.at(theta, tuple(starts))
         level = 0
         for step in range(1, most_steps + 1):
             if progress is not None:
                 progress(step, most_steps)
-            change, _ = self._solved(found, 0.0)
+            undamped = self._solved(found, 0.0)
+            change = undamped[0]
             size = math.sqrt(max(change @ found.information @ change / len(change), 0.0))
             is_small = size < small
-            level, lower = self._lowered(found, max(0, level - 1), step)
+            is_last = self.is_rough and (is_small or step == most_steps)
+            level, lower = self._lowered(found, undamped, max(0, level - 1), step, is_last)
             if lower is None:
                 return replace(found, converged=bool(size < max(small, _STUCK)))
             found = lower
@@ -191,88 +215,54 @@ class OutputError:
                 return replace(found, converged=True)
         return found
 
-    def _lowered(self, found: Fit, first: int, step: int) -> tuple[int, Fit | None]:
+    def _lowered(
+        self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
+    ) -> tuple[int, Fit | None]:
         """Return the number of the first trial whose step does not raise L, and the fit after it,
-        or None if every step does."""
+        or None if every step does.
+
+        undamped: the step without damping
+        is_last: whether no sensitivities are needed after the step"""
         for level in range(first, len(_TRIALS)):
+            damping, part = _TRIALS[level]
             try:
-                theta, starts = self._moved(found, *_TRIALS[level])
-                simulated = self._simulated(theta, starts)
-                likelihood = self._likelihood_of(simulated, theta, starts)
-                if likelihood <= found.likelihood:
-                    return level, self._fitted(simulated, theta, starts, likelihood, step)
+                change, moves = self._solved(found, damping) if damping else undamped
+                low, high = self.bounds.T
+                theta = np.clip(found.theta + part * change, low, high)
+                starts = [
+                    start + part * move for start, move in zip(found.starts, moves, strict=True)
+                ]
+                lower = self.at(theta, tuple(starts), step)
+                if lower.likelihood <= found.likelihood:
+                    if not is_last:
+                        _ = lower.normals  # a step without finite sensitivities is refused
+                    return level, lower
             except (FloatingPointError, np.linalg.LinAlgError):
                 continue
         return len(_TRIALS), None
-
-    def _moved(
-        self, found: Fit, damping: float, part: float
-    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Return parameters, within their bounds, and initial states after a fraction of a step."""
-        change, moves = self._solved(found, damping)
-        theta = np.clip(found.theta + part * change, self.bounds[:, 0], self.bounds[:, 1])
-        starts = [start + part * move for start, move in zip(found.starts, moves, strict=True)]
-        return theta, tuple(starts)
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
         """Return the fit with these parameters and starts, not known to be converged.
 
         Raises FloatingPointError where the simulation diverges."""
-        simulated = self._simulated(theta, starts)
-        likelihood = self._likelihood_of(simulated, theta, starts)
-        return self._fitted(simulated, theta, starts, likelihood, steps)
-
-    def likelihood(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
-        """Return L with these parameters and initial states.
-
-        Raises FloatingPointError where the simulation diverges."""
-        return self._likelihood_of(self._simulated(theta, starts), theta, starts)
-
-    def _simulated(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> list[Simulation]:
-        """Return the simulations of the records."""
-        return [
-            self.responses.simulated(record, start, theta)
+        longest = ROUGH_STEP if self.is_rough else STEP
+        simulated = tuple(
+            self.responses.simulated(record, start, theta, longest)
             for record, start in zip(self.records, starts, strict=True)
-        ]
-
-    def _likelihood_of(
-        self, simulated: Sequence[Simulation], theta: np.ndarray, starts: Sequence[np.ndarray]
-    ) -> float:
-        """Return L of simulations.
-
-        Raises FloatingPointError where it is not a number."""
-        residuals = self._residuals([each.y for each in simulated])
+        )
+        residuals = tuple(
+            np.where(flags, table - each.y, 0.0)
+            for flags, table, each in zip(self._present, self._measured, simulated, strict=True)
+        )
         with np.errstate(over="ignore", invalid="ignore"):
-            likelihood = self._likelihood(residuals, self._noise(residuals, theta), starts)
+            noise = self._noise(residuals, theta)
+            likelihood = self._likelihood(residuals, noise, starts)
         if not math.isfinite(likelihood):
             raise FloatingPointError("the simulation diverges")
-        return likelihood
-
-    def _fitted(
-        self,
-        simulated: Sequence[Simulation],
-        theta: np.ndarray,
-        starts: tuple[np.ndarray, ...],
-        likelihood: float,
-        steps: int,
-    ) -> Fit:
-        """Return the fit of simulations with this L: their sensitivities and normal equations."""
-        responses = tuple(Response(each.y, self.responses.slopes(each)) for each in simulated)
-        residuals = self._residuals([response.y for response in responses])
-        noise = self._noise(residuals, theta)
-        normals = self._normals(responses, residuals, theta, starts, noise)
         return Fit(
-            theta, starts, noise, residuals, self._present, responses, normals, likelihood, steps,
-            converged=False,
+            theta, starts, noise, residuals, self._present, simulated, likelihood, steps,
+            converged=False, search=self,
         )  # fmt: skip
-
-    def _residuals(self, simulated: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """Return measured minus simulated quantities of each record, 0 where a sample is
-        missing."""
-        return tuple(
-            np.where(flags, table - y, 0.0)
-            for flags, table, y in zip(self._present, self._measured, simulated, strict=True)
-        )
 
     def _motion(self) -> np.ndarray:
         """Return the (k,) variances of the measured quantities within the records."""
@@ -303,22 +293,16 @@ class OutputError:
             total += 0.5 * float((start - guess) ** 2 @ prior)
         return total
 
-    def _normals(
-        self,
-        responses: Sequence[Response],
-        residuals: Sequence[np.ndarray],
-        theta: np.ndarray,
-        starts: Sequence[np.ndarray],
-        noise: np.ndarray,
-    ) -> tuple[Normal, ...]:
+    def normals(self, fit: Fit) -> tuple[Normal, ...]:
         """Return the normal equations of all records."""
         normals = []
-        known = self.responses.variances(theta)
-        for number, response in enumerate(responses):
-            pull = self._priors[number] * (self.guesses[number] - starts[number])
-            normal = self._normal(number, response.slopes, residuals[number], noise, pull)
+        known = self.responses.variances(fit.theta)
+        for number, response in enumerate(fit.responses):
+            pull = self._priors[number] * (self.guesses[number] - fit.starts[number])
+            residual = fit.residuals[number]
+            normal = self._normal(number, response.slopes, residual, fit.noise, pull)
             if known is not None:
-                normal = self._with_variances(normal, number, residuals[number], *known)
+                normal = self._with_variances(normal, number, residual, *known)
             normals.append(normal)
         return tuple(normals)
 
@@ -377,7 +361,7 @@ class OutputError:
         normal = self._normal(number, slopes, nothing, noise, np.zeros(len(self.guesses[number])))
         return normal.information
 
-    def _solved(self, found: Fit, damping: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    def _solved(self, found: Fit, damping: float) -> Step:
         """Return the step of the parameters and the steps of the initial states.
 
         A parameter at its bound stays there where the step leads outward. A parameter that the

@@ -132,7 +132,7 @@ def parts_disagree(search: Search, fit: Fit) -> str:
 
     has the covariance T V T' + (I - T) V' (I - T)', with T = M' (M + M')⁻¹.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     # Turbulence and noise of sensors are taken as known.
     first = search.responses.turbulent
@@ -155,7 +155,7 @@ def parts_disagree(search: Search, fit: Fit) -> str:
         values, axes = np.linalg.eigh(spread / size[:, None] / size)
         seen = values > 1e-6 * values.max()
         along = axes[:, seen].T @ (difference / size)
-        chance = float(chi2.sf(np.sum(along**2 / values[seen]), int(seen.sum())))
+        chance = float(chdtrc(int(seen.sum()), np.sum(along**2 / values[seen])))
         if chance < least:
             least = chance
             worst = search.responses.free[first + int(np.argmax(np.abs(difference) / size))]

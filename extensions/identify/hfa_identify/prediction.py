@@ -21,7 +21,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import Signal
 from hfa_identify.filter_gain import Gain, GainSlopes, gain_with_slopes
 from hfa_identify.records import Record
-from hfa_identify.response import TOGETHER, Responses, Simulation, carried, grid
+from hfa_identify.response import STEP, TOGETHER, Responses, Simulation, carried, grid
 from hfa_identify.rotating_air import BEGIN, LAG, LIMITS, in_rotating_air, rotations_of
 from hfa_identify.search import begin_of
 from hfa_identify.sensors import SensorError
@@ -253,12 +253,16 @@ class Predictions(Responses):
         one = ca.Function("interval", arguments, [moved, ca.horzcat(*begins), innovation])
         return one.mapaccum(intervals)
 
-    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Prediction:
+    def simulated(
+        self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
+    ) -> Prediction:
         """Return the predictions of a record from a start (n,) with unknowns (p,).
+
+        step: largest step of integration, in time constants of the fastest mode
 
         Raises FloatingPointError if they are not finite."""
         gain, _ = self._gain(theta)
-        count = self.steps_between(record, start, theta)
+        count = self.steps_between(record, start, theta, step)
         driven, rest = self._driven(record, theta)
         before, after, durations = grid(record, driven, count)
         table = record.table(self.measured)
@@ -306,14 +310,15 @@ class Predictions(Responses):
         count = simulated.count
         at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
+        samples = max(1, TOGETHER // count)
         S = np.hstack([np.zeros((n, p)), np.eye(n)])
         with np.errstate(all="ignore"):  # what is not finite is refused
-            for first in range(0, len(at_samples), TOGETHER):
-                rows = slice(first, first + TOGETHER)
+            for first in range(0, len(at_samples), samples):
+                rows = slice(first, first + samples)
                 seen = self._observed_slopes(at_samples[rows], driven[rows], rest)
                 present = simulated.present[rows]
                 innovations = simulated.innovations[rows]
-                steps = slice(first * count, (first + TOGETHER) * count)
+                steps = slice(first * count, (first + samples) * count)
                 change = _over_intervals(self._step_slopes(simulated, rest, steps), count)
                 corrected = -gain.K @ (seen * present[:, :, None])
                 corrected[:, :, :n] += np.eye(n)

@@ -27,12 +27,12 @@ from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.machine_code import machine_code
 
 #: A step of integration is at most this part of the fastest mode's time constant.
-_STEP = 0.3
+STEP = 0.3
 #: The same of a search that need not be accurate.
-_ROUGH_STEP = 0.6
+ROUGH_STEP = 0.6
 #: At most so many steps of integration between two samples.
 _MOST_STEPS = 10
-#: Samples whose sensitivities are computed together.
+#: Steps of integration whose sensitivities are computed together: their memory stays in the cache.
 TOGETHER = 250
 #: States of a simulation at which rates are compared.
 _LOOKED_AT = 30
@@ -270,11 +270,15 @@ class Responses:
                 f" mode has a time constant of {1.0 / fastest:.2g} s; give the time in s"
             )
 
-    def steps_between(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
+    def steps_between(
+        self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
+    ) -> int:
         """Return the number of integration steps between two samples that the fastest mode at the
-        start requires."""
+        start requires.
+
+        step: largest step, in time constants of this mode"""
         longest = float(np.diff(record.time).max())
-        steps = math.ceil(longest * self._fastest(record, start, theta) / _STEP)
+        steps = math.ceil(longest * self._fastest(record, start, theta) / step)
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
@@ -282,23 +286,27 @@ class Responses:
         start permits."""
         usual = float(np.median(np.diff(record.time)))
         fastest = self._fastest(record, start, theta)
-        return max(1, int(_ROUGH_STEP / max(usual * fastest, 1e-3)))
+        return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
         """Return the largest magnitude of an eigenvalue at the start, 1/s, or 0 if it is not a
         number."""
         driven, rest = self._driven(record.part(0, 2), theta)
-        _, slopes = self._rates_at(start[None], driven[:1], rest)
+        _, slopes = self._rates_at(start[None], driven[:1], rest[None])
         slope = slopes[0, :, : len(start)]
         if not np.isfinite(slope).all():
             return 0.0
         return float(np.abs(np.linalg.eigvals(slope)).max())
 
-    def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
+    def simulated(
+        self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
+    ) -> Simulation:
         """Return the simulation of a record from an initial state (n,) with unknowns (p,).
 
+        step: largest step of integration, in time constants of the fastest mode
+
         Raises FloatingPointError where the simulation leaves the finite numbers."""
-        count = self.steps_between(record, start, theta)
+        count = self.steps_between(record, start, theta, step)
         driven, rest = self._driven(record, theta)
         before, after, durations = grid(record, driven, count)
         states = self._states(start, before, after, durations, rest)
@@ -319,14 +327,14 @@ class Responses:
         driven, rest = self._driven(record, theta)
         at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
-        # S at the first sample of a part of the record: the memory of parts stays in the cache.
+        samples = max(1, TOGETHER // count)
+        # S at the first sample of a part of the record.
         S = np.hstack([np.zeros((n, p)), np.eye(n)])
         with np.errstate(all="ignore"):  # what is not finite is refused
-            for first in range(0, len(at_samples), TOGETHER):
-                rows = slice(first, first + TOGETHER)
-                change = self._step_slopes(
-                    simulated, rest, slice(first * count, (first + TOGETHER) * count)
-                )
+            for first in range(0, len(at_samples), samples):
+                rows = slice(first, first + samples)
+                steps = slice(first * count, (first + samples) * count)
+                change = self._step_slopes(simulated, rest, steps)
                 reached = carried(change, count, S)
                 S = reached[-1]
                 slopes = self._observed_slopes(at_samples[rows], driven[rows], rest)
@@ -372,33 +380,35 @@ class Responses:
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
         """Return the (steps, n, n + p) slopes of the states after each of some steps by those
         before it and by θ."""
-        n, p, _ = self.sizes
+        n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
         durations = simulated.durations[part]
-        steps = len(durations)
         states = simulated.begins[part]
         middle = 0.5 * (before + after)
-        identity = np.zeros((steps, n, n + p))
-        identity[:, :, :n] = np.eye(n)
-        rates, growth = self._rates_at(states, before, theta)
+        thetas = np.tile(theta, (len(states), 1))
+        diagonal = np.arange(n)
+        rates, growth = self._rates_at(states, before, thetas)
         total = growth.copy()
         for held, share, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
             ahead = share * durations[:, None]
-            within = identity + ahead[:, :, None] * growth
-            rates, slopes = self._rates_at(states + ahead * rates, held, theta)
+            within = ahead[:, :, None] * growth
+            within[:, diagonal, diagonal] += 1.0
+            rates, slopes = self._rates_at(states + ahead * rates, held, thetas)
             growth = slopes[:, :, :n] @ within
             growth[:, :, n:] += slopes[:, :, n:]
-            total += weight * growth
-        return np.asarray(identity + durations[:, None, None] / 6.0 * total)
+            total += np.multiply(weight, growth, out=within)
+        total *= durations[:, None, None] / 6.0
+        total[:, diagonal, diagonal] += 1.0
+        return total
 
     def _rates_at(
-        self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
+        self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the (N, n) rates and their (N, n, n + p) slopes by states and parameters.
 
-        states: (N, n). inputs: (N, m)."""
+        states: (N, n). inputs: (N, m). thetas: (N, p)."""
         n, p, _ = self.sizes
-        rates, slopes = self._rates(states, inputs, np.tile(theta, (len(states), 1)))
+        rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
 
     def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:

@@ -80,7 +80,8 @@ class Search:
         calm = self.responses.calm
         starts = [begin_of(calm.model, window, self.held) for window in windows]
         first = self.responses.turbulent
-        search = OutputError(calm, windows, self.bounds[first:], starts, by_motion)
+        ends = self.bounds[first:]
+        search = OutputError(calm, windows, ends, starts, by_motion, is_rough=True)
         return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:
@@ -112,7 +113,7 @@ class Search:
     def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
         """Return L of the thinned records, or inf if the simulation diverges."""
         try:
-            return self._thin.likelihood(theta, starts)
+            return self._thin.at(theta, tuple(starts)).likelihood
         except FloatingPointError:
             return math.inf
 
