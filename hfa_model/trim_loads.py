@@ -48,8 +48,8 @@ class TrimLoads(Result):
 
     loads: for the HFA, forces and moments on aircraft and panels.
     load_units: unit of each.
-    performance: of the HFA weight, lift coefficient, load factor and so on; of other aircraft their
-        outputs.
+    performance: for the HFA, weight, lift coefficient, load factor and so on; for other aircraft,
+        their outputs.
     performance_units: unit of each.
     """
 

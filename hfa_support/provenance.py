@@ -40,7 +40,7 @@ class Provenance(Result):
     command: as typed.
     dynamics: the equations, "" for a plant of the user's own.
     parameters: name or file of the set.
-    parameter_hash: of the values alone, equal for two files with equal numbers.
+    parameter_hash: hash of the values alone, equal for two files with equal numbers.
     changed: parameter -> its value and the identified one, where they differ.
     condition: imposed, free and limited variables of a trim; angles in radians.
     flight: the condition in words, as changes of the paper's level flight; not among the data.

@@ -49,8 +49,8 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
     published: printed values.
     model: computed values.
     entries: computed and printed values.
-    printed_eigenvalues: of the printed A, 1/s.
-    eigenvalues: of the computed one, 1/s.
+    printed_eigenvalues: eigenvalues of the printed A, 1/s.
+    eigenvalues: eigenvalues of the computed A, 1/s.
     checks: checks of the entries and both spectra.
     """
 

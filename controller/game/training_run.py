@@ -30,11 +30,11 @@ class Excitation(Result):
     """Richness of a recorded stack: Σ = Σ_j σ̄_j σ̄_j' (paper Assumption 1), σ̄ = σ / sqrt(1 +
     σ'σ).
 
-    rank: of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says why),
-        singular values below `recording.RANK_TOLERANCE` times the largest counting as 0
+    rank: rank of the (N_h, M) matrix of ψ(z_j), each row of length 1 (`recording.excitation` says
+        why), singular values below `recording.RANK_TOLERANCE` times the largest counting as 0
     size: M
     samples: N_h
-    smallest_eigenvalue: of Σ (paper λ_0)
+    smallest_eigenvalue: smallest eigenvalue of Σ (paper λ_0)
     condition: largest singular value over smallest of that matrix
     rounding: effect of rounding alone on a smallest eigenvalue of 0, (N_h ε)² times the largest
         eigenvalue of Σ
@@ -62,7 +62,7 @@ class TrainingRun(Result, Reported):
     settling_residual: (N,), |e| over the size of the terms that cancel in it
     K: (m, n), the gain of the last weights
     excitation: the rank of the data
-    settings: of the learner
+    settings: settings of the learner
     seed: seed of the data
     diagnostics: further numbers by name
     names: names of the states and inputs of the game

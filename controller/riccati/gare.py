@@ -38,8 +38,9 @@ class Solution(Result, Reported):
     disturbance_gain: L, (k, n), of the worst disturbance w = L z
     game: the game
     certificate: the tests that hold
-    closed_loop_eigenvalues: of A - B K, the flight without disturbance, 1/s
-    worst_case_eigenvalues: of A - S P = A - B K + E L, the flight against the worst disturbance
+    closed_loop_eigenvalues: eigenvalues of A - B K, the flight without disturbance, 1/s
+    worst_case_eigenvalues: eigenvalues of A - S P = A - B K + E L, the flight against the worst
+        disturbance
     abscissa_error: change of the abscissa of A - B K that rounding of A, B and K may cause, 1/s, to
         first order
 

@@ -104,7 +104,7 @@ def solve(game: Game, progress: Progress | None = None) -> AnalysedGame:
     Everything is computed in normal form, so that the verdict does not depend on the user's units.
     The flight whose cost is compared starts at one unit of each state.
 
-    progress: of the search for delta_min
+    progress: called during the search for delta_min
 
     Raises NoSolutionError when the game is not certified, or when its policies contradict the
     certificate.

@@ -98,7 +98,7 @@ class Judged(Result):
 
     certificates: the checks of the judge.
     converged: whether every check of the judge holds.
-    H: of a plant in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w]."""
+    H: for a plant in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w]."""
 
     json_keys = "converged certificates H?"
 

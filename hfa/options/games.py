@@ -270,9 +270,9 @@ class NamedGame(Result):
 
     game: the game.
     warnings: notes on the result.
-    plant_provenance: of a plant from a file.
+    plant_provenance: provenance of a plant from a file.
     linear: the linear model of the game, or None for a plant from a file or a design.
-    discrete: of a plant in discrete time the game with the step `game` (`StoredGame`).
+    discrete: for a plant in discrete time, the game with the step `game` (`StoredGame`).
     has_time: whether continuous or discrete time is known; a file may omit it.
     weights_from: "Q", "R", "delta" -> source: "given", "file", "design" or "default".
     """

@@ -30,7 +30,7 @@ class Check(Result):
     value: the number
     limit: the limit
     ok: whether the relation holds
-    reason: of a failure, or empty when `ok`.
+    reason: reason of a failure, or empty when `ok`.
     relation: "<=", "<", ">=" or ">"
     kind: "error", "stability" of the loop, "game loop", "cost", "gain" or "data".
     """

@@ -47,7 +47,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     states: X0, by name, in the units of the model.
     inputs: U0, by name.
-    residuals: of each balanced equation, by the name of its state or output, in its own unit.
+    residuals: residual of each balanced equation, by the name of its state or output, in its own
+        unit.
     status: "trimmed", "beyond limits" or "no trim"; "failed" when it belongs to a `TrimError`,
         which states the reason.
     model: the model that was trimmed.

@@ -32,8 +32,8 @@ _NEAR_COLUMNS = ("nearest limit", "limit", "margin", "unit", "of its range", "ve
 class TrimResult(Result):
     """A trim: every variable with its limits, and each equation; angles in radians.
 
-    dihedral_deg: of the HFA the dihedral angle, degrees.
-    scheduled: of other models the scheduling variable.
+    dihedral_deg: for the HFA, the dihedral angle, degrees.
+    scheduled: for other models, the scheduling variable.
     dynamics: published or newton, or the name of another model.
     operating_point: X0, U0 and residuals.
     scaled_residuals: residual of each balanced equation in its scale.
@@ -76,8 +76,8 @@ class TrimResult(Result):
 class Performance(Result):
     """Performance of an aircraft at a trim.
 
-    performance: of the HFA weight, lift coefficient, load factor and so on; of other aircraft their
-        outputs.
+    performance: for the HFA, weight, lift coefficient, load factor and so on; for other aircraft,
+        their outputs.
     performance_units: unit of each.
     """
 

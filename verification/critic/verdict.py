@@ -47,13 +47,13 @@ class Details(Result):
 
     graded: cost lost, L2 gain, distance to instability; with a limit of the cost, whether it holds.
     disk_margin: disk margin of K.
-    disk_margin_exact: of the exact gain.
+    disk_margin_exact: disk margin of the exact gain.
     discount: factor of a step.
     cost_lost_worst_percent: above the optimum, from the worst initial condition.
     box: half widths of the box of states for comparing V and the policies, and their source.
     dt: s, of a sampled plant.
-    history: of a critic over time: the errors of each row.
-    network: of a neural network: its outputs, V(0), and the largest errors found and proved over
+    history: for a critic over time, the errors of each row.
+    network: for a neural network, its outputs, V(0), and the largest errors found and proved over
         the box.
     """
 

@@ -123,7 +123,7 @@ class _LaggedPanel(NamedTuple):
     """Velocity of the air at one panel, and its loads.
 
     loads: loads of wing and tail
-    lift_coefficient: of the wing
+    lift_coefficient: lift coefficient of the wing
     rates: rates of the panel's lag states, by name
     """
 
@@ -276,7 +276,7 @@ def _lagged_panel(
 ) -> _LaggedPanel:
     """Return the loads on a panel whose lift lags behind its motion, its controls and its gusts.
 
-    motion: of the panel
+    motion: motion of the panel
     air: density, slug/ft^3
     ground_drag: whether the drag depends on the speed over ground
 
@@ -367,7 +367,7 @@ def _with_apparent_mass(
     """Return the loads, with the apparent mass of wings and tails.
 
     loads: all others
-    motions: of the center panel and of an outer one
+    motions: motions of the center panel and of an outer one
     air: density, slug/ft^3
 
     The accelerations (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0: M is the inertia of

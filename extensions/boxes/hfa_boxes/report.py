@@ -38,7 +38,7 @@ def found_report(
 
     policy: its description
     flight: outcome of a flight from the state with V' >= 0, or None
-    not_covered: of the loop, in the title
+    not_covered: effects on the loop that the title names as not covered
     reason: why boxes were chosen; "" if the user chose them
     """
     statement = region.statement
@@ -80,7 +80,7 @@ def checked_report(
     """Return the report of a checked certificate.
 
     policy: its description
-    not_covered: of the loop, in the title
+    not_covered: effects on the loop that the title names as not covered
     not_given: subjects that the user did not give
     """
     statement = verified.statement

@@ -46,7 +46,7 @@ class CheckedDocument(Result, Reported):
     """A file whose check cases were computed again.
 
     document: the file.
-    outputs: of all its cases.
+    outputs: outputs of all its cases.
     """
 
     schema = "hfa.daveml-check/1"

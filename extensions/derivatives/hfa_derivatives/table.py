@@ -62,7 +62,7 @@ class Table:
     meanings: name -> derivative.
     surfaces: control surface -> its limits, rad.
     thrust: its limits.
-    axes: of the rolling and yawing moments and rates, "body" or "stability".
+    axes: axes of the rolling and yawing moments and rates, "body" or "stability".
     """
 
     name: str

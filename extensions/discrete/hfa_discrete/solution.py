@@ -50,7 +50,7 @@ class DiscreteSolution(Reported):
     problem: the game
     certificate: the tests that hold
     radius: the spectral radius of A - B K, which decides whether the policy stabilizes
-    discounted_radius: of sqrt(discount) (A - B K), on which the cost depends
+    discounted_radius: spectral radius of sqrt(discount) (A - B K), on which the cost depends
     """
 
     P: Matrix

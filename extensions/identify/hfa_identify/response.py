@@ -51,7 +51,7 @@ class Simulation:
     begins: (steps, n) states at the start of the integration steps.
     inputs: (steps, m) at the start and at the end of the steps.
     durations: (steps,) durations of the steps, s.
-    count: of steps between two samples.
+    count: number of steps between two samples.
     """
 
     record: Record

@@ -43,7 +43,7 @@ class Aerodynamics:
         """Read the functions, and set the properties that follow from them.
 
         element: <aerodynamics>, or None for an aircraft without it
-        properties: of the aircraft
+        properties: properties of the aircraft
         wings: area, span and chord
         motion: through the air
         body: has `mass` and `reference_point(where)`

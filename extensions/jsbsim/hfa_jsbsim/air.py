@@ -65,8 +65,8 @@ def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
 class Winds:
     """Velocity of the air over ground, ft/s, along north, east and down: (3,) each.
 
-    steady: of the air that the states are relative to. gusts: of the air at the aircraft, relative
-    to that.
+    steady: steady wind, to which the states are relative. gusts: motion of the air at the aircraft,
+    relative to that.
     """
 
     steady: Any

@@ -19,8 +19,8 @@ class MainJobData(Result):
     critics: as of hfa verify, at each requested angle.
     angles: dihedral_deg; reason, empty where all was found; trim, model, solution and critic as of
         hfa trim, linearize, solve and verify.
-    claims: of studies.section5, read from --claims.
-    flights: of studies.best_flights, read from --flights.
+    claims: claims of studies.section5, read from --claims.
+    flights: flights of studies.best_flights, read from --flights.
     """
 
     schema = "hfa.report/1"

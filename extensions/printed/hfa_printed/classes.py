@@ -49,7 +49,7 @@ class Classified:
 
     name: name of the class
     reason: one line
-    comparison: of every entry with the exact answer of the plant as typed
+    comparison: comparison of every entry with the exact answer of the plant as typed
     P: (n, n), that answer
     changed: the intervals of one entry of the plant that make all digits right
     not_searched: why no intervals were searched for, or "" if they were searched for or not needed
@@ -66,7 +66,7 @@ class Classified:
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     """Return the class of a printed answer, the first that its digits allow.
 
-    progress: of `changed_entries`.
+    progress: passed to `changed_entries`.
 
     Raises NoSolutionError where the plant as typed has no certified answer; it names the other
     time, or entries of the plant one of which, changed, makes the printed answer right. Raises

@@ -115,8 +115,8 @@ def read_block(
     rows.
 
     parameters: names in formulas such as m*g/l
-    exponent: of the power of ten that multiplies all numbers, also where the first line reads
-    "1.0e+04 *"
+    exponent: exponent of the power of ten that multiplies all numbers, also where the first line
+    reads "1.0e+04 *"
     """
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)

@@ -352,7 +352,7 @@ def _of_network(
 ) -> str:
     """Return the mistake that explains most, of the network at the origin or over the box.
 
-    others: of a view the answers of other games.
+    others: view -> the answers of other games.
     """
     own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)

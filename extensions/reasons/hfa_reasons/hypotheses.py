@@ -39,7 +39,7 @@ class Hypothesis(NamedTuple):
     undo: P (n, n) or K (m, n) without it.
     fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales"
         for one of each state or input. A hypothesis with fitted numbers must explain more.
-    answer: of another game, or None for the exact one with a mistake.
+    answer: answer of another game, or None for the exact one with a mistake.
     """
 
     says: str

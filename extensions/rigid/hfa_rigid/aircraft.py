@@ -101,7 +101,7 @@ def rigid_aircraft(
 ) -> Model:
     """Return the `Model` of a rigid aircraft, whose default trim is straight and level.
 
-    system: of units, english or si. speed, altitude: of the usual trim.
+    system: system of units, english or si. speed, altitude: of the usual trim.
     alpha: lowest, initial and highest angle of attack. beta: lowest and highest sideslip, rad.
     outputs: outputs in addition to those of `Motion`. holds_beta: whether a trim imposes the
         sideslip.

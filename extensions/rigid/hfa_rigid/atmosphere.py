@@ -46,7 +46,7 @@ class Air:
 def air_at(altitude: Any, system: str = "english") -> Air:
     """Standard air at a geometric altitude, up to 154,000 ft.
 
-    system: of units, english or si."""
+    system: system of units, english or si."""
     if system == "si":
         english = air_at(altitude / FT_TO_M)
         return Air(

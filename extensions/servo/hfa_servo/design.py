@@ -83,7 +83,7 @@ class Following(NamedTuple):
     rates: input -> weight of its rate
     states: state -> weight
     filter: bandwidth (rad/s) and damping of the command filter
-    bandwidth: of the actuators, of order 1, rad/s
+    bandwidth: bandwidth of the actuators of order 1, rad/s
     """
 
     outputs: Mapping[str, float]
@@ -140,7 +140,7 @@ class Design:
         `inputs`; a state without a weight has 0
     delta: delta of the game, inf for an LQR
     sensors: state or output -> intensity of its noise
-    shaping: of a controller by loop shaping, which has no game
+    shaping: settings of a controller by loop shaping, which has no game
     variants: name of a model's equations -> the design's name model: whose names these are
 
     Raises BadInputError when a name is unknown or given twice.

@@ -14,10 +14,10 @@ class ControllerTable(Result):
     """A controller at each value of the scheduling variable: x' = A x + B y + W (applied - u),
     u = C x + D y.
 
-    feedback: of the states or of outputs.
+    feedback: feedback of the states or of outputs.
     dynamics: published or newton, or the name of another model.
     parameters: hash of the parameters of the aircraft.
-    states: of the controller, x.
+    states: states x of the controller.
     measurements: first part of y: first columns of B and D.
     commands: second part of y: last columns of B and D.
     inputs: rows of C and D.

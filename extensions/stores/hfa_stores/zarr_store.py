@@ -183,7 +183,7 @@ class Place(NamedTuple):
 
     number: index of the chunk.
     path: path of the store, or None where the rows are given back instead.
-    identity: of the job.
+    identity: identity of the job.
     """
 
     number: int

@@ -173,7 +173,7 @@ def _on_basis(
 
     game: game of the critic.
     stored: content of the file.
-    functions: of the basis.
+    functions: functions of the basis.
     scales: (n,), of the states.
     parts: the requested ones of `OUTPUTS`.
     origin: description of the critic.

@@ -160,7 +160,7 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
     """Raise BadInputError for further tensors that may act on the inputs or outputs of a network.
 
-    others: of a state dict, in none of the networks that are read.
+    others: tensors of a state dict that belong to none of the networks that are read.
     unused: named as tensors of a critic or of the standard deviation of an action.
     takes, gives: number of inputs and of outputs of the network.
 

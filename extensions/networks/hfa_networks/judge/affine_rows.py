@@ -35,7 +35,7 @@ class Node(NamedTuple):
     """Node that is not affine.
 
     kind: "tanh", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), "square" or "product".
-    rows: of its one or two arguments.
+    rows: rows of its one or two arguments.
     level: 1 more than the highest of the nodes in its rows.
     """
 

@@ -119,7 +119,7 @@ def _steady_flight(
 ) -> SteadyFlight:
     """Return `steady_flight`, cached.
 
-    unknowns: of the trim
+    unknowns: unknowns of the trim
     imposed_outputs: that the trim imposes
     outputs: those, and others whose values are wanted
     measured: outputs of the linear model

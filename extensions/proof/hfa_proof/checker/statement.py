@@ -289,7 +289,7 @@ class ScheduleStatement:
     """The loop of a flight, a controller and perhaps actuators, at every scheduling value.
 
     loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
-    modes: of the aircraft alone, likewise
+    modes: unstable modes of the aircraft alone, likewise
     decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
         1/s, or 0 if there is no such run
     scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or none
@@ -336,7 +336,7 @@ class ScheduleStatement:
 class GameStatement:
     """The exact solution of a game, and the distance of a critic from it.
 
-    plant: of a flight at one scheduling value, or matrices
+    plant: linear model of a flight at one scheduling value, or matrices
     decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
         `delta_min` and `modes` always, for the doubles alone
     critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
@@ -362,7 +362,7 @@ class GameStatement:
         """Return the statement of a certificate.
 
         entries: entries of the statement
-        model: of the aircraft, or None where the game is of a plant's matrices
+        model: model of the aircraft, or None where the game is of a plant's matrices
 
         Raises Malformed that names the first wrong entry.
         """

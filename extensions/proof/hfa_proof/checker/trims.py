@@ -100,9 +100,9 @@ def known_values(flight: Flight, trim: TrimBox, *, decimals: bool = True) -> dic
 def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]) -> list[arb]:
     """Return the distance of the trim from the polynomials of a box, a ball for each unknown.
 
-    residual: of the trim equations at the polynomials
+    residual: residual of the trim equations at the polynomials
     linear: slopes of the equations on the box
-    radii: of the unknowns about the polynomials
+    radii: radii of the unknowns about the polynomials
 
     Raises Rejected unless there is one trim within the radii. Equations that no unknown moves must
     hold exactly.

@@ -84,7 +84,7 @@ def loop_of_gains(
     """Return the loop u = -K x or, with intervals, u = -K x or -K [x; positions of the actuators]
     through uncertain actuators of first order.
 
-    model: of the aircraft
+    model: model of the aircraft
     breakpoints: (g,), values of the scheduling variable
     K: (g, m, n), or with intervals (g, m, n + m)
     intervals: intervals of bandwidth, effectiveness and delay of the actuators
@@ -132,7 +132,7 @@ def loop_of_servo(
 
     controller: whose commands are left out
     actuators: input -> actuator, of its design
-    model: of the aircraft
+    model: model of the aircraft
     intervals: intervals of bandwidth, effectiveness and delay, in place of the numbers of the
     actuators
 

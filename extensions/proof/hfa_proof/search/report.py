@@ -258,7 +258,7 @@ def game_report(
     data: data of the proof, with the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
     origin: whose game it is, for the title
-    file: of the critic, for the title
+    file: file of the critic, for the title
     """
     if data["statement"] == "critic":
         verdict = _stabilizing(data["closed_loop_hurwitz"], f"the gain of {file}")

@@ -84,7 +84,7 @@ class ExactGame:
 
     game: in doubles
     weights: weights of the statement
-    plant: of the statement
+    plant: plant of the statement
     trim: about which A and B are, or None for a plant
     doubles: A and B of the doubles
     wide: A and B for every number that reads as the doubles
@@ -105,7 +105,7 @@ class ExactGame:
 
         game: in doubles
         family: whose linear model A and B are; None: they are the matrices of the game, exactly
-        scheduling_value: of the linear model, or None without a family
+        scheduling_value: scheduling value of the linear model, or None without a family
 
         Raises NoSolutionError where `weights_of` raises it, or no trim is found.
         """

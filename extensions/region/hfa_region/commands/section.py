@@ -26,7 +26,7 @@ def with_region(
     report: without the section
     verdicts: verdict on the critic, whose policy is a polynomial
     named: the game, of the linear model of an aircraft
-    seconds: of processor time for the search
+    seconds: processor time of the search
     """
     from hfa_boxes.interruption import interruptible
     from hfa_proof.arithmetic import flint_or_refusal

@@ -79,7 +79,7 @@ class Point:
     """The current point of the interior point method.
 
     f: (k,)
-    matrices: of each group, in its order
+    matrices: matrices of each group, in its order
     """
 
     f: np.ndarray
@@ -102,11 +102,11 @@ def minimized(
     """Return the free numbers and matrices of least cost, or of a sufficient cost, or None if the
     equations are not solved.
 
-    groups: of equations
+    groups: groups of equations
     cost: (k,), c
     enough: (cost, bound) -> whether the search may end before the least cost
     tolerance: tolerance of every equation
-    seconds: of processor time
+    seconds: processor time
     """
     search = _Search(groups, cost, tolerance)
     end = time.process_time() + seconds

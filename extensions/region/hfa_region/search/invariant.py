@@ -107,7 +107,7 @@ def invariant_region(
 ) -> Region:
     """Return the largest set that is proved invariant. Raises NoSolutionError where none is found.
 
-    region: of the loop without disturbance
+    region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
     progress: called for each V that is tried; KeyboardInterrupt from it keeps the proved set
     """
@@ -146,7 +146,7 @@ class _Candidate:
     plant: under the worst disturbance
     T: coordinates, z = T y, in which its sets are measured
     level: the largest where V' < 0 and the limits hold
-    size: of its set
+    size: size of its set
     beyond: the next level and a state on it with V' >= 0, or inf and None
     """
 

@@ -143,7 +143,7 @@ class LevelSearch:
     ) -> dict[str, Any] | None:
         """Return evidence that V' < 0 on a part where `_level_constraints` hold, or None.
 
-        share: of rho, the level
+        share: the level as a share of rho
         enough: a margin with which the solver may stop"""
         low = lowest_degree(part)
         half = self.setting.half

@@ -54,7 +54,7 @@ class Products:
     size: n
     keys: (k,), packed keys of the products, by degree
     sums: (k, n²), 1 where an entry of m m' is the product
-    blocks: of products of one degree each, whose matrices together stay in the cache
+    blocks: blocks of products of one degree each, whose matrices together stay in the cache
     """
 
     size: int
