@@ -15,21 +15,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: How starts that do not return are drawn.
+#: Markers of initial conditions that do not converge.
 _MARKERS = {Outcome.LEFT: "C3+", Outcome.LOST: "C3x"}
+#: Descriptions of their outcomes.
 _ENDS = {Outcome.LEFT: "leaves the limits", Outcome.LOST: "does not converge"}
-#: Pairs of states that are drawn at most, and rays of each.
+#: Largest number of pairs of states.
 _MOST_PAIRS = 6
+#: Number of rays on which levels are drawn.
 _RAYS = 361
-#: What is shown, of what the levels take.
+#: Size of the view, over that of the levels.
 _WIDER = 1.4
-#: The corners of a box, closed.
+#: Corners of a box, closed.
 _CORNERS = np.array([[-1.0, 1.0, 1.0, -1.0, -1.0], [-1.0, -1.0, 1.0, 1.0, -1.0]])
-#: A box whose sides are farther than so many times the view is not shown whole; a view that holds
-#: one is so much wider.
+#: Distance of the sides of a box, over the view, beyond which the label states them.
 _FARTHEST_BOX = 4.0
+#: Size of a view that contains a box, over the box.
 _ABOUT_BOX = 1.1
-#: Rays of each on which starts are followed.
+#: Number of rays with simulated initial conditions.
 _FLOWN = 40
 
 

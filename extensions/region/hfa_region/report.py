@@ -126,7 +126,7 @@ def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple
     )
 
 
-#: What no statement covers, in a first line.
+#: Effects that no statement covers, for the first line.
 _WITHOUT = "sampling, delay, actuators"
 
 

@@ -28,8 +28,9 @@ from hfa_proof.checker.reading import naming, require
 from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
 
-#: What kind of certificate it is, beside those of `hfa prove`.
+#: Kind of the certificate.
 KIND = "region-boxes"
+#: Largest number of boxes that a certificate may state.
 _MOST_BOXES = 100_000_000
 
 

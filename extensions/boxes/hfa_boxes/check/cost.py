@@ -25,9 +25,11 @@ from hfa_proof.arithmetic.balls import doubles, hull, is_positive_definite, matr
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 
+#: More than every underflow of an operation.
 _TINY = 1e-290
-#: Steps that improve a guess of the best inputs, which nothing depends on.
+#: Newton steps that improve an estimate of the best inputs, on which no proof depends.
 _STEPS = 12
+#: Largest k for which the hole |y_i| <= 2^-k is tried.
 _SMALLEST_HOLE = 24
 
 

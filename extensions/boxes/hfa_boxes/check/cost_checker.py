@@ -20,7 +20,9 @@ from hfa_proof.checker.reading import Rejected, naming, require
 from hfa_proof.checker.sealed import claims_of, read_sealed, write_sealed
 from hfa_support.progress import Progress
 
+#: Kind of the certificate.
 KIND = "cost-boxes"
+#: Largest number of boxes that a certificate may state.
 _MOST_BOXES = 1_000_000_000
 
 

@@ -15,11 +15,11 @@ import numpy as np
 from hfa_proof.checker.reading import Rejected
 from hfa_support.progress import Progress
 
-#: A box with narrower edges than 2^-this is not halved: what holds there by less is not proved.
+#: Mean number of halvings of the edges of a box, at which it is not halved again.
 _DEEPEST = 40
-#: Centers of more often halved edges are not doubles.
+#: Largest number of halvings of an edge, so that centers are doubles.
 _FINEST = 53
-#: How often the search is reported.
+#: Number of batches between two reports of progress.
 _TOLD = 4
 
 

@@ -14,10 +14,11 @@ from hfa_boxes.enclosure.slopes import Intervals, jacobian
 from hfa_proof.checker.aircraft import SAME_TRIM
 from hfa_proof.checker.reading import Rejected
 
-#: Largest relative error of what a few sums and products of doubles make, over their sizes.
+#: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
 ROUNDING = 1e-12
-#: Steps of Newton's method, and how often the radius of the equilibrium is doubled.
+#: Number of Newton steps.
 _STEPS = 20
+#: Largest number of doublings of the radius of the equilibrium.
 _DOUBLINGS = 30
 
 

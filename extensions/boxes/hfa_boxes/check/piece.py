@@ -24,11 +24,11 @@ from hfa_proof.arithmetic.balls import matrix
 from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
 from hfa_support.progress import Progress
 
-#: Higher degrees are refused.
+#: Highest degree of W.
 HIGHEST = 12
-#: Of a few sums and products of doubles, relative to the sizes.
+#: Largest error of a few sums and products of doubles, relative to the sizes of the terms.
 ROUNDING = 1e-13
-#: How much more often than another an edge of a box is halved, at most.
+#: Largest difference between the numbers of halvings of two edges of a box.
 _FLATTEST = 4
 
 

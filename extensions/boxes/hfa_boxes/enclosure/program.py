@@ -23,8 +23,9 @@ from hfa_proof.arithmetic.operations import operation_name
 from hfa_support.errors import BadInputError
 
 Row = Mapping[int, Fraction]
-#: Larger functions are refused.
+#: Largest number of operations of a function.
 LARGEST = 40_000
+#: Largest number of its nonlinear operations.
 MOST_NODES = 4_000
 _ONE = Fraction(1)
 _LINEAR = {
@@ -44,8 +45,9 @@ _UNIVARIATE = {
     ca.OP_INV: "inverse",
     ca.OP_ATAN: "atan",
 }
+#: Largest whole power that is a product.
 _LARGEST_POWER = 12
-#: Matrices with a smaller part of entries that are not 0 are stored as sparse ones.
+#: Largest share of entries other than 0 in a matrix that is stored as a sparse one.
 _SPARSE = 0.5
 
 

@@ -13,8 +13,11 @@ import numpy as np
 from hfa_boxes.enclosure.functions import ENCLOSED
 from hfa_boxes.enclosure.program import Argument, Program
 
+#: Unit of rounding.
 _U = 2.0**-53
+#: Factor that rounds radii upward.
 _UPWARD = 1.0 + 1e-12
+#: More than every underflow of an operation.
 _TINY = 1e-290
 
 

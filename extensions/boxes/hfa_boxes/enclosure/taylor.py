@@ -20,16 +20,18 @@ import numpy as np
 from hfa_boxes.enclosure.functions import ENCLOSED, Parabola, Ranges
 from hfa_boxes.enclosure.program import Argument, Group, Program
 
+#: Unit of rounding.
 _U = 2.0**-53
-#: What a coefficient of a product, or of a function of one variable, is off by, over the sizes: at
-#: most 8 terms, twice.
+#: Largest error of a coefficient of a product, or of a function of one variable, relative to the
+#: sizes: at most 8 terms, twice.
 _PRODUCT = 16.0 * _U
-#: Radii are sums of at most some hundred terms.
+#: Factor that rounds radii upward, which are sums of at most some hundred terms.
 _UPWARD = 1.0 + 1e-12
 #: More than every underflow of an operation.
 _TINY = 1e-290
-#: Numbers in the arrays of a batch, about.
+#: Approximate number of entries in the arrays of a batch.
 _NUMBERS = 2**18
+#: Largest number of boxes of a batch.
 _MOST_BOXES = 512
 
 

@@ -27,37 +27,41 @@ from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Initial conditions that are drawn; so many of them are flown, and those of the largest linear
-#: cost.
+#: Number of initial conditions that are drawn.
 _DRAWN = 4000
+#: Number of them with a flight.
 _FLOWN = 120
+#: Number of further flights, from the initial conditions of the largest linear cost.
 _DEAREST = 80
-#: The first levels over that of all initial conditions.
+#: The first levels, over the largest cost of all initial conditions.
 _SHARES = (0.2, 1.0)
-#: Levels for initial conditions whose bound is poor, at most, and the least costs that W of such a
-#: level is for, over that of the poorest.
+#: Largest number of levels for initial conditions with poor bounds.
 _FOR_POOR = 6
+#: Least cost that W of such a level is fitted to, over that of the poorest initial condition.
 _NEAR = 0.75
-#: Weight of the least ratio of W to the cost of a flight: for all initial conditions, the poorest.
+#: Weight of the least ratio of W to the cost of a flight, for all initial conditions.
 _OF_ALL = 2.0
+#: The same weight for the poorest initial conditions.
 _OF_POOR = 20.0
-#: How often the first level is quartered where nothing is proved.
+#: Largest number of times that the first level is quartered while nothing is proved.
 _QUARTERED = 12
-#: A level is given up where it has taken this part of the time that was left.
+#: Largest share of the remaining time for one level.
 _OF_TIME_LEFT = 0.5
-#: A bound is good where it is below the cost of a flight by at most so many margins.
+#: Largest distance of a good bound below the cost of a flight, in margins.
 _GOOD = 1.5
-#: The first levels are so much above the costs of flights that they are to contain.
+#: The largest level, over the largest cost of a flight.
 _ABOVE = 1.05
-#: How far beyond the level z'P z of samples goes: with one or two states, with more, where boxes at
-#: the faces of the cube are many; the factor of each further trial, and the most.
+#: Factor by which z'P z of samples exceeds the level, for one or two states.
 _BEYOND_FEW = 1.3
+#: The same factor for more states, for which boxes at the faces of the cube are many.
 _BEYOND_MANY = 1.6
+#: Growth of this factor in each further trial.
 _FURTHER = 1.3
+#: Largest factor that is enlarged again.
 _MOST_BEYOND = 2.5
-#: More than are proved in any time that is given.
+#: More boxes than are proved in any time that is given.
 _ENDLESS = 10**9
-#: Refuted places that become rows of the next fit.
+#: Largest number of refuted points for one level.
 _REFUTED = 60
 
 

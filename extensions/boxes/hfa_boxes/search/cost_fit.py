@@ -21,26 +21,32 @@ from hfa_boxes.check.plant import Plant
 from hfa_boxes.search.cost_flights import Inputs, flown_costs, running_cost
 from hfa_boxes.search.monomials import Monomials
 
-#: The part of the margin that the rows of the linear programs keep.
+#: Share of the margin that the rows of the linear programs keep.
 _KEPT = 0.6
-#: Samples of a turn, rows that a turn adds, and turns of one fit.
+#: Number of samples in a turn.
 _SAMPLES = 20_000
+#: Largest number of rows that a turn adds.
 _ADDED = 400
+#: Largest number of turns of one fit.
 _TURNS = 40
+#: Number of samples in the first linear program.
 _FIRST = 1500
-#: Samples of a turn have W up to so many levels. A row is violated where its slack, in units of the
-#: running cost, is below minus this part of the margin; at -_KEPT margins g is 0.
+#: Largest W of the samples in a turn, over the level.
 _NEAR_SET = 1.05
+#: A row is violated if its slack, over the running cost, is below minus this share of the
+#: margin; at -_KEPT margins g is 0.
 _VIOLATED = 0.1
-#: More rows than the first are reduced to the second: those far from active are left out.
+#: Largest number of rows of a linear program.
 _MOST_ROWS = 6000
+#: Number of rows that are kept when there are more, those of least slack.
 _KEPT_ROWS = 4000
-#: A box so near to a face of the cube is on it.
+#: A point so near to a face of the cube is on it.
 _ON_FACE = 1e-6
-#: The least s.
+#: Least s.
 _LEAST_SQUARE = 0.01
-#: Samples over which functions are orthonormal; their coefficients are at most so many levels.
+#: Number of samples over which the functions are orthonormal.
 _ORTHONORMAL = 8000
+#: Largest coefficient of these functions, over the level.
 _LARGEST = 1000.0
 
 

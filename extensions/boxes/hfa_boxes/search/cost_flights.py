@@ -13,15 +13,17 @@ from hfa_boxes.check.cost import solved_for
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
 
-#: Steps of Newton's method for the inputs of one sample, and of one step of a flight.
+#: Newton steps for the inputs at a sample.
 _NEWTON = 8
+#: Newton steps for the inputs in a step of a flight.
 _NEWTON_IN_FLIGHT = 1
-#: Steps of a flight over the time constant of its fastest mode, time constants of its slowest mode
-#: that it lasts, and most steps.
+#: Steps of a flight in the time constant of its fastest mode.
 _PER_FASTEST = 4.0
+#: Duration of a flight, in time constants of its slowest mode.
 _OF_SLOWEST = 7.0
+#: Largest number of steps of a flight.
 _MOST_STEPS = 4000
-#: A flight has converged where z'P z is this part of its first value.
+#: A flight has converged if z'P z is this share of its first value.
 _CONVERGED = 0.02
 
 

@@ -22,7 +22,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "inverse": np.reciprocal,
     "atan": np.arctan,
 }
-#: Points at a time, whose values stay in the cache of a processor.
+#: Number of points at a time, whose values fit in the cache of a processor.
 _TOGETHER = 4000
 
 

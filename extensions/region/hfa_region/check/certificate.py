@@ -16,7 +16,7 @@ from hfa_region.check.statement import RegionStatement
 from hfa_region.check.witness import RegionWitness
 from hfa_support.progress import Progress
 
-#: What kind of certificate it is, beside those of `hfa prove`.
+#: Kind of the certificate.
 KIND = "region"
 
 

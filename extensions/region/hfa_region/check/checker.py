@@ -35,9 +35,10 @@ from hfa_support.progress import Progress, told
 
 #: Bits of a midpoint.
 PRECISION = 192
-#: The commands at which an input does what it does, 0 its lowest and 1 its highest value: ends.
+#: Command interval of an input that is free or at a limit, with 0 its lowest and 1 its highest
+#: value.
 _ENDS = {LOWEST: (-1.0, 0.0), FREE: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (-1.0, 2.0)}
-#: The same of a disturbance, which is at one of its two ends.
+#: Interval of a disturbance that is at one of its two ends.
 _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.0)}
 
 

@@ -22,13 +22,15 @@ from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.check.taylor import Taylor
 from hfa_support.errors import BadInputError
 
-#: Newton's method from a trim in doubles reaches the precision of the balls in this many steps.
+#: Newton steps from a trim in doubles to the precision of the balls.
 _STEPS = 8
 #: Radius within which the equilibrium is enclosed, in nominal values.
 _RADIUS = 1e-25
-#: What an input can do on a part of the set; a disturbance is at an end.
+#: Entry of an input that is not saturated.
 FREE = "free"
+#: Entry of an input or a disturbance at its lowest value.
 LOWEST = "low"
+#: Entry of an input or a disturbance at its highest value.
 HIGHEST = "high"
 #: A coefficient and the exponents of its monomial.
 _Term = tuple[arb, tuple[int, ...]]

@@ -20,8 +20,9 @@ from hfa_boxes.check.plant import (
 )
 from hfa_proof.checker.reading import Fields, Terms, require, rows_of
 
-#: Highest degree of V, and of the polynomial of a policy.
+#: Highest degree of V.
 HIGHEST_DEGREE = 6
+#: Highest degree of a polynomial policy.
 HIGHEST_POLICY = 5
 
 

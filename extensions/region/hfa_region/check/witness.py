@@ -13,12 +13,15 @@ from hfa_region.check.loop import FREE, HIGHEST, LOWEST
 from hfa_region.check.positivity import Evidence
 from hfa_region.check.statement import RegionStatement
 
-#: In place of what an input does: whatever it does.
+#: Entry of an input that may be free or at a limit.
 ANY = "any"
-#: Names of constraints: V <= rho, V >= rho, |y| <= 1, |y| >= 1.
+#: Constraint V <= rho.
 LEVEL = "level"
+#: Constraint V >= rho.
 EDGE = "edge"
+#: Constraint |y| <= 1.
 BALL = "ball"
+#: Constraint |y| >= 1.
 OUTSIDE = "outside"
 #: Highest order of the Taylor polynomials.
 _HIGHEST_ORDER = 12

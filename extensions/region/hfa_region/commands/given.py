@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hfa_proof.commands.check import CheckRequest
     from hfa_region.commands.region import RegionRequest
 
-#: Options by any of which a policy is named.
+#: Options that define a policy.
 _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 
 

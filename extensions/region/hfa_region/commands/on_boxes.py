@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from hfa_region.check.statement import SaturatedLoop
     from hfa_region.commands.region import RegionRequest
 
-#: Options of the other prover.
+#: Options of sums of squares alone.
 _OF_SQUARES = ("disturbance", "picture")
+#: Options of a network or critic.
 _OF_NETWORKS = ("weights", "basis", "network", "set")
-#: Numbers of states of which boxes prove larger sets than sums of squares, as measured on the GTM.
+#: Numbers of states for which boxes prove larger sets than sums of squares, as measured on the
+#: GTM.
 _STATES = (3, 4)
-#: Of V for a network, unless the user chooses.
+#: Default degree of V for a network.
 _DEGREE = 2
 
 

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from hfa_proof.commands.check import CheckRequest
     from hfa_region.commands.region import RegionRequest
 
-#: Points at which the polynomials are compared with the policy, and by how much they may differ.
+#: Number of points at which the polynomials are compared with the policy.
 _POINTS = 200
+#: Largest difference there, over the sum of the sizes of the terms.
 _SAME = 1e-9
 
 

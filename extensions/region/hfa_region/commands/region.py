@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hfa_region.check.statement import SaturatedLoop
     from hfa_region.search.function import PolynomialFunction
 
-#: What changes nothing beside a certificate.
+#: Options that have no effect on the check of a certificate.
 _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
 
 

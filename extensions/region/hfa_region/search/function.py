@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Steps of the bisection for the edge of a set.
+#: Bisections for the edge of a set.
 _HALVINGS = 40
 #: Directions in which a set is measured.
 _DIRECTIONS = 3000
-#: Steps of the ellipsoid's iteration, and how near to the smallest it is left.
+#: Largest number of iterations for the ellipsoid.
 _ITERATIONS = 2000
+#: Relative distance from the smallest ellipsoid at which the iteration ends.
 _NEAR = 1e-3
 Term = tuple[float, tuple[int, ...]]
 

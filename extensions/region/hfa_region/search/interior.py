@@ -23,13 +23,15 @@ import scipy.sparse as sp
 
 from hfa_region.search.products import Products
 
+#: Largest number of iterations.
 _ITERATIONS = 80
-#: Of the gap between a cost and its bound.
+#: Gap between the cost and its bound at which the iteration ends.
 _TOLERANCE = 1e-9
-#: Where nothing better comes, equations may miss by so many times their tolerance.
+#: Largest residual of the equations in the result, over their tolerance.
 _WORSE = 100.0
-#: Share of the way to the edge of a cone that a step takes.
+#: Length of a step, over that to the boundary of the cone.
 _SHARE = 0.95
+#: Shorter steps end the iteration.
 _SHORTEST_STEP = 1e-4
 
 
@@ -86,8 +88,8 @@ class Point:
     matrices: list[list[np.ndarray]]
 
 
-#: Told the cost, inf while equations miss, and a bound below every cost, -inf while there is none;
-#: whether that is enough.
+#: Function (cost, bound) -> whether the iteration may end; the cost is inf while the equations
+#: are not solved, the bound -inf without a bound.
 Enough = Callable[[float, float], bool]
 
 

@@ -34,16 +34,17 @@ from hfa_region.search.squares import ONE, Terms
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Lyapunov matrices that are tried beside the V of the loop without disturbance.
+#: Number of Lyapunov matrices that are tried besides V of the loop without disturbance.
 _CANDIDATES = 6
-#: Of how many V, those of the largest sampled sets, a level is tried to be proved.
+#: Number of V with the largest sampled sets for which a proof is tried.
 _TRIED = 4
-#: Levels that are sampled, of a V whose level 1 is about the largest, and steps of a bisection
-#: between two of them.
+#: Sampled levels of a V whose level 1 is about the largest.
 _LEVELS = np.geomspace(2.0, 1e-3, 30)
+#: Bisections between two sampled levels.
 _FINER = 4
-#: Shares of the sampled level that are tried, one after the other, and steps of the bisection.
+#: Decreasing shares of the sampled level for which a proof is tried.
 _SHARES = (0.99, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3)
+#: Bisections between the largest proved share and the next larger one.
 _STEPS = 4
 
 

@@ -21,19 +21,20 @@ from hfa_region.search.function import PolynomialFunction, edge_points, ellipsoi
 from hfa_region.search.squares import ONE, Terms, positive
 from hfa_support.errors import NoSolutionError
 
-#: Least margin of a sum of squares, relative to the largest coefficient: the check adds errors of
-#: the solver, 1e-8 or so, to the Gram matrices.
+#: Least margin of a sum of squares, relative to the largest coefficient. The check adds errors
+#: of the solver, about 1e-8, to the Gram matrices.
 MARGIN = 2e-7
-#: A margin with which a level is taken to hold while the largest is looked for.
+#: Margin at which the solver stops during the search for the largest level.
 _ENOUGH = 10.0 * MARGIN
-#: How much larger than the set the ball is, and extents than what they hold.
+#: Relative enlargement of the ball around the set, and of extents.
 _SLACK = 1e-7
-#: How often a level is lowered on whose ball an output may leave its limits.
+#: Largest number of reductions of a level because an output may leave its limits on the ball.
 _SMALLER = 25
-#: Share from which the largest level is looked for, and the ratio at which the bisection ends.
+#: Least share of the level that is tried.
 _LEAST = 1e-5
+#: Ratio of shares at which the bisection ends.
 _NEAR = 1.0003
-#: How much larger than a set of points an ellipsoid is tried, one after the other.
+#: Increasing enlargements of an ellipsoid around a set of points that are tried.
 _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
 

@@ -18,15 +18,16 @@ from hfa_region.check.statement import SaturatedLoop
 from hfa_support.native.bound import RowFunction
 from trim.linear.linear_model import LinearModel
 
-#: Steps of a simulation in the time constant of the fastest mode.
+#: Simulation steps in the time constant of the fastest mode.
 _STEPS = 3.0
-#: Nominal deviations beyond which a trajectory diverges, whatever the limits.
+#: Nominal deviations beyond which a trajectory diverges.
 _FAR = 1e4
-#: The same in multiples of the largest initial deviation.
+#: Multiples of the largest initial deviation beyond which a trajectory diverges.
 _FAR_OF_STARTS = 1e2
-#: What would move by less than so many nominal deviations in as long again has come to rest.
+#: A trajectory is at an equilibrium if it would move by fewer nominal deviations in as long
+#: again.
 _RESTS = 1e-2
-#: A value V of many deviations (N, n), and its slope there (N, n).
+#: Function of deviations (N, n): V (N,), or its slope (N, n).
 ValueOf = Callable[[np.ndarray], np.ndarray]
 
 

@@ -28,29 +28,31 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 
-#: A turn that makes the set larger by less than this, linearly, is the last of its reach.
+#: A step with a smaller linear growth of the set is the last.
 _GAIN = 1.004
-#: Levels of a new V that are tried, that of its step being 1.
+#: Decreasing levels of a new V that are tried.
 _LEVELS = (1.0, 0.93, 0.85, 0.7, 0.5)
-#: A proof takes as long as so many turns: the last turn begins earlier.
+#: Time of a proof, in steps of the search, which is kept for it.
 _TURNS_OF_A_PROOF = 5.0
-#: How far above 1 a level of the last V is tried.
+#: Highest level of the last V that is tried.
 _GROWTH = 1.6
-#: Lyapunov matrices of the loop that are tried.
+#: Number of Lyapunov matrices of the loop that are tried.
 _CANDIDATES = 10
-#: What their V is called.
+#: Description of a V that is a Lyapunov matrix.
 LYAPUNOV = "a Lyapunov matrix of the loop"
-#: Rays on which starts are followed, how many on each, and how many times as far as the set.
+#: Number of rays with simulated initial conditions.
 _RAYS = 80
+#: Number of initial conditions on each ray.
 _SHELLS = 10
+#: Distance of the farthest initial condition, over that of the set.
 _FARTHEST = 20.0
-#: How long these are followed, in time constants of the slowest mode.
+#: Duration of these simulations, in time constants of the slowest mode.
 _TIMES = 12.0
-#: A signal that reaches this share of the room to its limit touches it.
+#: A limit binds if a signal reaches this share of the distance to it.
 _TOUCHES = 0.97
-#: Candidates of which a level is tried to be proved.
+#: Number of candidates for which a proof is tried.
 _TRIED = 4
-#: Where no state has a limit: nominal deviations that are searched.
+#: Largest extents of a set, in nominal values, without limits of states.
 _WIDEST = 100.0
 
 

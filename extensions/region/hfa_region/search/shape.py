@@ -20,9 +20,9 @@ from hfa_region.search.level import MARGIN, LevelSearch, limits_within, lowest_d
 from hfa_region.search.products import BASE, packed_monomials
 from hfa_region.search.squares import Identity, Squares, Terms
 
-#: V is at least this much of |y|².
+#: Least ratio of V to |y|².
 _LEAST = 1e-3
-#: Longest time of a step, s.
+#: Longest processor time of a step, s.
 _SECONDS = 120.0
 
 

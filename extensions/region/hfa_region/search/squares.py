@@ -14,12 +14,13 @@ from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.interior import Group, Matrix, minimized
 from hfa_region.search.products import BASE, packed, products_of
 
-#: Largest margin that is asked of a Gram matrix, of a target whose largest coefficient is 1.
+#: Largest margin of a Gram matrix, for a target whose largest coefficient is 1.
 _MOST_MARGIN = 1e-3
-#: By how much equations may miss: of evidence, and of a problem whose result is tried again.
+#: Tolerance of the equations of evidence.
 _EXACT = 1e-9
+#: Tolerance of the equations of a step, whose result is proved anew.
 _ABOUT = 1e-6
-#: How near to its least value a cost is left, relatively.
+#: Relative distance of a cost from its least value at which a step ends.
 _NEAR = 1e-4
 
 
