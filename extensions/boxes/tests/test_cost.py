@@ -171,6 +171,8 @@ FORGED: dict[str, Any] = {
     "more": lambda s, w: s.update(note="x"),
     "boxes": lambda s, w: w.update(boxes=[3] * len(w["boxes"])),
     "boxes missing": lambda s, w: w.update(boxes=w["boxes"][1:]),
+    "boxes without end": lambda s, w: w.update(boxes=[2_000_000_000] * len(w["boxes"])),
+    "solved twice": lambda s, w: w.update(solved=["angle", "rate", "rate"]),
     "solved for the input": lambda s, w: w.update(solved=["angle", "angle"]),
     "witness more": lambda s, w: w.update(c=1.0),
 }

@@ -28,7 +28,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 
-#: A step with a smaller linear growth of the set is the last.
+#: A step with a smaller linear growth of the set is the last for its reach.
 _GAIN = 1.004
 #: Decreasing levels of a new V that are tried.
 _LEVELS = (1.0, 0.93, 0.85, 0.7, 0.5)
