@@ -84,6 +84,7 @@ def test_trim_json() -> None:
 
 
 def test_degrees_go_in_and_radians_come_out() -> None:
+    """Held values and limits are typed in degrees; JSON has radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -98,6 +99,7 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_saved_point_starts_the_next_trim(command: str) -> None:
+    """A trim from a saved neighbouring point gives the linear model of a plain trim."""
     assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
     again = answer(*words, "--start", "saved.json")
@@ -145,6 +147,7 @@ def test_sweep_text_and_json() -> None:
 
 
 def test_sweep_keeps_failed_points_as_rows() -> None:
+    """A point without a trim is a row of nulls with its reason; the first line counts it."""
     data = answer("sweep", "--dihedral", "0", "--hold", "speed=20,68")
     assert data["reasons"][0].startswith("no trim")
     assert data["reasons"][1] == ""
@@ -290,6 +293,7 @@ def hash_of(path: Path) -> str:
 
 
 def test_text_says_which_aircraft(heavy: Path) -> None:
+    """The last line names the parameters and their hash, and edited values."""
     plain = hfa("solve", "--dihedral", "12")
     edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
     assert (
@@ -333,6 +337,7 @@ def test_json_has_the_whole_condition(heavy: Path) -> None:
 @needs("hfa_stores", "hfa_flight")
 @pytest.mark.parametrize("command", ["sweep", pytest.param("fly", marks=pytest.mark.slow)])
 def test_a_store_has_it(command: str, heavy: Path, tmp_path: Path) -> None:
+    """Zarr stores of sweeps and flights contain the hash of the parameters."""
     path = tmp_path / "out.zarr"
     words = {
         "sweep": ("--dihedral", "0:10:5"),

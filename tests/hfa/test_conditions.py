@@ -117,6 +117,7 @@ def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
 
 
 def test_a_range_ends_at_or_before_its_stop() -> None:
+    """FIRST:LAST:STEP includes LAST only if a step reaches it; lists keep their order."""
     for words, values in (
         ("60:70:4", [60.0, 64.0, 68.0]),
         ("60:70:5", [60.0, 65.0, 70.0]),
@@ -131,6 +132,7 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
 
 
 def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
+    """In .mat the points of a sweep are the last axis, and the grid keeps its units."""
     target = tmp_path / "grid.mat"
     data = answer("sweep", *GRID, "-o", str(target))
     loaded = loadmat(target, simplify_cells=True)

@@ -83,6 +83,7 @@ def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
 
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A failed allocation ends with one line and exit code 2."""
     # A sweep that needs this much memory would fill the machine of the tests.
     monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

@@ -97,6 +97,7 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["full", "trim"])  # of stacked matrices test_conditions.py
 def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
+    """A .mat file contains all keys, numbers and texts of the JSON."""
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
     assert list(loaded) == list(data)
@@ -145,6 +146,7 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
 def test_two_runs_write_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
 ) -> None:
+    """Files do not contain the time at which they were written."""
     first, data = written(tmp_path / "first", name, suffix)
     # Another day: nothing in a file may tell when it was written.
     monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
@@ -155,6 +157,7 @@ def test_two_runs_write_the_same_bytes(
 
 
 def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
+    """With exit code 1 the result is written too, with ok false."""
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
@@ -162,6 +165,7 @@ def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
 def test_a_report_is_written_as_text(name: str, opening: str) -> None:
+    """-o FILE.md and FILE.html contain the report, without links to pictures."""
     assert hfa("solve", "--dihedral", "15", "-o", name).code == DONE
     assert [path.name for path in Path().iterdir()] == [name]
     text = Path(name).read_text(encoding="utf-8")

@@ -67,6 +67,7 @@ def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Pat
 
 
 def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
+    """A, B and K in three CSV files with headers are solved and verified."""
     for name, columns in (("A", known["states"]), ("B", known["inputs"]), ("K", known["states"])):
         np.savetxt(
             tmp_path / f"{name}.csv",

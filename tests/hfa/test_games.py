@@ -93,6 +93,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     ],
 )
 def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
+    """solve, learn and verify accept plants without E, delta or the cost of some states."""
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
     assert answer("learn", "--model", plant, *QUICK, "-o", "learned.json")["converged"] is True
@@ -123,6 +124,7 @@ def test_learn_keeps_the_history_for_files() -> None:
 
 @pytest.mark.parametrize(("command", "suffix"), [("learn", "npz"), ("solve", "mat")])
 def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
+    """Files of learn and solve pass verify, with their names and provenance."""
     plant = small("plant.json")
     quick = QUICK if command == "learn" else ()
     assert hfa(command, "--model", plant, *quick, "-o", f"critic.{suffix}").code == DONE
@@ -135,6 +137,7 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
 
 
 def test_a_linear_model_keeps_its_names() -> None:
+    """A plant written by linearize has names, units and provenance in the game."""
     assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
     data = answer("solve", "--model", "plant.json")
     assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)

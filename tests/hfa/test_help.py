@@ -54,6 +54,7 @@ def ran(
 
 
 def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The examples of quick commands end with exit code 0."""
     codes = ran(tmp_path, monkeypatch, [commands()[name].example for name in QUICK])
     assert list(codes.values()) == [0 for _ in QUICK]
 
@@ -62,6 +63,7 @@ def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_every_example_runs_and_its_json_is_published(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The example of each command runs with --json."""
     codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}
     assert len(codes) == len(NAMES)

@@ -83,6 +83,7 @@ def _hang(_: object) -> int:
     ],
 )
 def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
+    """The harness reports runs that crash, hang, write wrong files or fail silently."""
     # The planted faults of a command, which the judge must see.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
@@ -100,5 +101,6 @@ def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str
     ],
 )
 def test_wrong_words_are_seen(result: Result, said: str) -> None:
+    """The harness reports messages of several lines, unprintable ones and too long ones."""
     assert said in (said_wrongly(result) or "")
     assert said_wrongly(Result(2, "", "hfa: a\n")) is None

@@ -35,6 +35,7 @@ OF_PARTS = "--Q 1,1 --R 1 --delta inf"
     ],
 )
 def test_no_output_is_an_input(words: str, kept: str) -> None:
+    """A file that the run reads, also through a link, is refused as output and unchanged."""
     plant_of_parts()
     Path("link.csv").symlink_to("A.csv")
     small("plant.json")
@@ -55,6 +56,8 @@ def test_an_output_beside_the_inputs_is_written() -> None:
 
 
 def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If -o cannot be written, neither its file nor the picture remains."""
+
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 

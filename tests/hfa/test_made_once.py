@@ -27,6 +27,7 @@ def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[
 def test_one_trim_makes_one_system_and_one_condition(
     options: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """`hfa trim` builds the equations and the condition of the trim once."""
     calls: list[str] = []
     begin = _counted(TrimSystem.__init__, calls, "system")
     # Nothing but a count of the calls shows how often it is made.

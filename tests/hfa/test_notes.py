@@ -71,6 +71,7 @@ def test_a_terminal_gets_colors(
 def test_tables_fit_a_terminal_of_80_columns(
     command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Wide tables are wrapped on a terminal, with every word and number unbroken."""
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     shown = hfa(*command, out=Terminal()).out

@@ -17,6 +17,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_the_module_is_the_command(tmp_path: Path) -> None:
+    """`python -m hfa` prints and returns what `hfa` does."""
     words = ("trim", "--dihedrl", "15")
     run = [sys.executable, "-m", "hfa", *words]
     done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
@@ -24,6 +25,7 @@ def test_the_module_is_the_command(tmp_path: Path) -> None:
 
 
 def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
+    """Output depends neither on the hash seed nor on color variables."""
     words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)
     assert inside.code == DONE
@@ -40,6 +42,7 @@ def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
     ],
 )
 def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
+    """A closed pipe on standard output changes neither exit code nor standard error."""
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as pipe:
@@ -55,6 +58,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuff
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
 def test_a_full_disk_is_one_line() -> None:
+    """A full disk on standard output is exit code 2 and one line."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             [SCRIPT, "trim", "--dihedral", "15"],

@@ -47,6 +47,7 @@ sys.exit(entry.main())
 def test_a_signal_ends_the_run_wherever_it_comes(
     module: str, where: str, name: str, code: int, said: str
 ) -> None:
+    """A signal ends the process with its code and one line, also while modules load."""
     program = EDGE.format(name=name, module=module, where=where.format(name=name))
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=15

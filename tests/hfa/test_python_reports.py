@@ -60,5 +60,6 @@ def reports() -> list[Report]:
 
 
 def test_reports_in_python_name_no_option() -> None:
+    """Reports of Python functions mention no option of the command line."""
     assert [OPTION.findall(report.text()) for report in reports()] == [[]] * 7
     assert OPTION.search("3 checks passed; --json has all")

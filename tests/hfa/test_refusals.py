@@ -160,6 +160,7 @@ REFUSED_BY_EXTENSIONS = (
     ],
 )
 def test_bad_requests(command: str, words: str, named: str) -> None:
+    """Each bad request is exit code 2 and one short printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
     result = hfa(command, *words.split())
@@ -182,6 +183,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
     ],
 )
 def test_unknown_commands_and_options(words: str, named: str) -> None:
+    """Unknown commands and options are refused with the nearest name."""
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
 
 
@@ -197,6 +199,7 @@ def test_unknown_commands_and_options(words: str, named: str) -> None:
     ],
 )
 def test_bad_plants(changes: dict[str, Any], code: int, named: str) -> None:
+    """Each faulty plant file is refused by one line that names the fault."""
     assert_refused(
         hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named
     )

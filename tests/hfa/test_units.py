@@ -39,6 +39,7 @@ def physics(data: dict[str, Any]) -> dict[str, float]:
 
 
 def test_the_laws_of_physics_hold_in_si() -> None:
+    """Ratios of physical laws are 1 for a trim in SI units."""
     for name, value in physics(answer(*TRIM, "--units", "si")).items():
         assert value == pytest.approx(1.0, abs=1e-4), name
 

@@ -20,6 +20,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_verify_keeps_the_contract() -> None:
+    """The JSON of verify has the keys of the contract, and the learned critic passes."""
     data = answer("verify", *AT_15)
     assert data["ok"] is True
     assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
@@ -41,6 +42,7 @@ def test_verify_names_the_critic_that_it_judges() -> None:
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
+    """Files with the exact P, K or W pass; P is compared unless only K is given."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
@@ -53,6 +55,7 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
 
 
 def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
+    """Progress of verify appears on a terminal and is erased at the end."""
     file = stored("critic.npz", K=solve_game(game).K)
     message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
@@ -81,6 +84,7 @@ def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
 
 
 def test_the_limit_of_errors_is_the_users(game: Game) -> None:
+    """--limit-error decides whether an error of 1e-5 in P passes."""
     file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
     assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
         1e-5, rel=1e-6
@@ -92,6 +96,7 @@ def test_the_limit_of_errors_is_the_users(game: Game) -> None:
 
 
 def test_verify_draws_a_run() -> None:
+    """--picture writes a PNG of a training run."""
     assert (
         hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
     )

@@ -162,6 +162,7 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
+    """Wrong values of each argument of four functions are refused by name."""
     function, arguments = right_calls()[name]
     function(**arguments)
     assert faults(function, arguments) == {}
@@ -171,6 +172,7 @@ def test_a_wrong_argument_is_named(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:
+    """All wrong values for all public functions of core and extensions are refused by name."""
     count = 0
     for name, (function, arguments) in (right_calls() | right_calls_of_extensions()).items():
         function(**arguments)
@@ -180,6 +182,8 @@ def test_every_wrong_argument_of_every_function_is_named() -> None:
 
 
 def test_a_function_that_does_not_check_is_seen() -> None:
+    """The harness reports a function without a check of its arguments."""
+
     def unchecked(point: Any) -> Any:
         return point.refuse_other()
 

@@ -59,8 +59,6 @@ _SHOWN = 20
 #: Of the size of the picture: a longer line of the root locus has an arrow, and values along it.
 _DIRECTED = 0.05
 _LABELLED = 0.2
-#: Place of the arrow along a line, between two of its labels, as a share of its length.
-_ARROW_AT = 0.4
 #: So many points that were trimmed one by one are told.
 _MANY_SLOW = 20
 
@@ -331,7 +329,10 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             color = f"C{names.index(self.mode_names[column])}"
             steps = np.hypot(np.diff(roots.real) / width, np.diff(roots.imag) / height)
             walked = np.cumsum(steps) / max(float(steps.sum()), 1e-300)
-            tip = int(np.searchsorted(walked, _ARROW_AT)) + 1
+            marked = np.unique(np.linspace(0, len(roots) - 1, 5).round().astype(int))
+            widest = int(np.argmax(np.diff(np.append(0.0, walked)[marked])))
+            arrow_at = np.append(0.0, walked)[marked[widest : widest + 2]].mean()
+            tip = min(int(np.searchsorted(walked, arrow_at)) + 1, len(roots) - 1)
             axes.annotate(
                 "",
                 xy=(roots[tip].real, roots[tip].imag),
@@ -340,7 +341,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             )
             if length < _LABELLED:
                 continue
-            for i in np.unique(np.linspace(0, len(roots) - 1, 5).round().astype(int))[1:-1]:
+            for i in marked[1:-1]:
                 axes.plot(roots[i].real, roots[i].imag, ".", color=color, markersize=5)
                 # The label lies across the line, to the right of it or above it.
                 step = roots[min(i + 1, len(roots) - 1)] - roots[max(i - 1, 0)]

@@ -131,7 +131,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
     limits = (float(result.envelope.lowest[index]), float(result.envelope.highest[index]))
     _limit_lines(axes, limited, limits, unit)
     if np.isfinite(limits).any():
-        axes.set_title(f"envelope: {limits_text(*limits, unit)}", **_SMALL)
+        axes.set_title(f"envelope: {_limits_with_unit(limits, unit)}", **_SMALL)
     _widened(axes, model.states[name].nominal, unit)
     _finish(axes, f"{label}, {shown_unit(unit)}" if unit != "1" else label)
 
@@ -143,7 +143,9 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
     for name in names:
         values = result.inputs[:, list(inputs).index(name)]
         limits = (inputs[name].min, inputs[name].max)
-        shown_limits = limits_text(*limits, unit) if np.isfinite(limits).any() else "no limits"
+        shown_limits = "no limits"
+        if np.isfinite(limits).any():
+            shown_limits = _limits_with_unit(limits, unit)
         axes.plot(
             result.flight.times,
             shown_values(values, unit),
@@ -159,8 +161,17 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
         label = "deflections"
     if unit != "1":
         label += f", {shown_unit(unit)}"
-    axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
+    if len(names) == 1:
+        axes.set_title(f"limits: {shown_limits}", **_SMALL)
+    else:
+        axes.legend(loc="lower left", fontsize=6, ncols=2, **_ABOVE)
     _finish(axes, label)
+
+
+def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
+    """Return limits with their unit, "-20 to 20 deg"."""
+    text = limits_text(*limits, unit)
+    return text if unit == "1" else f"{text} {shown_unit(unit)}"
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:

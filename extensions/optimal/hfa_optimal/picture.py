@@ -38,7 +38,7 @@ def drawn(
         axes.set_axis_off()
     for axes in panels[: len(names)]:
         axes.tick_params(labelbottom=True)
-    for axes in panels[(len(names) - 1) // 3 * 3 : len(names)]:
+    for axes in panels[max(0, len(names) - 3) : len(names)]:
         axes.set_xlabel("time, s", fontsize=8)
     handles = {}
     for axes in panels:

@@ -63,6 +63,7 @@ def over_the_box(game: Game, candidate: Critic) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", BASES)
 def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
+    """The weights of the exact V pass in each basis, with the exact disk margin."""
     functions = basis(name, 6)
     check = check_critic(game, from_weights(game, functions.weights(value(game)), functions))
     assert check.ok, failed_names(check.checks)
@@ -104,6 +105,7 @@ def test_a_gain_alone_passes(game: Game) -> None:
 
 
 def test_the_limit_is_the_limit() -> None:
+    """An error of 1e-5 in P fails at the default limit and passes at 2e-5."""
     game = game_in(1.0, 1.0)
     P = value(game)
     noise = np.random.default_rng(0).standard_normal(P.shape)
@@ -114,6 +116,7 @@ def test_the_limit_is_the_limit() -> None:
 
 
 def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
+    """A root of the Riccati equation that does not stabilize fails by its loop and its error."""
     P = other_root(game)
     assert np.abs(game.residual(P)).max() <= 1e-7 * np.abs(game.Q).max()
     check = check_critic(game, from_value(game, P))
@@ -228,6 +231,7 @@ def test_wrong_shapes_and_numbers_are_named(
 
 
 def test_an_array_is_the_gain_of_a_critic(game: Game) -> None:
+    """`check_critic` accepts K as an array or as nested lists."""
     assert check_critic(game, gain(game)).ok
     assert check_critic(game, (1.01 * gain(game)).tolist()).grade == "near"
 
@@ -448,6 +452,7 @@ Names = tuple[str, ...]
 def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
+    """Only plants with names and units of the aircraft have its box of ordinary deviations."""
     box = ordinary_box(states, inputs, units)
     if speed is None:
         assert box is None
@@ -491,6 +496,7 @@ def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
 def test_a_history_passes_where_it_settles_in_time(
     game: Game, sizes: np.ndarray, of: str, predefined_time: float | None, settled: float
 ) -> None:
+    """A history passes only if its errors settle before the predefined time."""
     check = check_history(game, planted(game, sizes, of), predefined_time=predefined_time)
     assert check.table is not None
     assert check.table.settling_time == settled

@@ -144,6 +144,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
 
 
 def test_the_command_says_whose_weights_it_used(game: Game) -> None:
+    """The report names the source of Q, R and delta: file, option or default."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
     critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
     result = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
