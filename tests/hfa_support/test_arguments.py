@@ -104,11 +104,13 @@ WRONG = [
 
 @pytest.mark.parametrize("arguments", RIGHT)
 def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
+    """Values that match their annotation are accepted."""
     assert public(**{"thing": Thing(), **arguments}) == "done"
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
 def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
+    """Values of other types are refused by one line that names the argument."""
     with pytest.raises(BadInputError) as refused:
         public(**{"thing": Thing(), **arguments})
     assert message in str(refused.value)
@@ -116,11 +118,13 @@ def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: st
 
 
 def test_an_argument_by_its_place_is_checked_too() -> None:
+    """Positional arguments are checked as keywords are."""
     with pytest.raises(BadInputError, match="number is 'x'"):
         public(Thing(), "x")
 
 
 def test_missing_and_unknown_arguments_are_named() -> None:
+    """Missing and unknown arguments are named, with all arguments of the function."""
     for call in (public, lambda: public(Thing(), other=1), lambda: public(*[Thing()] * 40)):
         with pytest.raises(BadInputError, match=r"^public: "):
             call()
@@ -131,6 +135,7 @@ def test_missing_and_unknown_arguments_are_named() -> None:
 
 
 def test_the_function_keeps_its_name_and_its_text() -> None:
+    """The checked function keeps its name and wraps the original."""
     assert public.__name__ == "public"
     assert public.__wrapped__.__defaults__[0] == 0.0
 
@@ -143,6 +148,7 @@ class Declared:
 
 
 def test_of_a_class_the_constructor_is_checked() -> None:
+    """Arguments of a checked dataclass are refused under the name of the class."""
     assert Declared(Thing(), 2).number == 2
     with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
         Declared(3)
@@ -155,6 +161,8 @@ def test_of_a_class_the_constructor_is_checked() -> None:
 
 
 def test_a_failure_inside_stays_as_it_is() -> None:
+    """A TypeError inside a function is not reported as a wrong argument."""
+
     @checks_arguments
     def failing(word: str) -> int:
         return len(word) + word

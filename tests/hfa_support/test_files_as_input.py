@@ -30,6 +30,7 @@ def test_a_fifo_and_a_device_are_refused(tmp_path: Path, read) -> None:
     ],
 )
 def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
+    """Input files that are FIFOs are refused and do not block."""
     os.mkfifo("fifo.json")
     assert_refused(hfa(*words.split(), "fifo.json"), 2, "fifo")
 
@@ -42,6 +43,7 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
     ],
 )
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
+    """An output file that is a FIFO is refused and remains."""
     fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
     assert_refused(hfa(*words.split()), 2, "it is not a regular file; name another")
@@ -50,6 +52,7 @@ def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
 
 
 def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
+    """A file of more than 256 MiB is refused before it is read."""
     with (tmp_path / "large.json").open("wb") as file:
         file.truncate(LARGEST + 1)
     with pytest.raises(OSError, match="larger than 256 MiB"):
@@ -77,6 +80,7 @@ def test_an_archive_beyond_memory_is_refused(
 def test_text_that_no_parser_survives_is_one_line(
     tmp_path: Path, content: bytes, said: str
 ) -> None:
+    """Deeply nested and undecodable JSON and TOML files are refused."""
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(BadInputError, match=f"is not JSON .*{said}"):

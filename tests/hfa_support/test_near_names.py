@@ -31,4 +31,5 @@ def test_words_of_other_tools_are_other_names():
 
 
 def test_names_without_likeness_are_listed_alone():
+    """Without a near name the message lists the known names."""
     assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"

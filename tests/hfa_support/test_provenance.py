@@ -13,6 +13,7 @@ from hfa_support.provenance import Change, Provenance, parameter_hash
 
 
 def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
+    """Text and JSON of the provenance name each changed parameter."""
     edited = replace(parameter_set, values=parameter_set.values._replace(panel_mass=10.5))
     assert changed_parameters(edited) == {
         "panel_mass": Change(10.5, parameter_set.values.panel_mass, "slug")
@@ -23,12 +24,14 @@ def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
 
 
 def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> None:
+    """A change of one bit of one parameter changes the hash."""
     values = parameter_set.values
     nudged = values._replace(gravity=math.nextafter(values.gravity, 33.0))
     assert parameter_hash(nudged) != parameter_hash(values)
 
 
 def test_the_date_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SOURCE_DATE_EPOCH replaces the date."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"
     monkeypatch.delenv("SOURCE_DATE_EPOCH")

@@ -17,6 +17,7 @@ STUBS = [
 
 
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
+    """The error of an unknown public name suggests the nearest ones."""
     with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
         hfa.linearise  # noqa: B018
     with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
@@ -28,6 +29,7 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
 
 
 def test_one_name_stands_in_one_package() -> None:
+    """No public name is declared by two packages."""
     names = Counter(
         name for stub in STUBS for name in re.findall(r" as (\w+)", stub.read_text("utf-8"))
     )

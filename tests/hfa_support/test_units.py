@@ -30,6 +30,7 @@ FORCE = 0.45359237 * 9.80665
     ],
 )
 def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
+    """Units convert to SI and back by the stated factor."""
     assert si_unit(unit) == si
     assert si_factor(unit) == pytest.approx(factor, rel=1e-15)
     assert si_factor(si) == 1.0

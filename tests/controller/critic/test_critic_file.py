@@ -45,6 +45,7 @@ pytestmark = pytest.mark.usefixtures("folder")
     ],
 )
 def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) -> None:
+    """W, P and K are read under each of their names, with their values."""
     parts = single_parts(entries_in(stored(name, **content)), UNNAMED, None)
     expected = {"W": content.get("W", content.get("weights"))}
     expected |= {key: content.get(key) for key in "PK"}
@@ -63,6 +64,7 @@ def test_a_file_has_the_parts_that_it_holds(name: str, content: dict[str, Any]) 
     ],
 )
 def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None:
+    """Each faulty critic file is refused by one line that names file and fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         critic_in(stored("a.json", **content), GAME)
     assert "\n" not in str(refusal.value)
@@ -111,6 +113,7 @@ def test_functions_of_a_critic_follow_its_matrices() -> None:
 def test_rows_with_times_are_one_critic_each(
     suffix: str, content: dict[str, Any], has_gain: bool
 ) -> None:
+    """Each row of a history becomes a critic with its time, weights and gain."""
     critics = critics_in(stored(f"h.{suffix}", **content), GAME)
     assert [critic.time for critic in critics] == TIMES.tolist()
     np.testing.assert_array_equal([critic.weights for critic in critics], W)
@@ -120,6 +123,7 @@ def test_rows_with_times_are_one_critic_each(
 
 @pytest.mark.parametrize("times", [{}, {"t": TIMES}])
 def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
+    """A single row of weights with P is one critic without a time."""
     P = np.array([[0.0, 0.5], [0.5, 2.0]])
     (critic,) = critics_in(stored("h.npz", W=W[0], P=P, **times), GAME)
     assert critic.time is None
@@ -127,6 +131,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
+    """The basis in the file applies, unless the caller names another."""
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None
@@ -158,11 +163,13 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
     ],
 )
 def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> None:
+    """Histories with wrong shapes or times are refused with the reason."""
     with pytest.raises(BadInputError, match=said):
         critics_over_time(GAME, **content)
 
 
 def test_a_single_matrix_belongs_to_the_last_row() -> None:
+    """A gain given once is the policy of the last critic alone."""
     first, second, last = critics_over_time(GAME, TIMES, W=W, K=K[2])
     np.testing.assert_array_equal(last.K, K[2])
     np.testing.assert_array_equal(second.weights, W[1])

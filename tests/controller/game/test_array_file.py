@@ -52,6 +52,7 @@ def read(content: bytes | str, name: str = "a.mat") -> dict[str, Any]:
 
 @pytest.mark.parametrize("content", [mat("4", **PLAIN), *(path.read_bytes() for path in FILES)])
 def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
+    """The reader of .mat files returns the numbers and texts of SciPy's loadmat."""
     arrays = read(content)
     for name, value in scipy.io.loadmat(io.BytesIO(content)).items():
         expected = value.toarray() if issparse(value) else value
@@ -60,6 +61,7 @@ def test_numbers_and_texts_are_those_of_loadmat(content: bytes) -> None:
 
 
 def test_cells_of_text_and_structures() -> None:
+    """Cells of texts, structures and sparse matrices are read; mixed cells are omitted."""
     arrays = read(mat(**PLAIN, **TREES))
     np.testing.assert_array_equal(arrays["sparse"], TREES["sparse"].toarray())
     np.testing.assert_array_equal(arrays["short"], TREES["short"])
@@ -96,6 +98,7 @@ def test_a_damaged_file_is_refused_in_one_line(
 
 
 def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that unpack to more than the limit are refused before they are unpacked."""
     header = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     bomb = zlib.compress(mat(A=np.zeros(2_000_000))[128:])
     # The true limit needs a file of hundreds of megabytes.
@@ -153,6 +156,7 @@ def of(**texts: str) -> dict[str, Any]:
     ],
 )
 def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, list[str]]) -> None:
+    """A and B in CSV are read with or without names of rows and columns."""
     arrays = of(**texts)
     np.testing.assert_array_equal(arrays.pop("A"), A)
     np.testing.assert_array_equal(arrays.pop("B"), B)
@@ -179,5 +183,6 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
     ],
 )
 def test_what_is_no_matrix_is_said(texts: dict[str, str], said: str) -> None:
+    """CSV texts that are not matrices are refused with the reason."""
     with pytest.raises(BadInputError, match=said):
         of(**texts)

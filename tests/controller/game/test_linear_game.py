@@ -28,6 +28,7 @@ def test_weights_by_name_are_diagonals(linear: LinearModel) -> None:
 
 
 def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
+    """Lists and vectors of weights are the diagonals of Q and R."""
     game = hfa.game(linear, Q=[1, 2, 3, 4, 5, 6], R=np.full(5, 2.0))
     assert np.array_equal(game.Q, np.diag([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
     assert np.array_equal(game.R, 2.0 * np.eye(5))
@@ -35,6 +36,7 @@ def test_a_list_of_weights_is_a_diagonal(linear: LinearModel) -> None:
 
 
 def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> None:
+    """The default Q is diag(1/nominal²)."""
     nominal = np.array([linear.point.model.states[name].nominal for name in linear.states])
     assert np.diag(hfa.game(linear).Q) * nominal**2 == pytest.approx(np.ones(6), rel=1e-15)
 
@@ -59,5 +61,6 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
 def test_a_weight_that_does_not_fit_is_named(
     linear: LinearModel, weights: dict[str, object], words: str
 ) -> None:
+    """Unknown names, missing weights of inputs and wrong shapes are refused by name."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **weights)

@@ -54,6 +54,7 @@ def test_every_format_gives_the_same_game() -> None:
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:
+    """Missing E, Q, R and delta of the aircraft are the paper's, with a warning."""
     stored("plant.npz", **MODEL)
     with pytest.warns(
         UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
@@ -80,6 +81,7 @@ def test_the_papers_game_in_meters() -> None:
 
 
 def test_an_argument_counts_before_the_file() -> None:
+    """Q, R and delta given by the caller replace those of the file."""
     path = stored("plant.json", **PLANT, delta=5.0)
     assert stored_game(path).game.delta == 5.0
     assert stored_game(stored("inf.json", **PLANT, delta="inf")).game.delta == math.inf
@@ -146,6 +148,7 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
 def test_bad_entries_are_refused_in_one_line(
     load: Callable[[str], Any], content: Any, message: str
 ) -> None:
+    """Each faulty plant file is refused by one line that names file and fault."""
     with pytest.raises(BadInputError, match=f"^a.json: .*{message}") as refusal:
         load(stored("a.json", **content))
     assert "\n" not in str(refusal.value)
@@ -168,6 +171,7 @@ VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
     ],
 )
 def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: str) -> None:
+    """Damaged files of each format are refused by one line."""
     Path(name).write_bytes(content)
     with pytest.raises(BadInputError, match=said) as refusal:
         load_game(name)
@@ -194,6 +198,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
 def test_other_units_and_another_order_are_refused(
     content: dict[str, list[str]], said: str
 ) -> None:
+    """Units or an order of states that differ from the plant's are refused."""
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)

@@ -48,6 +48,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
     ],
 )
 def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> None:
+    """Wrong shapes, signs and numbers of a game are refused by one line."""
     with pytest.raises(BadInputError, match=message) as refusal:
         Game(**(SMALL | change))
     assert "\n" not in str(refusal.value)
@@ -57,6 +58,7 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
     "R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]]
 )
 def test_weights_of_very_different_size_are_definite(R: Any) -> None:
+    """R is definite with entries 1e40 apart and next to singular."""
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
@@ -95,6 +97,7 @@ def test_gains_are_extremals_of_the_hamiltonian() -> None:
 
 
 def test_a_game_cannot_be_changed_from_outside() -> None:
+    """A game copies its matrices and makes them read-only."""
     A = np.array(SMALL["A"])
     game = Game(**(SMALL | {"A": A}))
     A[0, 0] = 7.0
@@ -106,6 +109,7 @@ def test_a_game_cannot_be_changed_from_outside() -> None:
 
 
 def test_published_game_has_the_settings_of_the_paper() -> None:
+    """Q, R, E and delta are those of the paper; other plants need their own Q."""
     model = published_models()[0]
     game = published_game(model.A, model.B)
     assert np.array_equal(np.diag(game.Q), [1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01])
@@ -156,6 +160,7 @@ def test_quadratic_monomials_come_first_row_by_row() -> None:
 
 @pytest.mark.parametrize("functions", ALL)
 def test_gradient_has_second_order_remainder(functions: Basis) -> None:
+    """Each basis agrees with its gradient to first order; a planted error does not."""
     z = np.random.default_rng(1).normal(size=6)
     gradient = functions.gradient(z)
     assert taylor_slope(functions.psi, gradient, z) == pytest.approx(2.0, abs=0.05)
@@ -164,6 +169,7 @@ def test_gradient_has_second_order_remainder(functions: Basis) -> None:
 
 
 def test_many_states_at_once_are_each_state_alone() -> None:
+    """Bases evaluated at many states equal those at each state, bit for bit."""
     Z = np.random.default_rng(2).normal(size=(7, 6))
     for functions in ALL:
         assert np.array_equal(functions.psi(Z), np.array([functions.psi(z) for z in Z]))
@@ -214,6 +220,7 @@ def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: b
 
 @pytest.mark.parametrize("rank", [1, 2, 5])
 def test_sums_of_squares_are_semidefinite_in_any_units(rank: int) -> None:
+    """C'C counts as semidefinite in units that differ by factors up to 1e16."""
     rng = np.random.default_rng(rank)
     for _ in range(20):
         C = rng.standard_normal((rank, 6)) * 10.0 ** rng.uniform(-8.0, 8.0, 6)

@@ -55,6 +55,7 @@ from studies.update_law.integral_rl import probing_flight
 def test_published_models_settle_within_any_predefined_time(
     name: str, predefined_time: float, tick: float, start: float
 ) -> None:
+    """Both published games are learned to 1e-11 by the predefined time, at any tick."""
     game, exact = published(name)
     result = learn(game, predefined_time=predefined_time, tick=tick, initial_weights=start)
     assert_exact(result, exact, limit=1e-11)
@@ -68,6 +69,7 @@ def test_published_models_settle_within_any_predefined_time(
 
 @pytest.mark.parametrize("starts", [8, pytest.param(1000, marks=pytest.mark.slow)])
 def test_random_starts_end_at_the_solution(starts: int) -> None:
+    """Random initial weights, stabilizing or not, end at the exact solution."""
     stabilizing = 0
     for index in range(starts):
         game, exact = published(PUBLISHED[index // 4 % 2])
@@ -83,6 +85,7 @@ def test_random_starts_end_at_the_solution(starts: int) -> None:
 
 @pytest.mark.parametrize("name", [name for name in BASES if name != "quadratic"])
 def test_richer_bases_learn_that_the_value_is_quadratic(name: str) -> None:
+    """Weights of functions beyond the quadratic ones vanish to 1e-9."""
     game, exact = published(PUBLISHED[0])
     result = learn(game, basis=name, tick=0.1)
     assert_exact(result, exact)
@@ -114,6 +117,7 @@ def test_random_games_are_solved_or_refused_rightly(scaled: bool, games: int) ->
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
+    """With delta infinite the learner finds the LQR solution."""
     game, exact = lq(name)
     assert_exact(learn(game, tick=0.1), exact)
 
@@ -123,6 +127,7 @@ def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
     "degrees", [5, *(pytest.param(i, marks=pytest.mark.slow) for i in range(21) if i != 5)]
 )
 def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
+    """The learner finds the exact solution at each angle with both dynamics."""
     game = game_at(degrees, dynamics)
     assert_exact(learn(game), solve_game(game))
 
@@ -133,6 +138,7 @@ def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int
 @pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("start", [100.0, -3.0])
 def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) -> None:
+    """The residual decays from tick to tick by the closed form of the scalar law."""
     game, _ = published(name)
     law = certified_law(game, CertifiedSettings(initial_weights=start, tick=0.05), seed=0)
     residual = run(law).history["law_residual_norm"]
@@ -171,6 +177,7 @@ def test_riccati_residual_contracts_as_a_whole() -> None:
 
 
 def test_policies_are_stabilizing_throughout_stage_one() -> None:
+    """Policies of the first stage stabilize the discounted plant."""
     game, _ = published(PUBLISHED[0])
     law = certified_law(game, CertifiedSettings(tick=0.05), seed=0)
     finished = run(law)
@@ -181,6 +188,7 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
+    """The discount at the start is the instability plus 0.5, or 0 for a stable start."""
     for name in PUBLISHED:
         game, _ = published(name)
         unstable = abscissa(game.A)
@@ -212,6 +220,7 @@ def test_learning_reads_the_recorded_data_and_not_A() -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("duration", [5.0, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
+    """States recorded on one probing flight suffice to learn the exact solution."""
     game, exact = published(name)
     for seed in range(2):
         states, _, _ = probing_flight(game, seed, np.linspace(0.0, duration, 500), (0.05, 0.05))
@@ -265,6 +274,7 @@ def test_step_is_exact(start: float) -> None:
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
 def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
+    """The scalar law reaches 0 within theta T from any start, and this bound is sharp."""
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start
@@ -375,6 +385,7 @@ def test_a_delta_too_small_is_refused(name: str) -> None:
 
 
 def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
+    """The error names the discount below which no policy stabilizes."""
     game = Game(
         A=np.diag([0.3, -1.0]), B=[[0.0], [1.0]], E=np.eye(2), Q=np.eye(2), R=[[1.0]], delta=np.inf
     )
@@ -407,5 +418,6 @@ def test_a_plant_that_no_input_stabilizes_is_refused() -> None:
     ],
 )
 def test_bad_requests_name_the_setting(options: dict[str, Any], message: str) -> None:
+    """Wrong settings of the learner are refused by name."""
     with pytest.raises(BadInputError, match=message):
         learn(published(PUBLISHED[0])[0], **options)

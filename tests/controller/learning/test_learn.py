@@ -41,6 +41,7 @@ def test_progress_rises_to_one_and_nothing_is_printed(capsys: pytest.CaptureFixt
 
 
 def test_the_seed_decides_every_bit() -> None:
+    """Runs with equal seeds agree in every bit; another seed changes the weights."""
     first = short_run()
     same = short_run()
     second = short_run(seed=2)
@@ -59,6 +60,7 @@ def test_a_run_has_the_critic_of_its_last_weights() -> None:
 
 
 def test_results_are_plain_json() -> None:
+    """A run is written as strict JSON with its matrices, settings and units."""
     result = short_run()
     plain = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert plain["law"] == "certified"
@@ -130,6 +132,7 @@ def test_singular_weights_are_learned_and_pass() -> None:
 
 
 def test_twelve_states_are_learned_without_a_disturbance() -> None:
+    """A random LQR with 12 states and 78 weights is learned, with full rank."""
     rng = np.random.default_rng(1)
     A = rng.standard_normal((12, 12)) - np.diag(np.geomspace(1.0, 1e3, 12))
     game = Game(A, rng.standard_normal((12, 3)), np.eye(12), np.eye(12), np.eye(3), np.inf)
@@ -173,6 +176,7 @@ def assert_learned(game: Game, share: float, tick: float) -> None:
 
 @pytest.mark.parametrize(("seed", "states"), [(9, 6), (7, 8)])
 def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
+    """Games with one input and as many disturbances as states are learned."""
     rng = np.random.default_rng(seed)
     eye = np.eye(states)
     A = rng.standard_normal((states, states))
@@ -182,6 +186,7 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_need_no_looser_limit(games: int) -> None:
+    """Random games of 1 to 8 states are learned within the default limit."""
     rng = np.random.default_rng(21)
     for _ in range(games):
         n = int(rng.integers(1, 9))
@@ -193,6 +198,7 @@ def test_random_games_need_no_looser_limit(games: int) -> None:
 
 
 def test_the_correction_is_the_next_policy_iteration() -> None:
+    """The correction solves the Lyapunov equation of the Riccati residual."""
     game = stable_game()
     exact = reference_solution(game).P
     P = exact + np.array([[0.02, 0.01], [0.01, -0.01]])

@@ -80,6 +80,7 @@ def test_natural_spread_solves_its_equation() -> None:
 
 @pytest.mark.parametrize("samples", [21, 30, 60])
 def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
+    """Chosen samples are distinct and better conditioned than the first ones."""
     game, _ = published(PUBLISHED[0])
     pool = random_pool(game, 500, seed=0)
     chosen = choose(pool, QUADRATIC, samples)
@@ -118,6 +119,7 @@ def test_pivoting_finds_the_rich_moments() -> None:
 
 
 def test_poor_stacks_are_refused() -> None:
+    """States in a plane are refused with their rank."""
     game, _ = published(PUBLISHED[0])
     rng = np.random.default_rng(0)
     in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
@@ -126,6 +128,7 @@ def test_poor_stacks_are_refused() -> None:
 
 
 def test_excitation_of_a_known_stack() -> None:
+    """Rank, smallest eigenvalue and condition equal those computed by hand."""
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
     richness = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
     assert (richness.rank, richness.size, richness.samples) == (2, 2, 3)
@@ -215,6 +218,7 @@ def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
 
 
 def test_residuals_are_those_of_the_discounted_riccati_equation() -> None:
+    """Bellman residuals equal z' times the discounted Riccati residual times z."""
     game, exact = published(PUBLISHED[0])
     equations = build(game)
     P = 0.7 * exact.P

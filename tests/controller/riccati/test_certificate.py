@@ -54,6 +54,7 @@ def _by_schur(game: Game) -> np.ndarray:
 
 
 def test_non_stabilizing_root_is_refused(game: Game) -> None:
+    """A root with a tiny residual fails because its game loop is not Hurwitz."""
     P = other_root(game)
     certificate = _certify(game, P, P)
     assert named(certificate)["residual"].value < 1e-13
@@ -64,6 +65,7 @@ def test_non_stabilizing_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_root_is_refused(game: Game) -> None:
+    """Just below delta_min the root fails as indefinite, with a tiny residual."""
     below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
     P = _by_schur(below)
     certificate = _certify(below, P, P)
@@ -94,6 +96,7 @@ def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
 
 
 def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
+    """The LQR's P fails by its residual and by the second derivation."""
     P = solve_game(game.with_delta(math.inf)).P
     assert failed_names(_certify(game, P, solve_game(game).P).checks) == {
         "residual",
@@ -102,6 +105,7 @@ def test_lqr_solution_is_not_the_game_solution(game: Game) -> None:
 
 
 def test_solution_of_another_game_is_refused(game: Game) -> None:
+    """A change of 1e-6 in A makes the residual too large."""
     P = solve_game(game).P
     other = Game(game.A + 1e-6, game.B, game.E, game.Q, game.R, game.delta)
     assert "residual" in failed_names(_certify(other, P, P).checks)
@@ -117,11 +121,13 @@ def test_solution_of_another_game_is_refused(game: Game) -> None:
     ],
 )
 def test_changed_solution_is_refused(game: Game, change: object, failed: str) -> None:
+    """Each planted change of P fails the check that it violates."""
     P = solve_game(game).P
     assert failed in failed_names(_certify(game, change(P), P).checks)  # type: ignore[operator]
 
 
 def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
+    """Derivations that differ by 1e-7, or are not finite, fail."""
     P = solve_game(game).P
     assert failed_names(_certify(game, P, P * (1.0 + 1e-7)).checks) == {"second_derivation"}
     assert not _certify(game, P, np.full_like(P, np.nan)).ok
@@ -159,6 +165,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_value_is_exactly_0() -> None:
+    """A stable plant without cost has P = K = 0 and delta_min 0, certified."""
     data = answer("solve", "--model", stored("plant.npz", **STABLE))
     assert np.array_equal(data["P"], np.zeros((2, 2)))
     assert np.array_equal(data["K"], np.zeros((1, 2)))
@@ -197,6 +204,7 @@ def test_a_value_without_stabilization_is_another() -> None:
 
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])
 def test_a_mode_on_the_axis_is_not_stable(entry: float, stable: bool) -> None:
+    """Only an eigenvalue below 0 is stable, however small."""
     assert is_hurwitz(np.diag([-1.0, entry])) is stable
 
 

@@ -18,6 +18,7 @@ from hfa import Game, NoSolutionError, check_critic, from_value, solve_game
 
 
 def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
+    """z'Pz equals the cost by the Lyapunov equation to 1e-12."""
     for initial in (INITIAL, np.array([-3.0, 0.1, -0.2, 0.3, 0.05, -0.4])):
         assert cost_check(game, solve_game(game).P, initial).value < 1e-12
 
@@ -41,6 +42,7 @@ def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> N
 
 
 def test_cost_of_a_scalar_policy_in_closed_form() -> None:
+    """The cost of given policies of a scalar game equals its closed form."""
     game = Game(
         [[-1.0]], [[1.0]], [[1.0]], [[2.0]], [[3.0]], 2.0
     )  # u = -z/2, d = z/4: z' = -1.25 z
@@ -65,6 +67,7 @@ def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
 
 
 def test_exact_solution_means_what_it_says(game: Game) -> None:
+    """The exact solution passes the checks of its cost and its L2 gain."""
     checks = meaning_checks(game, solve_game(game).P, INITIAL)
     assert not failed_names(checks), [check.reason for check in checks if not check.ok]
     names = [check.name for check in checks]
@@ -121,6 +124,7 @@ def test_a_start_costs_what_is_reported() -> None:
 
 
 def test_the_exact_critic_costs_nothing() -> None:
+    """The exact gain is 0 % above the optimum, with the exact L2 gain and distance."""
     cost = flight_cost(GAME, EXACT, EXACT.K)
     assert (cost.worst, cost.mean) == (0.0, 0.0)
     assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)
@@ -139,6 +143,7 @@ def test_a_gain_beyond_delta_costs_without_bound() -> None:
 
 
 def test_a_game_that_costs_nothing() -> None:
+    """Where every flight costs 0, no gain is above the optimum."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
     assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
 

@@ -57,6 +57,8 @@ def test_an_open_answer_is_neither_refused_nor_good() -> None:
 
 
 def test_a_solution_within_what_is_open_is_found() -> None:
+    """The bracket of delta_min is found within an undecided interval."""
+
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
 
@@ -92,6 +94,7 @@ def test_the_gain_shown_is_attained() -> None:
 
 
 def test_a_refusal_names_what_shows_it() -> None:
+    """A refusal states the least gain of the disturbance, or an indefinite P."""
     game = game_models()["published-15"]
     low = existence(NormalForm.of(game.with_delta(80.0)))
     near = existence(NormalForm.of(game.with_delta(113.55)))

@@ -32,6 +32,7 @@ def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
 
 
 def test_gain_agrees_with_python_control(game: Game) -> None:
+    """The L2 gain equals python-control's H-infinity norm to 1e-7."""
     K = solve_game(game).K
     output = np.vstack([np.sqrt(game.Q), np.sqrt(game.R) @ K])  # Q and R are diagonal
     inputs = np.hstack([game.E, np.zeros((6, 5))])  # python-control 0.10 takes square systems only
@@ -62,6 +63,7 @@ def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
 
 
 def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) -> None:
+    """Both methods return an infinite gain, and the check names the unstable loop."""
     game, P = first
     K = -game.gain(P)
     assert bounded_real_gain(game, K) == swept_gain(*closed_loop(game, K)).gain == math.inf
@@ -71,6 +73,7 @@ def test_gain_of_an_unstable_loop_is_infinite(first: tuple[Game, np.ndarray]) ->
 
 
 def test_gain_without_disturbance_or_cost_is_zero() -> None:
+    """Without a path from disturbance to cost the L2 gain is 0."""
     still = Game([[-1.0]], [[1.0]], [[0.0]], [[1.0]], [[1.0]], 1.0)
     hidden = Game(
         np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 1.0
@@ -81,6 +84,7 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
 
 
 def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
+    """A hundredth of the exact gain fails the check of the L2 gain."""
     game, P = first
     checks = gain_checks(game, 0.01 * game.gain(P))
     assert failed_names(checks) == {"l2_gain"}
@@ -90,6 +94,7 @@ def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None
 def test_a_sweep_that_misses_the_peak_is_noticed(
     first: tuple[Game, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A sweep that returns less than the L2 gain fails the comparison of both methods."""
     game, P = first
     # The planted fault: no known loop makes the sweep miss its peak.
     monkeypatch.setattr("controller.riccati.meaning.swept_gain", lambda *_: SweptGain(100.0, 0.1))

@@ -52,6 +52,7 @@ def test_P_and_K_are_exact_to_1e12(name: str) -> None:
 
 
 def test_reference_agrees_with_eigenvectors_by_mpmath(game: Game) -> None:
+    """The reference solver of the tests agrees with eigenvectors in 40 digits."""
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
     with mpmath.workdps(40):
@@ -107,12 +108,14 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
 
 
 def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
+    """P falls as delta grows, in the order of matrices."""
     values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
 
 
 def test_scalar_game_in_closed_form() -> None:
+    """P of scalar games equals the root of a quadratic equation."""
     for a, s in ((-1.0, 0.75), (2.0, 0.75), (-1.0, -0.3), (-1.0, 0.0)):
         delta = 1.0 / math.sqrt(1.0 - s)
         exact = 1.5 if s == 0.0 else (a + math.sqrt(a * a + 3.0 * s)) / s
@@ -125,6 +128,7 @@ def test_scalar_game_in_closed_form() -> None:
 
 
 def test_double_eigenvalue_and_no_cost_at_all() -> None:
+    """Without cost a defective stable plant has P = 0 and delta_min 0."""
     game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], I2, 0.0 * I2, [[1.0]], 0.01)
     assert not solve_game(game).P.any()
     assert minimum_delta(game) == DeltaMin(0.0, 0.0)
@@ -137,6 +141,7 @@ def test_an_unstable_costless_mode_is_stabilized() -> None:
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
+    """With E = 0 the game is the LQR for any delta."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf
@@ -174,6 +179,7 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 def test_problem_without_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
+    """Where no LQR solution exists, one line names the mode that rules it out."""
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solver in (solve_game, minimum_delta):
@@ -227,6 +233,7 @@ def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> N
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
+    """A solution exists at delta_min and none at the refused value, a millionth below."""
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001
@@ -238,6 +245,7 @@ def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(20, marks=pytest.mark.slow)])
 def test_minimum_delta_of_random_games(games: int) -> None:
+    """The brackets of delta_min of random games agree with the reference solver."""
     rng = np.random.default_rng(11)
     for number in range(games):
         game = random_game(rng, scaled=number % 2 == 0)
@@ -248,6 +256,7 @@ def test_minimum_delta_of_random_games(games: int) -> None:
 
 @pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])
 def test_existence_is_decided_as_by_the_reference(games: int) -> None:
+    """Existence agrees with the reference solver for random games of both kinds."""
     rng = np.random.default_rng(12)
     verdicts = [0, 0]
     for number in range(games):

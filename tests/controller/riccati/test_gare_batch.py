@@ -129,6 +129,7 @@ def test_a_batch_of_24_states_needs_little_memory():
 
 
 def test_a_singular_plant_does_not_stop_the_others():
+    """In a batch only the singular plant is not certified; nan is refused by its number."""
     A, B = _models("published", 3)
     A = A.copy()
     B = B.copy()

@@ -243,6 +243,7 @@ def _bracket(sample: Sample) -> str:
 
 
 def test_a_game_of_each_structure() -> None:
+    """Games of each structure are accepted or refused rightly."""
     verdicts = Counter(_verdict(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
@@ -250,6 +251,7 @@ def test_a_game_of_each_structure() -> None:
 
 @pytest.mark.slow  # of degenerate games by name: test_gare_degenerate.py
 def test_smallest_delta_of_each_structure() -> None:
+    """Brackets of delta_min contain the true one for each structure."""
     brackets = Counter(_bracket(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert set(brackets) <= {"right", "right, wide", "none"}
     assert brackets["right"] >= 6

@@ -261,6 +261,7 @@ def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
 
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 def test_the_smallest_delta_is_within_a_millionth(a: float) -> None:
+    """delta_min of scalar games is within 1e-6 of the closed form."""
     smallest = minimum_delta(scalar(a, 1.0))
     exact = scalar(a, 0.0).delta
     assert exact * (1.0 - 1e-6) <= smallest.refused <= exact * (1.0 + 1e-12)

@@ -14,6 +14,8 @@ from trim.sweeps.sweep import run_points
 
 @pytest.mark.parametrize("compile_code", [False, True])
 def test_a_sweep(compile_code: bool) -> None:
+    """Sweeps computed in several threads at once equal those computed alone."""
+
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)
         values = np.column_stack(

@@ -120,6 +120,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
 
 @needs_compiler
 def test_the_cache_is_closed_to_others(cache: Path) -> None:
+    """Folder and library of the cache are accessible to their owner alone."""
     cache.mkdir(mode=0o777, parents=True)
     before = os.umask(0)  # the compiler would let everybody write
     try:

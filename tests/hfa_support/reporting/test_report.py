@@ -56,6 +56,7 @@ def test_empty_lines_stand_between_parts_only() -> None:
 
 
 def test_markdown_has_headings_and_tables() -> None:
+    """A report becomes Markdown with headings, escaped tables and notes."""
     assert (
         report([]).markdown()
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
@@ -151,6 +152,7 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
 
 
 def test_checks_judge_and_give_reasons() -> None:
+    """Checks pass at their limit, fail for nan and keep their reason only if they fail."""
     assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
     assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
     assert at_least("x", 1.0, 1.0, "small").ok

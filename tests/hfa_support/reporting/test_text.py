@@ -18,6 +18,7 @@ from hfa_support.reporting.text import (
 
 
 def test_radians_become_degrees() -> None:
+    """Angles and rates in rad are shown in degrees, other units unchanged."""
     angle = math.radians(15.0)
     assert in_degrees(angle) == 15.0
     assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
@@ -36,6 +37,7 @@ def test_radians_become_degrees() -> None:
     ],
 )
 def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str, ...]) -> None:
+    """Very small and very large matrices are printed with significant digits."""
     table = matrix_table("K", ("u1",), ("x1", "x2"), np.array([[largest, largest / 2.0]]))
     assert table.rows == [("u1", *cells)]
 
@@ -62,6 +64,7 @@ def test_wide_tables_continue_below() -> None:
 
 
 def test_a_paragraph_is_broken_between_words_alone() -> None:
+    """Wrapping never breaks a word, also not at an underscore."""
     text = "the unknowns speed_of_sound and alpha\nbind"
     assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"
     assert wrapped(text, None) == text
