@@ -218,7 +218,7 @@ def check_definite(name: str, matrix: np.ndarray, *, strictly: bool) -> None:
 
 
 def is_semidefinite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix (n, n) is positive semidefinite but for rounding.
+    """Return whether a symmetric matrix (n, n) is positive semidefinite except for rounding.
 
     The decision does not depend on units. It is made where the diagonal is 1: there the rounding of
     a sum of squares C'C is that of numbers of size 1, and weights of very different size cannot

@@ -242,7 +242,7 @@ def raise_disturbance(
         end_point, converged = iterate(equations, trial, normaliser, to_the_floor=False, most=8)
         if converged and equations.margin(end_point.weights, end_point.problem) > 0.0:
             eigenvalues = np.linalg.eigvalsh(equations.basis.matrix(end_point.weights))
-            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # but for rounding
+            if eigenvalues[0] > -1e-12 * eigenvalues[-1]:  # except for rounding
                 here = end_point
                 step = 2.0 * step
                 continue

@@ -51,8 +51,8 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     steps.
 
     V1 has the eigenvectors of A - S X. They also solve the Lyapunov equation of a step, and V1⁻¹ (A
-    - S X) V1 is diagonal but for rounding. The distance to the axis is bounded by the condition of
-    all eigenvectors (Bauer and Fike). Source: Zhou, Doyle and Glover, Section 13.2.
+    - S X) V1 is diagonal except for rounding. The distance to the axis is bounded by the condition
+    of all eigenvectors (Bauer and Fike). Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
@@ -96,10 +96,10 @@ def by_doubling(form: NormalForm) -> np.ndarray:
 
     T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 gives a game in
     discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is X <-
-    X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0 but for rounding.
-    The X of the game is p I + X. With p > 0 an unstable mode without cost has a final cost. c
-    differs slightly from |det H|^(1/2n), where an eigenvalue may be. Source: Chu, Fan and Lin,
-    Linear Algebra Appl. 396 (2005), 55-80.
+    X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0 except for
+    rounding. The X of the game is p I + X. With p > 0 an unstable mode without cost has a final
+    cost. c differs slightly from |det H|^(1/2n), where an eigenvalue may be. Source: Chu, Fan and
+    Lin, Linear Algebra Appl. 396 (2005), 55-80.
     """
     n = form.A.shape[-1]
     one = np.eye(n)

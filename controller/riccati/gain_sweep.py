@@ -63,5 +63,5 @@ def frequency_grid(eigenvalues: np.ndarray, per_decade: int = GRID_PER_DECADE) -
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
     found = np.unique(np.concatenate([[0.0], grid, resonances]))
-    # Of frequencies that are equal but for rounding one stays: a peak lies between neighbors.
+    # Of frequencies that are equal except for rounding one stays: a peak lies between neighbors.
     return found[np.append(True, np.diff(found) > _SAME * found[1:])]

@@ -199,7 +199,7 @@ def _crossings_of(
     part: Re or Im of M
     seen: M on the grid, each column a curve
     """
-    # Where l is 0 or infinite but for rounding, signs of Im M change by rounding.
+    # Where l is 0 or infinite except for rounding, signs of Im M change by rounding.
     is_lost = np.minimum(np.abs(seen - 0.5), np.abs(seen + 0.5)) < 0.1 * ROUNDING
     above = part(seen) > 0.0
     is_counted = ~(is_lost[1:] & is_lost[:-1])

@@ -309,7 +309,7 @@ class NormalForm:
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """Return the game in the coordinates D W'y, rounded once at the end.
 
-        W: (n, n), orthogonal but for rounding
+        W: (n, n), orthogonal except for rounding
         D: (n,), powers of two
         """
         inverse = precise_inverse(W)
@@ -333,7 +333,7 @@ def similar(matrix: Pair, W: np.ndarray, D: np.ndarray) -> Pair:
 
 
 def precise_inverse(W: np.ndarray) -> Pair:
-    """Return (W')⁻¹ for a W that is orthogonal but for rounding."""
+    """Return (W')⁻¹ for a W that is orthogonal except for rounding."""
     high, low = product_of_doubles(W.T, W)
     defect = np.eye(len(W)) - high, -low
     return add(exact(W), product(exact(W), defect))  # a step of Newton's method

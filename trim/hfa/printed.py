@@ -81,8 +81,8 @@ class EntryRow(Result):
 
     @property
     def is_zero(self) -> bool:
-        """True if the entry is printed as 0 and is 0 but for rounding, so that there is nothing to
-        compare."""
+        """True if the entry is printed as 0 and is 0 except for rounding, so that there is nothing
+        to compare."""
         return self.printed == 0.0 and abs(self.half_units) < 1e-6
 
     @property

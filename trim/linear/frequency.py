@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: A Bode plot of more outputs cannot be read.
 _MOST_PANELS = 6
-#: Eigenvalues below this share of the largest are zero but for rounding: no modes to draw.
+#: Eigenvalues below this share of the largest are zero except for rounding: no modes to draw.
 _STILL = 1e-6
 
 

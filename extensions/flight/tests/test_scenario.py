@@ -164,7 +164,7 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
         ),
         (
             lambda: GainPolicy("bad", np.full((5, 6), np.nan)),
-            "the gain has shape .*; give inputs x states finite numbers",
+            "the gain has shape .*; give finite numbers, inputs x states",
         ),
         (lambda: Waveform(np.zeros(2), np.zeros(3)), "parts of shape"),
     ],

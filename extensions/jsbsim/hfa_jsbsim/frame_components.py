@@ -172,7 +172,7 @@ def _refuse_delay(component: Element) -> None:
     """Raise BadInputError for a delay of whole frames."""
     delay = component.find("delay")
     if delay is not None:
-        raise delay.error(f"the <delay> of a <{component.name}> is not stepped; remove it")
+        raise delay.error(f"the <delay> of a <{component.name}> is not supported; remove it")
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:

@@ -167,7 +167,7 @@ def stored_gain(path: Path) -> np.ndarray | None:
         gain = numbers_in("K", arrays["K"])
         if gain.ndim != 2 or not np.all(np.isfinite(gain)):
             raise BadInputError(
-                f"K has shape {gain.shape}; give actions x observations finite numbers"
+                f"K has shape {gain.shape}; give finite numbers, actions x observations"
             )
         return gain
 

@@ -211,7 +211,7 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
 
 
 def _by_rounding(used: float) -> tuple[Class, str]:
-    """Return the class of an answer that is right but for rounding.
+    """Return the class of an answer that is right except for rounding.
 
     used: result of `rounding_used`
     """
