@@ -11,7 +11,7 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, model_of, trims
+from policy_cases import FOLDER, GTM, aircraft, card, gtm_card, model_of
 from tolerances import FEW_ROUNDINGS
 
 from hfa_policy.assess import assess
@@ -381,12 +381,10 @@ def test_a_deployment_that_was_read_is_pickled(folder):
         lambda: Deployment({}, {1: {}}, {"elevator": {}}, {"dt": 0.02}),
         lambda: Deployment.load(5),
         lambda: card("ppo_gtm").on(None),
-        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), np.array(45.0)),
         lambda: environment(aircraft("ppo_gtm"), "card.toml"),
         lambda: environment(None, card("ppo_gtm")),
         lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), seconds="long"),
         lambda: vector_environment(aircraft("ppo_gtm"), card("ppo_gtm"), count=2.5),
-        lambda: environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[0]),
         lambda: assess(aircraft("ppo_gtm"), None),
         lambda: assess(aircraft("ppo_gtm"), card("ppo_gtm"), samples="many"),
     ],
