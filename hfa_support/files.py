@@ -12,7 +12,6 @@ import os
 import shutil
 import signal
 import stat
-import tempfile
 import threading
 import time
 import tomllib
@@ -153,6 +152,8 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
     parent: parent folder; by default the system's folder of temporary files
     """
+    import tempfile
+
     path = _temporary_path(Path(parent or tempfile.gettempdir()))
     try:
         path.mkdir(mode=0o700)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
+from importlib.util import find_spec
 from typing import Any
 
 from hfa_support.entry_points import PARTS, offered, part
@@ -71,8 +72,9 @@ def no_public_name(
     get: returns the object of a public name
     known: the public names
     """
+    is_module = find_spec(f"{package}.{name}") is not None  # Python imports it after this error
     near = advice(name, known)
-    if not near:
+    if not near and not is_module:
         classes = [each for each in known if each[0].isupper() and hasattr(get(each), name)]
         near = f"; it is an attribute of {', '.join(classes[:3])}" if classes else ""
     return AttributeError(f"module {package!r} has no attribute {name!r}{near}")

@@ -72,7 +72,7 @@ class RowFunction(threading.local):
     def __init__(self, function: ca.Function) -> None:
         self.function = function
         self._rows = 0
-        self._blocks: dict[tuple[int, bool], Block] = {}
+        self._blocks: dict[int, Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """Pickle the Function alone."""
@@ -81,10 +81,8 @@ class RowFunction(threading.local):
     def __call__(self, *tables: Any) -> list[np.ndarray]:
         """Return the results (N, size of the result) for arguments (N, size of the argument)."""
         count = len(tables[0])
-        self._rows += count
-        together = next((size for size in _TOGETHER if size <= 2 * count), 1)
-        kind = (together, self._rows >= _MANY)
-        evaluate, inputs, results = self._blocks.get(kind) or self._bind(*kind)
+        together = self._together(count) if count > 1 else 1
+        evaluate, inputs, results = self._blocks.get(together) or self._bind(together)
         if count == together:
             for memory, table in zip(inputs, tables, strict=True):
                 memory[:] = table
@@ -100,16 +98,21 @@ class RowFunction(threading.local):
                 table[first:last] = memory[: last - first]
         return tables_out
 
-    def _bind(self, together: int, is_often: bool) -> Block:
-        """Return the Function of `together` rows, bound to its memory.
+    def _together(self, count: int) -> int:
+        """Return the rows of a block for a call with `count` rows."""
+        before = self._rows
+        self._rows += count
+        if before < _MANY <= self._rows:
+            self._blocks.clear()
+        return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
-        is_often: whether there are many rows in all calls
-        """
+    def _bind(self, together: int) -> Block:
+        """Return the Function of `together` rows, bound to its memory."""
         bind = bound_rows
-        if is_often:
+        if self._rows >= _MANY:
             from hfa_support.native.columns import bound_columns as bind
         with MAKING:
-            block = self._blocks[together, is_often] = bind(self.function, together)
+            block = self._blocks[together] = bind(self.function, together)
         return block
 
 
