@@ -27,9 +27,14 @@ def exact(matrix: np.ndarray) -> Pair:
 def add(left: Pair, right: Pair) -> Pair:
     """Return left + right to about 2^-104 of the larger one (Knuth's error-free sum of the
     highs)."""
-    high = left[0] + right[0]
-    back = high - left[0]
-    low = (left[0] - (high - back)) + (right[0] - back) + (left[1] + right[1])
+    return _sum(left[0], right[0], left[1] + right[1])
+
+
+def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
+    """Return left + right + low, where low is at the size of the rounding of the others."""
+    high = left + right
+    back = high - left
+    low = (left - (high - back)) + (right - back) + low
     total = high + low
     return total, low - (total - high)
 
@@ -46,18 +51,18 @@ def product(left: Pair, right: Pair) -> Pair:
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     """Return `product` of plain doubles, without terms smaller than the last slices."""
-    p, n = left.shape[-2:]
-    slices = _slices(np.concatenate([left, right.mT], axis=-2))
-    rows = np.concatenate([each[..., :p, :] for each in slices], axis=-1)
-    columns = np.concatenate([each[..., p:, :] for each in slices[::-1]], axis=-1).mT
+    n = left.shape[-1]
+    rows = np.concatenate(_slices(left, -1), axis=-1)
+    columns = np.concatenate(_slices(right, -2)[::-1], axis=-2)
     parts = [  # products of slices of one size at once, largest first
         rows[..., : order * n] @ columns[..., (SLICES - order) * n :, :]
         for order in range(1, SLICES + 1)
     ]
-    total = exact(parts.pop() + parts.pop())  # rounded below the digits of the result
+    high = parts.pop() + parts.pop()  # rounded below the digits of the result
+    low = np.zeros_like(high)
     while parts:
-        total = add(exact(parts.pop()), total)
-    return total
+        high, low = _sum(parts.pop(), high, low)
+    return high, low
 
 
 def transposed(pair: Pair) -> Pair:
@@ -91,14 +96,13 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, numbers - high
 
 
-def _slices(matrix: np.ndarray) -> list[np.ndarray]:
+def _slices(matrix: np.ndarray, axis: int) -> list[np.ndarray]:
     """Return slices whose sum is the matrix, except for bits below the last slice.
 
-    The entries of a row have one scale.
+    The entries along an axis have one scale, and sums of products along it are free of rounding.
     """
-    # So that sums of products of slices are free of rounding.
-    bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[-1], 1)))) // 2
-    largest = np.abs(matrix).max(axis=-1, keepdims=True, initial=0.0)
+    bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[axis], 1)))) // 2
+    largest = np.abs(matrix).max(axis=axis, keepdims=True, initial=0.0)
     # Beside this number a double has no bits below the first slice.
     shift = np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits))
     slices = []
