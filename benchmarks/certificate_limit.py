@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.report import Limit, shortest
+from controller.riccati.balancing import units_of
 from controller.riccati.certificate import certified_stack
 from controller.riccati.normal_form import NormalForm
 
@@ -22,14 +23,15 @@ def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
     """Return the time of a game in these stacks of games that their decompositions and products
     take alone.
 
-    The decompositions are the eigenvectors of the Hamiltonian and their inverse, which bound the
-    distance from the axis and take less time than its ordered Schur form; the inverse and the
-    doublings of a second derivation; the eigenvectors of A - B K and their inverse; and the
-    eigenvalues of P. The products of one step and of the residual are one call."""
+    The decompositions are the balancing of the Hamiltonian; its eigenvectors and their inverse,
+    which bound the distance from the axis and take less time than its ordered Schur form; the
+    inverse and the doublings of a second derivation; the eigenvectors of A - B K and their inverse;
+    and the eigenvalues of P. The products of one step and of the residual are one call."""
     tasks = [(form, certified_stack(form).X) for form in forms]
 
     def decompose() -> None:
         for form, X in tasks:
+            units_of(form.A, form.S, form.Q)
             np.linalg.inv(np.linalg.eig(form.hamiltonian)[1])
             np.linalg.inv(form.hamiltonian)
             for _ in range(_DOUBLINGS):

@@ -257,14 +257,13 @@ def evaluations(
     """The least that trims and linear models of these points take: at each point one evaluation of
     the equations with their Jacobian, for a step of Newton's method, and one of A and B."""
     condition = usual_condition(model) if condition is None else condition
-    make = TrimSystem if compile_code else SharedSystem
-    system = make(model, condition.freed_for(variables), variables)
+    system = SharedSystem(model, condition.freed_for(variables), variables)
     columns = dict(zip(variables, values.T, strict=True))
     c = TrimSystem.constants(system, len(values), columns)
     z = np.tile(system.start, (len(values), 1))
     seconds = 0.0
-    parts: Sequence[Callable[..., Any]] = system.rows
     equations = system.equations
+    parts: Sequence[Callable[..., Any]] = (equations.residual_rows, equations.linear_rows)
     functions = (equations.residual_rows.function, equations.linear_rows.function)
     if compile_code:
         parts = [_compiled(functions[0], function) for function in functions]

@@ -344,13 +344,13 @@ class TrimSystem:
         return np.where(self.far_out(z), z - turn * np.round(z / turn), z)
 
     @property
-    def rows(self) -> tuple[RowsOf, ...]:
-        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
-        return self.equations.residual_rows, self.equations.linear_rows
+    def residual_rows(self) -> RowsOf:
+        """Function (z, c) -> r and J, row by row."""
+        return self.equations.residual_rows
 
     def residuals(self, z: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return r (N, e) and J (N, m, k) at the unknowns z (N, k) and the constants c (N, ..)."""
-        residual, jacobian = self.rows[0](z, c)
+        residual, jacobian = self.residual_rows(z, c)
         return residual, jacobian.reshape(len(z), self.moved, z.shape[1])
 
     def quick_steps(

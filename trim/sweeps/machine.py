@@ -243,11 +243,14 @@ class CompiledSystem(SharedSystem):
         return self.machine.newton(z, c)
 
     @property
-    def rows(self) -> tuple[RowsOf, ...]:
-        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
-        if self.machine is None:
-            return super().rows
-        return self.machine.residuals, self.machine.linear
+    def residual_rows(self) -> RowsOf:
+        """Function (z, c) -> r and J, row by row."""
+        return super().residual_rows if self.machine is None else self.machine.residuals
+
+    @property
+    def linear_rows(self) -> RowsOf:
+        """Function (z, c) -> x, u, y, A and B, and r, row by row."""
+        return super().linear_rows if self.machine is None else self.machine.linear
 
 
 @lru_cache(maxsize=16)

@@ -23,15 +23,20 @@ class SharedSystem(TrimSystem):
         return _shared_rows(self.equations)
 
     @property
-    def rows(self) -> tuple[RowsOf, ...]:
-        """Functions (z, c) -> r and J, and (z, c) -> x, u, y, A and B, and r, row by row."""
-        return super().rows if self.is_quick else self._shared[1:]
+    def residual_rows(self) -> RowsOf:
+        """Function (z, c) -> r and J, row by row."""
+        return super().residual_rows if self.is_quick else self._shared[1]
+
+    @property
+    def linear_rows(self) -> RowsOf:
+        """Function (z, c) -> x, u, y, A and B, and r, row by row."""
+        return self.equations.linear_rows if self.is_quick else self._shared[2]
 
     def linear(
         self, z: np.ndarray, c: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return x, u and watched outputs (N, n + m + w), A (N, n, n), B (N, n, m) and r (N, e)."""
-        (flat,) = self.rows[1](z, c)
+        (flat,) = self.linear_rows(z, c)
         n = len(self.model.states)
         m = len(self.model.inputs)
         ends = np.cumsum([n + m + len(self.structure.watched), n * n, n * m])
