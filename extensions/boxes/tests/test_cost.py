@@ -187,6 +187,20 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
         check_cost(*read_cost(content, PENDULUM))
 
 
+@pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
+def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: CostBound) -> None:
+    """A flight that enters {W <= c} from outside has paid a negative cost otherwise."""
+    content = content_of(proved)
+    content["statement"][name] = weights
+    with pytest.raises(NoSolutionError, match=f"{name}: not positive semidefinite"):
+        read_cost(content, PENDULUM)
+
+
+def test_an_entry_of_no_claim_is_refused(proved: CostBound) -> None:
+    with pytest.raises(NoSolutionError, match="unknown entry"):
+        read_cost(content_of(proved) | {"note": "x"}, PENDULUM)
+
+
 def wagon(x: Any, u: Any, p: Any, w: Any) -> Any:
     return {"position": u.pull + u.push + 0.9 * u.pull * u.push}, {}
 
