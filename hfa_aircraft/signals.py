@@ -67,6 +67,7 @@ def remember_record(kind: Any) -> None:
         "__getitem__": item,
         "__reduce__": reduced,
         "keys": lambda _: kind._fields,
+        "items": lambda values: zip(kind._fields, values, strict=True),
         "__slots__": (),
     }
     _RECORDS[kind._fields] = type(kind.__name__, (kind,), members)

@@ -121,6 +121,11 @@ def test_inputs_reach_modes_or_not() -> None:
     assert hidden.zeros(outputs=()) == pytest.approx([-3.0])
     assert not hidden.is_controllable
     assert replace(hidden, B=B + basis[:, :1]).is_controllable
+    assert linear.is_observable
+    # The outputs are orthogonal to the eigenvector of -3.
+    seen = replace(linear, A=A, C=inverse[1:], outputs=linear.outputs[1:], D=0.0 * linear.D[1:])
+    assert not seen.is_observable
+    assert seen.zeros(inputs=()) == pytest.approx([-3.0])
     assert linear.zeros("elevator_center", "pitch") == pytest.approx(
         linear["pitch", "elevator_center"].zeros()
     )
@@ -166,7 +171,7 @@ def test_names_index_values_and_modes() -> None:
     assert linear.modes["phugoid"] == linear.modes[2]
     assert dict(linear.modes)["phugoid"] == linear.modes[2]
     assert list(linear.modes.items()) == [(mode.name, mode) for mode in linear.modes.values()]
-    assert dict(point.states) == point.states._asdict()
+    assert dict(point.states) == dict(point.states.items()) == point.states._asdict()
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2]})
     again = pickle.loads(pickle.dumps(swept))
     for each in (swept, again):

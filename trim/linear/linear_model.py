@@ -200,12 +200,17 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """True if the inputs reach every mode, within rounding: [A - λ I, B] has rank n."""
         return not self.zeros(outputs=()).size
 
+    @property
+    def is_observable(self) -> bool:
+        """True if the outputs depend on every mode, within rounding: [A - λ I; C] has rank n."""
+        return not self.zeros(inputs=()).size
+
     @checks_arguments
     def zeros(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
         By default all inputs and outputs are used. Without outputs, (), the result contains the
-        eigenvalues of the modes that no input reaches.
+        eigenvalues of the modes that no input reaches; without inputs, of the unobservable ones.
         """
         from trim.linear.frequency import zeros_of
         from trim.linear.reduction import chosen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from hfa_support.reporting.results import Result
 
@@ -33,3 +34,13 @@ class Mode(Result):
     time_to_double: float
     stable: bool
     participation: dict[str, float]
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return the attribute that a word of another tool means: mode.zeta is mode.damping."""
+            if name[0] == "_":
+                raise AttributeError(name)
+            from hfa_support.unknown import attribute_of
+
+            return attribute_of(self, name)

@@ -91,6 +91,8 @@ def test_a_free_response_is_the_matrix_exponential() -> None:
         assert free.outputs[:, 100] == pytest.approx(expm(linear.A) @ start, abs=1e-9)
     with pytest.raises(BadInputError, match="unknown state 'aoa'; did you mean alpha"):
         linear.simulate(initial={"aoa": 0.05})
+    with pytest.raises(BadInputError, match="u is a function"):
+        linear.simulate(lambda t: 0.1, time=1.0)
     with pytest.raises(BadInputError, match=r"initial is of shape \(2,\); give \(6,\)"):
         linear.simulate(initial=[0.0, 1.0])
 
@@ -135,6 +137,15 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
     point = _linear().point
     assert point.success is point.converged is point.ok is True
     game = hfa.paper.published_game(_linear())
+    phugoid = _linear().phugoid
+    assert phugoid is not None
+    assert (phugoid.name, phugoid.zeta) == ("phugoid", phugoid.damping)
+    assert phugoid.wn == phugoid.omega == phugoid.frequency
+    with pytest.raises(AttributeError, match=r"Mode has no attribute 'dampin'; did you mean damp"):
+        phugoid.dampin  # noqa: B018
+    with pytest.raises(AttributeError, match="'theta'; did you mean pitch"):
+        point.theta  # noqa: B018
+    assert _linear().stable is _linear().is_stable
     solution = hfa.solve_game(game)
     assert np.array_equal(solution.eigenvalues, solution.closed_loop_eigenvalues)
     assert solution.gamma == game.delta

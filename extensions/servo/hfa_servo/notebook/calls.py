@@ -12,7 +12,9 @@ from controller.riccati.gare import Solution
 from controller.riccati.solution_report import AnalysedGame, solve
 from hfa_support.arguments import argument_tests
 from hfa_support.errors import nearest
+from hfa_support.reporting.report import Reported
 from hfa_support.unknown import no_attribute
+from trim.linear.linear_model import LinearModel
 
 _SAME_ARGUMENTS = """
 K: policy
@@ -35,6 +37,8 @@ x0: initial
 _SAME_ATTRIBUTES = """
 as_dict: to_dict
 controllability: ctrb
+controllable: is_controllable
+damping_ratio: damping
 converged: ok
 derivatives: rates_at
 eigenvalues: closed_loop_eigenvalues
@@ -44,9 +48,12 @@ info: report
 n_inputs: ninputs
 n_outputs: noutputs
 n_states: nstates
+natural_frequency: frequency
 observability: obsv
+omega: frequency
 passed: ok
 regret: cost_lost
+stable: is_stable
 suboptimality: cost_lost
 success: ok
 summary: report
@@ -58,7 +65,9 @@ to_matlab: save
 to_npz: save
 u: inputs
 value: cost
+wn: frequency
 x: states
+zeta: damping
 """
 #: Keyword of python-control or SciPy -> arguments of the same meaning.
 ARGUMENTS = {
@@ -75,7 +84,7 @@ def attribute(value: Any, name: str, *more: str) -> Any:
     """Return the attribute that a word of another tool means, or a function of `hfa` as a method.
 
     A function of `hfa` is a method of its first argument: model.linearize(point). A solution has
-    the attributes that `hfa.solve` adds.
+    the attributes that `hfa.solve` adds, and a linear model its modes: linear.phugoid.
 
     more: further attributes for the message
 
@@ -84,7 +93,11 @@ def attribute(value: Any, name: str, *more: str) -> Any:
     same = ATTRIBUTES.get(name)
     if same is not None and hasattr(value, same):
         return getattr(value, same)
-    if name == "to_json":
+    if isinstance(value, LinearModel):
+        for mode in value.modes:
+            if mode.name.replace(" ", "_") == name:
+                return mode
+    if name == "to_json" and isinstance(value, Reported):
         return value.report().json
     if type(value) is Solution and name in _ANALYSED:
         return getattr(solve(value.game), name)
@@ -92,7 +105,8 @@ def attribute(value: Any, name: str, *more: str) -> Any:
     if method is not None:
         return method
     methods = [each for each in nearest(name, dir(_public())) if _method(value, each) is not None]
-    raise no_attribute(value, name, *methods, *more)
+    names = value.keys() if hasattr(type(value), "keys") else ()
+    raise no_attribute(value, name, *methods, *names, *more)
 
 
 def _public() -> Any:

@@ -48,7 +48,9 @@ def simulated(
     system = model.to_control()
     named = {} if u is None else u
     is_named = isinstance(named, Mapping)
-    time = _times(system, time, dt, None if is_named else max(np.shape(u)))
+    if callable(named):
+        raise BadInputError("u is a function; give its values at the times, or numbers by input")
+    time = _times(system, time, dt, None if is_named else max(np.shape(u), default=0))
     if is_named:
         rows = _values("input", named, model.inputs)
         if any(row.shape not in ((), time.shape) for row in rows):
