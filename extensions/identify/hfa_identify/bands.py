@@ -235,14 +235,9 @@ def explained(fit: Fit) -> np.ndarray:
     squares of the measured quantity about its mean)."""
     parts = []
     for place in range(len(fit.noise)):
-        left = varied = 0.0
-        for response, residual, present in zip(
-            fit.responses, fit.residuals, fit.present, strict=True
-        ):
-            residuals = residual[present[:, place], place]
-            seen = response.y[present[:, place], place] + residuals
-            left += float(residuals @ residuals)
-            varied += len(seen) * float(seen.var()) if len(seen) else 0.0
+        measured, residuals = _samples(fit, place)
+        left = sum(float(each @ each) for each in residuals)
+        varied = sum(len(each) * float(each.var()) for each in measured if len(each))
         parts.append(1.0 - left / varied)
     return np.array(parts)
 
@@ -250,16 +245,20 @@ def explained(fit: Fit) -> np.ndarray:
 def unexplained(fit: Fit) -> np.ndarray:
     """Return (k,) flags of quantities whose simulated motion contradicts the measured one: their
     residuals would be smaller without it. Large noise alone sets no flag."""
-    flags = []
-    for place, noise in enumerate(fit.noise):
-        seen = [
-            (response.y + residual)[present[:, place], place]
-            for response, residual, present in zip(
-                fit.responses, fit.residuals, fit.present, strict=True
-            )
-        ]
-        flags.append(noise > _WORSE * np.concatenate(seen).var())
-    return np.array(flags)
+    motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
+    return np.asarray(fit.noise > _WORSE * np.array(motions))
+
+
+def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the measured samples of a quantity and their residuals for each record, (N,) each.
+
+    place: of the quantity"""
+    measured, residuals = [], []
+    for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
+        seen = present[:, place]
+        residuals.append(residual[seen, place])
+        measured.append(simulated.y[seen, place] + residual[seen, place])
+    return measured, residuals
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from hfa_identify.plan import manoeuvres
 from hfa_identify.prediction import Condition, Predictions
 from hfa_identify.records import Record, read_record, record_of
 from hfa_identify.response import Responses
-from hfa_identify.search import Search
+from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
@@ -200,9 +200,9 @@ def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, fl
     responses = search.responses.calm
     theta = fit.theta[search.responses.turbulent :]
     fixed = np.column_stack([theta, theta])
-    apart = Search(responses, records, search.held)
+    guesses = [begin_of(responses.model, record, search.held) for record in records]
     try:
-        found = OutputError(responses, records, fixed, apart.guesses).fit(theta, apart.guesses)
+        found = OutputError(responses, records, fixed, guesses).fit(theta, guesses)
     except FloatingPointError as error:
         names = ", ".join(record.name for record in records)
         raise NoSolutionError(f"{names}: {error} with the identified parameters") from error

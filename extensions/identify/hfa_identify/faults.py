@@ -91,9 +91,7 @@ def faults_of(
     """
     spikes = list(outliers(search, fit))
     # A column in another unit leaves residuals that look like outliers.
-    column = ""
-    if not spikes or unexplained(fit).any():
-        column = fault_of_columns(search, fit, errors, progress)
+    column = fault_of_columns(search, fit, errors, progress)
     if spikes and not column:
         yield from spikes
         return

@@ -264,8 +264,9 @@ class Identified(Result, Reported):
         for name, each in self.parameters.items():
             half = 0.5 * (each.high - each.low)
             share = f"{100.0 * half / abs(each.value):.2g} %" if each.value else "-"
-            ends = [f"{value:.6g}" for value in (each.value, each.low, each.high)]
-            rows.append((name, *ends, share, f"{each.start:.6g}", shown_unit(each.unit)))
+            ends = [shown_value(value, each.unit) for value in (each.value, each.low, each.high)]
+            before = shown_value(each.start, each.unit)
+            rows.append((name, *ends, share, before, shown_unit(each.unit)))
         return Table(
             ("parameter", "estimate", "low", "high", "band", "before", "unit"), tuple(rows)
         )

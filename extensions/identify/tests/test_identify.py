@@ -236,6 +236,12 @@ def late(values, samples=2):
             lambda q: q + np.where(np.arange(len(q)) == 99, 5.0, 0.0),
             "an outlier of pitch_rate at 3.96 s",
         ),
+        pytest.param(
+            "pitch_rate",
+            lambda q: np.degrees(q) + np.where(np.arange(len(q)) == 99, 20.0, 0.0),
+            "pitch_rate is in deg/s, read as rad/s",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
@@ -408,6 +414,10 @@ def test_errors_of_sensors_are_estimated():
     for name, planted in errors.items():
         each = result.parameters[name]
         assert abs(each.value - planted) < 1.3 * (each.high - each.low)
+    bias = result.parameters["bias_pitch"]
+    (line,) = [line for line in str(result).splitlines() if line.startswith("bias_pitch")]
+    assert line.split()[1] == f"{math.degrees(bias.value):.6g}"
+    assert line.split()[-1] == "deg"
 
 
 def test_steps_of_inputs_are_told_from_slopes():
