@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 from small_networks import imitation
 
 from hfa.main import main
@@ -38,7 +39,7 @@ from hfa_boxes.enclosure.program import Program
 from hfa_boxes.enclosure.taylor import TaylorProgram, lowest
 from hfa_boxes.interruption import interruptible
 from hfa_boxes.search.region import RegionSearch
-from hfa_boxes.search.shape import Shape
+from hfa_boxes.search.shape import Growth, Shape
 from hfa_support.errors import BadInputError, NoSolutionError
 
 PENDULUM = "examples/pendulum.py:PENDULUM"
@@ -404,3 +405,34 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
     bound = Shape.of_matrix(np.eye(4), search.J, 2).bound(search.samples, 1.0)
     assert bound.rises
     assert bound.level == pytest.approx(0.25, rel=0.02)
+
+
+def test_coinciding_modes_have_a_positive_decay() -> None:
+    """The decay of the modes of x' = diag(-1, -4) x is the mean of 2 and 8 for a unit ball."""
+    ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
+    assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)
+    coinciding = np.array([[-1.0, 1.0], [0.0, -1.0]])
+    assert np.all(np.linalg.eigvalsh(ball.modal_decay(coinciding)) > 0.0)
+
+
+@pytest.mark.parametrize("weight", [1e-3, 1e3])
+def test_a_set_grows_alike_from_any_v(weight: float) -> None:
+    """V of a linear loop within a limit grows to one size, whatever the decay of the first V."""
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}
+
+    states = {"slow": Signal("m", min=-1.0, max=1.0), "fast": Signal("m", min=-10.0, max=10.0)}
+    model = Model("needle", states, {}, equations, trim={})
+    none = ca.Function("u", [ca.SX.sym("z", 2)], [ca.SX(0, 1)])
+    limits = {"slow": (-1.0, 1.0), "fast": (-10.0, 10.0)}
+    loop = Loop(model, {}, dict.fromkeys(states, 0.0), {}, {}, limits, none)
+    search = RegionSearch(loop, "", [], seconds=1.0)
+    P = solve_continuous_lyapunov(search.J.T, -np.diag([1.0, weight]))
+    shape = Shape.of_matrix(P * np.linalg.inv(P)[0, 0], search.J, 2)
+    first = search._good(shape, quick=True)
+    growth = Growth(search.samples, first, lambda text: None)
+    while growth.grown() is not None:
+        pass
+    assert first.size() < 1.0
+    assert growth.shape.size() > 2.9

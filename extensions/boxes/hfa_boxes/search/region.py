@@ -158,6 +158,7 @@ class RegionSearch:
             origin = f"one of degree {degree} that was searched for"
             self._grow(growth, degree)
             while self._later_level(growth, origin) and degree == self._degree:
+                growth.finer()
                 self._grow(growth, degree)
 
     def _first_levels(self, growth: Growth, origin: str) -> None:

@@ -43,8 +43,11 @@ _ROOM = 2.05
 _SLOWEST = 1e-9
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
-#: -V' is at least this part of its value for the first V and the linear loop.
-_DECAY = 0.02
+#: -V' is at first at least this part of the decay of a mean of squares of modes in the linear loop,
+#: to which a small part of V at the slowest rate is added; what is left of it after each proof.
+_DECAY = 0.5
+_SLOWLY = 1e-3
+_FINER = 0.4
 #: The nearest of the quarter of samples drawn evenly in the logarithm of their distance from 0,
 #: over the set.
 _NEAREST = 1e-3
@@ -174,14 +177,31 @@ class Shape:
 
     def linear_decay(self, J: np.ndarray) -> np.ndarray:
         """Return the symmetric D (n, n) with -V' = y'D y to second order where z' = J z."""
+        slope = self.square @ self.M @ J @ self.N
+        return np.asarray(-(slope + slope.T))
+
+    @property
+    def square(self) -> np.ndarray:
+        """Symmetric S (n, n) with V = y'S y to second order."""
         n = self.basis.n
         square = np.zeros((n, n))
         for index in np.flatnonzero(self.basis.degrees == 2):
             i, j = np.repeat(np.arange(n), self.basis.powers[index])
             square[i, j] += 0.5 * self.coefficients[index]
             square[j, i] += 0.5 * self.coefficients[index]
-        slope = square @ self.M @ J @ self.N
-        return np.asarray(-(slope + slope.T))
+        return square
+
+    def modal_decay(self, J: np.ndarray) -> np.ndarray:
+        """Return R (n, n), z'R z a decay that every V of a set of this size has in z' = J z.
+
+        It is that of the mean of the squares of the modes, each at most 1 in the set. A small part
+        of V is added, so that R is positive where modes coincide."""
+        values, vectors = np.linalg.eig(J)
+        modes = np.linalg.inv(vectors)
+        modes /= np.abs(self.edge_points(4 * _RAYS) @ (modes @ self.N).T).max(axis=0)[:, None]
+        rates = -2.0 * values.real
+        mean = (modes.conj().T @ (rates[:, None] * modes)).real / len(J)
+        return np.asarray(mean + _SLOWLY * rates.min() * self.M.T @ self.square @ self.M)
 
     def slow(self, J: np.ndarray) -> np.ndarray:
         """Return T (n, n) with -V' = |s|² to second order for y = T s and z' = J z. Uniform rays s
@@ -373,11 +393,10 @@ class Growth:
         self._samples = samples
         self._tell = tell
         self._random = np.random.default_rng(1)
-        self._decay = shape.linear_decay(samples.J)
-        self._first_M = shape.M
         self._refuted = np.zeros((0, len(shape.M)))
         self._slowest = np.zeros((0, len(shape.M)))
         self._growths = _GROWTHS
+        self._least_decay = _DECAY
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
@@ -410,11 +429,16 @@ class Growth:
         self.shape = self.shape.of_degree(degree)
         self._growths = _GROWTHS
 
+    def finer(self) -> None:
+        """Let V decrease more slowly from now on: larger sets, whose proofs take longer."""
+        self._least_decay *= _FINER
+
     def _good(self, level: float) -> Shape | None:
         """Return the largest admissible set of fits up to a level; the obstacle of one fit is a row
         of the next."""
         best = None
         largest = 0.0
+        self._decay = self.shape.modal_decay(self._samples.J)
         for _ in range(_FITS):
             found = self._fitted(level)
             if found is None:
@@ -448,7 +472,7 @@ class Growth:
         falls, least = self._rows(last, inner)
         near = self._linear_rows(last, self._slowest)
         rows = [basis.at(edge), falls, near]
-        sides = [np.full(len(edge), 1.02), least, np.full(len(near), _DECAY)]
+        sides = [np.full(len(edge), 1.02), least, np.full(len(near), self._least_decay)]
         unknowns = self._unknowns(last)
         mean = basis.at(self._edge(last, 1.0, _FIRST)).mean(axis=0)
         shape = None
@@ -472,7 +496,7 @@ class Growth:
             falls, least = self._rows(last, more)
             slack = falls @ coefficients - least
             worst = np.argsort(slack)[:_ADDED]
-            worst = worst[slack[worst] < -0.5 * _DECAY]
+            worst = worst[slack[worst] < -0.5 * self._least_decay]
             if not len(worst) and not len(low):
                 break
             rows += [low, falls[worst]]
@@ -508,28 +532,28 @@ class Growth:
         """Return rows (N, K) and sides (N,) of linear inequalities under which a V decreases where
         V <= 1.
 
-        The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the decay of the first
-        V in the linear loop; beyond a limit they are V."""
+        The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the modal decay;
+        beyond a limit they are V."""
         z = y @ last.N.T
         monomials = last.basis.at(y)
         k = _LEEWAY * np.clip((monomials @ last.coefficients - 0.9) / 0.2, 0.0, 1.0)
         rows = k[:, None] * monomials + self._decays(last, z, self._samples.rates(z))
         beyond = self._samples.beyond(z)
-        return np.where(beyond[:, None], monomials, rows), np.where(beyond, 1.02, _DECAY + k)
+        return np.where(beyond[:, None], monomials, rows), np.where(
+            beyond, 1.02, self._least_decay + k
+        )
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -V' of each monomial at z (N, n), relative to the decay of the first V, (N, K)."""
-        first = z @ self._first_M.T
-        decay = np.einsum("ki,ij,kj->k", first, self._decay, first)
+        """Return -V' of each monomial at z (N, n), relative to the modal decay, (N, K)."""
+        decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
         slopes = last.basis.slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
 
     def _slow(self, shape: Shape) -> np.ndarray:
         """Return a few directions z (N, n) in which V decreases too little in the linear loop."""
-        T = self._first_M @ shape.N
         decay = shape.linear_decay(self._samples.J)
-        values, directions = scipy.linalg.eigh(decay, T.T @ self._decay @ T)
-        return np.asarray((shape.N @ directions[:, values < 0.5 * _DECAY]).T)
+        values, directions = scipy.linalg.eigh(decay, shape.N.T @ self._decay @ shape.N)
+        return np.asarray((shape.N @ directions[:, values < 0.5 * self._least_decay]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
         """Return the rows of `_rows` near 0 in directions z (N, n), (N, K)."""
