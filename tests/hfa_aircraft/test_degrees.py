@@ -39,6 +39,7 @@ def pendulum(torque: Any) -> Model:
     ],
 )
 def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
+    """A trigonometric function of an angle in degrees gives a note that names it."""
     model = pendulum(torque)
     (note,) = notes_on_degrees(model)
     assert note.startswith(
@@ -49,4 +50,5 @@ def test_a_sine_of_degrees_is_named(torque: Any, function: str) -> None:
 
 
 def test_an_angle_that_was_converted_is_right() -> None:
+    """Equations that convert degrees themselves give no note."""
     assert notes_on_degrees(pendulum(lambda angle: ca.sin(angle * ca.pi / 180))) == []

@@ -57,6 +57,7 @@ def test_a_file_that_ends_the_program_is_refused(
 def test_equations_that_end_the_program_are_refused(
     calls: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """sys.exit() in equations is an error of one line, at whichever call."""
     monkeypatch.chdir(tmp_path)
     write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
     result = hfa("trim", "--aircraft", "late.py:CAR")

@@ -41,6 +41,7 @@ def test_a_changed_neighbour_is_another_model(
 
 
 def test_installed_modules_do_not_count(tmp_path: Path) -> None:
+    """The hash of a model covers its own files, not installed modules."""
     alone = tmp_path / "alone.py"
     alone.write_text(MODEL.format(helper="math").replace("import gain", "import pi as gain"))
     model = load_model(f"{alone}:PLANT")

@@ -46,6 +46,7 @@ def cart(**declared: Any) -> Model:
     ],
 )
 def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) -> None:
+    """Each faulty declaration is refused with a message that names the fault."""
     with pytest.raises(BadInputError, match=message):
         cart(**declared)
 
@@ -62,6 +63,8 @@ def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) 
 def test_rates_and_outputs_are_single_numbers(
     rates: dict[str, Any], outputs: dict[str, Any], message: str
 ) -> None:
+    """Rates and outputs that are vectors or other objects are refused by name."""
+
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"x": x.v, "v": u.force} | rates, {"position": x.x} | outputs
 
@@ -70,6 +73,7 @@ def test_rates_and_outputs_are_single_numbers(
 
 
 def test_a_model_is_short_at_the_prompt() -> None:
+    """The repr of a model counts states, inputs and outputs."""
     assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
 
 

@@ -112,6 +112,7 @@ def test_names_that_sound_like_data_are_signals() -> None:
 
 
 def test_a_model_without_english_units_is_itself() -> None:
+    """`in_si` returns a model in SI units unchanged."""
     model = Model(
         "x", {"x": Signal("m")}, {"u": Signal("m/s")}, lambda x, u, p, w: ({"x": u.u}, {})
     )
@@ -119,6 +120,7 @@ def test_a_model_without_english_units_is_itself() -> None:
 
 
 def test_conditions_and_points_in_other_units_are_refused() -> None:
+    """Conditions and points in the units of the unconverted model are refused."""
     model = MODELS[0]
     converted = in_si(model)
     with pytest.raises(BadInputError, match="condition is not in the units of the model"):

@@ -55,6 +55,7 @@ def test_peers_have_the_dynamics_of_the_aircraft() -> None:
 
 
 def test_other_dynamics_would_be_noticed() -> None:
+    """A changed inertia or altitude changes the rates of the peer's equations."""
     heavier = PARAMETERS._replace(inertia_roll=1.001 * PARAMETERS.inertia_roll)
     assert largest_difference_of_rates(six_state_rates(heavier, ALTITUDE)) > 1e-5
     assert largest_difference_of_rates(six_state_rates(PARAMETERS, ALTITUDE + 10.0)) > 1e-5
@@ -62,6 +63,7 @@ def test_other_dynamics_would_be_noticed() -> None:
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
+    """python-control finds our trim and, by differences, our A and B."""
     peer, model = peer_point(peer_system(), float(np.radians(10.0)))
     exact = model_at(10.0)
     np.testing.assert_allclose(peer.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
@@ -71,6 +73,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
 
 @pytest.mark.parametrize(("turning", "unknowns"), [(False, 5), (True, 12)])
 def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknowns: int) -> None:
+    """python-control finds our trims and linear models of the F-16, level and turning."""
     condition, name, low, high = f16_case(turning)
     assert len(condition.free) == unknowns
     values = np.linspace(low, high, 5)
@@ -108,12 +111,14 @@ def row(ratio: float, target: float) -> Row:
     [(20.0, 20.0, "yes"), (19.9, 20.0, "NO"), (0.7, 1 / 1.5, "yes"), (0.6, 1 / 1.5, "NO")],
 )
 def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, verdict: str) -> None:
+    """A row of the table states whether the target is reached."""
     line = report.markdown([report.figure([row(ratio, target)])]).splitlines()[-1]
     assert line.startswith("| a job | a peer | 2 µs |")
     assert line.endswith(f"| {verdict} | – |")
 
 
 def test_a_job_is_shown_over_its_limit() -> None:
+    """A row states the time as a multiple of its lower limit."""
     limited = row(2.0, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
     assert report.markdown([report.figure([limited])]).endswith("| yes | 2 x one evaluation |")
     missed = row(0.5, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
@@ -122,11 +127,13 @@ def test_a_job_is_shown_over_its_limit() -> None:
 
 
 def test_the_run_of_median_ratio_is_stored() -> None:
+    """Of several runs the one with the median ratio is stored, with the range."""
     found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
     assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
 
 
 def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
+    """The exponent of growth comes from the larger sizes alone."""
     sizes = [Size(n, 1.0 if n < 100 else 1e-6 * n**3, 100.0) for n in (1, 10, 100, 1000, 10000)]
     assert Growth("a job", "states", tuple(sizes)).slope == pytest.approx(3.0)
 
@@ -181,6 +188,7 @@ def test_the_document_shows_the_stored_figures() -> None:
 
 
 def test_documents_of_other_figures_would_be_noticed() -> None:
+    """Figures that differ from the stored ones by 10 % are reported."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     data = report.stored()
     data["figures"] = [figure | {"ratio": 1.1 * figure["ratio"]} for figure in data["figures"]]

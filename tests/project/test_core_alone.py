@@ -41,6 +41,7 @@ print(json.dumps(answers))
 
 @pytest.mark.slow
 def test_tests_of_the_core_pass_without_extensions() -> None:
+    """A sample of tests of the core passes where no extension is installed."""
     words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout[-2000:]

@@ -157,6 +157,7 @@ CASES = [
 def test_blocks_run_and_print_what_is_shown(
     path: Path, slow: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Each block of a document runs, prints its output and draws its pictures."""
     monkeypatch.chdir(tmp_path)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
     assert "\n\n".join(complaints_here(path, slow=slow)) == ""
@@ -351,6 +352,7 @@ def test_a_sound_document_passes() -> None:
     ],
 )
 def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint: str) -> None:
+    """Each planted fault of a document is reported."""
     planted = SOUND.replace(right, wrong, 1)
     assert planted != SOUND
     assert complaint in "\n".join(complaints(planted))

@@ -164,6 +164,7 @@ def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
 
 
 def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
+    """Two packages with one command are refused by name; other commands run."""
     metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
     refused = run(tmp_path, tmp_path, "fly", "--dihedral", "15")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)

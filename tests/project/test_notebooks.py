@@ -114,6 +114,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
+    """Cells print their stored output, without paths of a machine."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
     assert not any(

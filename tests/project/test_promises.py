@@ -37,6 +37,7 @@ def missing(promise: list[str]) -> str:
 
 @pytest.mark.parametrize("promise", PROMISES, ids=lambda promise: promise[0].strip()[:40])
 def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
+    """Each guarantee of the documents names tests that exist."""
     assert missing(promise) == ""
     assert len(PROMISES) > 20
 

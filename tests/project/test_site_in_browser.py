@@ -50,6 +50,7 @@ def test_nothing_of_the_site_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_box_that_is_cut_is_seen(tmp_path: Path) -> None:
+    """The check of the site reports a box wider than its page, and no other."""
     page = tmp_path / "page.html"
     box = '<article style="width: 900px"><pre style="overflow: auto">{}</pre></article>'
     with browser() as driver:

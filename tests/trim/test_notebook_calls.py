@@ -132,6 +132,7 @@ def test_inputs_reach_modes_or_not() -> None:
 
 
 def test_an_unknown_attribute_suggests_the_nearest() -> None:
+    """The error of an unknown attribute suggests the nearest one."""
     for result, wrong, right in (
         (MODEL, "state", "states"),
         (_linear().point, "scaled_residual", "scaled_residuals"),
@@ -151,6 +152,7 @@ class Broken(Reported):
 
 
 def test_a_property_that_fails_keeps_its_error() -> None:
+    """An AttributeError inside a property is not replaced by a suggestion."""
     with pytest.raises(AttributeError, match="'NoneType' object has no attribute 'missing'"):
         Broken().value  # noqa: B018
 
@@ -161,6 +163,9 @@ def test_names_index_values_and_modes() -> None:
     linear = _linear()
     point = linear.point
     assert point.ok
+    elevator = point.margins["elevator_center"]
+    lowest, highest = MODEL.limits["elevator_center"]
+    assert elevator.distance == min(elevator.value - lowest, highest - elevator.value)
     assert point.residual == max(map(abs, point.scaled_residuals.values())) < 1e-10
     assert point.states["alpha"] == point.states.alpha == point["alpha"]
     with pytest.raises(BadInputError, match="did you mean alpha"):
@@ -218,6 +223,7 @@ def test_lqr_refuses_a_disturbance() -> None:
 
 
 def test_zeros_lower_the_rank_of_the_system() -> None:
+    """At each transmission zero the transfer function is 0."""
     linear = _linear().select(inputs=("elevator_center",))
     pitch = linearize(MODEL, linear.point, outputs=("pitch",), disturbances=())
     pitch = pitch.select(inputs=("elevator_center",))
@@ -263,6 +269,7 @@ def test_results_become_tables_of_pandas() -> None:
 
 
 def test_a_point_draws_its_limits() -> None:
+    """`point.plot` draws a row for each variable."""
     axes = find_operating_point(MODEL).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert any(label.startswith("throttle") for label in labels)
@@ -270,6 +277,7 @@ def test_a_point_draws_its_limits() -> None:
 
 
 def test_a_model_is_a_table_in_a_notebook() -> None:
+    """The HTML of a model has names, units, limits and trim."""
     text = MODEL._repr_html_()
     assert "throttle" in MODEL.report().text()
     with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):

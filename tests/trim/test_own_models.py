@@ -45,6 +45,7 @@ MODES = {
 def test_trims_of_the_book(
     xcg: float, hold: dict[str, float], rates: dict[str, float], printed: tuple[float, ...]
 ) -> None:
+    """Trims of the F-16 equal those printed by Stevens and Lewis, in level flight and turns."""
     point = trimmed(F16.with_parameters(xcg=xcg), hold, rates)
     computed = [
         point.values[name]
@@ -138,6 +139,7 @@ def test_imbalances_that_do_not_matter_are_not_named() -> None:
 
 
 def test_modes_of_the_book() -> None:
+    """Modes of the F-16 equal the printed ones."""
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
@@ -359,6 +361,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
     ],
 )
 def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
+    """Equations that fail at a trim are refused by one line."""
     with pytest.raises(BadInputError) as caught:
         trimmed(simple(equations))
     assert words in str(caught.value)

@@ -53,6 +53,7 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float)
 
 
 def test_a_sweep_stays_where_its_points_do() -> None:
+    """Bank angles of a sweep of turns equal arctan(V ω / g)."""
     turns = np.array([0.1, 0.5, 1.5])
     swept = hfa.sweep(TURNING, {"speed": [300.0], "turn": turns})
     np.testing.assert_allclose(swept.states[:, 2], np.arctan(300.0 * turns / _GRAVITY), rtol=1e-9)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from trim.linear.linear_model import LinearModel
+    from trim.point.margins import Margin
     from trim.point.problem import TrimProblem
 
 SCHEMA = "hfa.operating-point/1"
@@ -174,6 +175,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
             notes += notes_on_degrees(self.model)
         return [*notes, *beyond_range(self.model, self.states._asdict())]
+
+    @property
+    def margins(self) -> dict[str, Margin]:
+        """Name -> distance of each state, input and limited output to its nearer limit, as a
+        `Margin`."""
+        from trim.point.condition import usual_condition
+        from trim.point.margins import all_margins
+
+        condition = usual_condition(self.model) if self.problem is None else self.problem.asked
+        return all_margins(condition, self)
 
     @property
     def far_out(self) -> list[str]:

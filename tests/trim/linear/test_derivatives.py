@@ -105,6 +105,7 @@ def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bo
 def test_one_wrong_entry_is_seen_in_its_row(
     published_aircraft: Model, row: str, column: str
 ) -> None:
+    """A planted error in one entry lowers the order of the remainder in its row alone."""
     at_row = ROWS.index(row)
     at_column = COLUMNS.index(column)
     typical = np.median(slopes(published_aircraft, 20, (at_row, at_column)), axis=0)

@@ -58,6 +58,7 @@ def test_transfer_functions_have_the_models_response(model: LinearModel) -> None
 
 
 def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
+    """Transmission zeros equal those of SLICOT for one to three inputs and outputs."""
     pytest.importorskip("slycot")
     for size in (1, 2, 3):
         B = model.B[:, :size]
@@ -133,6 +134,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
 
 
 def test_what_cannot_be_done_is_said() -> None:
+    """Residualized states with a singular A22 and plots without inputs are refused."""
     model = level_model(choice.aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot be residualized"):
         model.select(residualize=("pitch",))

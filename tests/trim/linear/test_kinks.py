@@ -82,11 +82,13 @@ def test_the_sides_of_a_curved_kink_are_exact() -> None:
 
 @pytest.mark.parametrize("offset", [1.5e-6, -2.5e-6, 1e-5])
 def test_beside_a_knot_the_derivative_stands(offset: float) -> None:
+    """Next to a knot of a table the slope is that of its side, without a note."""
     model = at(cart(TABLE), offset)
     assert (model.A[1, 0], model.kinks) == (3.0 if offset > 0 else -1.0, ())
 
 
 def test_a_smooth_table_has_no_note() -> None:
+    """A spline has no kink at its knots."""
     assert at(cart(SPLINE), 0.0).kinks == ()
 
 

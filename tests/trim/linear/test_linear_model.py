@@ -49,6 +49,7 @@ def half_units(model: LinearModel, published: PublishedModel) -> float:
 def test_every_printed_entry_is_regenerated(
     published_aircraft: Model, published: PublishedModel
 ) -> None:
+    """All 66 printed entries are regenerated within three half units."""
     computed = regenerate(published_aircraft, published)
     assert half_units(computed, published) <= 3.0
     rows = compare(computed, published)
@@ -63,6 +64,7 @@ def test_every_printed_entry_is_regenerated(
 def test_a_parameter_one_percent_off_is_seen(
     parameters: Parameters, published: PublishedModel, name: str
 ) -> None:
+    """A change of 1 % in one parameter exceeds three half units."""
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(regenerate(wrong, published), published) > 3.0
 
@@ -84,6 +86,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
+    """Points at 15 and 5 deg belong to a printed pair, a point at 10 deg does not."""
     matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
         for degrees in (15.0, 10.0, 5.0)
@@ -176,6 +179,7 @@ def point_of(aircraft: Model, degrees: float = 11.0, **given: float) -> Operatin
 def test_select_takes_rows_and_columns_by_name(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
+    """`select` returns the rows and columns of the named states, with their units."""
     model = linearize(published_aircraft, point, full=True)
     part = model.select(("pitch_rate", "speed"))
     rows = [STATES.index("pitch_rate"), STATES.index("speed")]
@@ -190,6 +194,7 @@ def test_select_takes_rows_and_columns_by_name(
 def test_a_point_of_other_dynamics_is_refused(
     parameters: Parameters, point: OperatingPoint
 ) -> None:
+    """A trim of the published dynamics is refused for the newton dynamics."""
     with pytest.raises(
         BadInputError, match="trimmed with 'published' dynamics, but the aircraft has 'newton'"
     ):

@@ -78,6 +78,7 @@ def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
 
 @pytest.mark.parametrize("slow", [-1e-9, 1e-6])
 def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
+    """A slow eigenvalue is not replaced by 0."""
     basis = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
     A = basis @ np.diag([-3.0, -1.0, slow]) @ np.linalg.inv(basis)
     *_, slowest = modes_of(A, ("a", "b", "c"))

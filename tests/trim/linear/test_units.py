@@ -52,4 +52,5 @@ def test_a_model_has_its_own_units(level: str, flow: str, words: str) -> None:
 
 
 def test_a_navion_is_in_feet() -> None:
+    """The report of the Navion states rad, ft and s."""
     assert units_in_words(linearize(NAVION, trimmed(NAVION))).startswith("rad, ft, s")

@@ -50,6 +50,7 @@ def test_the_first_alternative_replaces_another(
 
 
 def test_to_impose_an_alternative_sets_the_others_free() -> None:
+    """An imposed alternative, mach for speed, replaces the other one."""
     imposed = {"speed": 7.0, "thrust": 1.0}
     assert without_alternatives(MODEL, imposed, ["mach"]) == {"thrust": 1.0}
     assert without_alternatives(MODEL, imposed, ["thrust"]) == imposed

@@ -19,6 +19,7 @@ from trim import load_condition
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
+    """A saved point is read with equal bits, also a denormal number."""
     awkward = replace(
         point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
     )
@@ -52,6 +53,7 @@ def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_pa
 def test_wrong_files_are_refused(
     point: OperatingPoint, tmp_path: Path, pattern: str, replacement: str, words: str
 ) -> None:
+    """Each fault planted in a saved point is refused by name."""
     path = tmp_path / "point.json"
     text, count = re.subn(pattern, replacement, json.dumps(point.to_dict()), count=1, flags=re.S)
     assert count == 1
@@ -60,6 +62,7 @@ def test_wrong_files_are_refused(
 
 
 def test_the_paper_s_condition_is_the_default() -> None:
+    """The file of the paper's condition equals the default of level flight."""
     loaded = load_condition("paper").at(0.2)
     default = level_flight(0.2)
     assert loaded.imposed == pytest.approx(default.imposed)
@@ -96,6 +99,7 @@ def test_the_peers_conditions_have_its_angles(
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    """Each fault of a file of conditions is refused by name."""
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)

@@ -45,6 +45,7 @@ def circle(scale: float) -> tuple[Model, TrimCondition]:
     ],
 )
 def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> None:
+    """Newton's method gives the same point alone as among forty others."""
     system = f16_system(kind)
     c = system.constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(system.start, (len(SPEEDS), 1))
@@ -59,6 +60,7 @@ def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> N
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_the_c_code_takes_the_same_steps() -> None:
+    """Compiled equations settle at the same points as interpreted ones."""
     c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(f16_system().start, (len(SPEEDS), 1))
     slow, slow_settled = newton(f16_system(), start, c)
@@ -69,6 +71,7 @@ def test_the_c_code_takes_the_same_steps() -> None:
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
+    """An equation multiplied by any scale has the same solution."""
     system = TrimSystem(*circle(scale))
     z, settled = newton(system, system.start[None], system.constants())
     assert settled.all()
@@ -88,6 +91,7 @@ def test_trials_can_be_kept_within_the_limits() -> None:
 
 
 def test_a_singular_step_has_the_least_norm() -> None:
+    """A singular Jacobian gives the step of least norm, and nan gives nan."""
     jacobians = np.array(
         [[[1.0, 1.0], [2.0, 2.0]], [[1.0, 0.0], [0.0, 2.0]], np.full((2, 2), np.nan)]
     )
@@ -97,6 +101,8 @@ def test_a_singular_step_has_the_least_norm() -> None:
 
 
 def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
+    """An input without effect stays at its start and does not count as an unknown."""
+
     def equations(x, u, p, w):
         return {"x": u.pull - ca.sin(x.x)}, {}
 

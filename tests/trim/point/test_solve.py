@@ -141,6 +141,7 @@ def test_least_effort_stays_within_limits(
 
 
 def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
+    """Limits one rounding apart impose the variable."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
     point = find_operating_point(
@@ -185,6 +186,7 @@ def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
 
 
 def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
+    """The error names the equation that no unknown changes, and its residual."""
     with pytest.raises(TrimError, match=r"do not balance: pitch by 0\.1 rad/s"):
         find_operating_point(aircraft, release(BASE, hold={"pitch_rate": 0.1}))
 
@@ -230,6 +232,7 @@ def test_the_cheaper_of_two_minima_is_found(
     ],
 )
 def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
+    """Conditions out of range are refused by one line."""
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
@@ -237,6 +240,7 @@ def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], 
 
 
 def test_contradictions_are_refused() -> None:
+    """Unknown variables and rates, and objects that are not conditions, are refused."""
     with pytest.raises(BadInputError, match="unknown trim variable 'pitch'"):
         TrimCondition(hfa.aircraft(), {**BASE.imposed, "pitch": 0.0})
     with pytest.raises(BadInputError, match="unknown rate 'gamma'"):
@@ -278,6 +282,7 @@ def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 89.9999, -89.9999])
 def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: float) -> None:
+    """The aircraft is trimmed and linearized with wings level and nearly upright."""
     limits = {"dihedral": (-np.pi / 2, np.pi / 2)}
     condition = release(level_flight(float(np.radians(degrees)), limits=limits), free=("alpha",))
     point = find_operating_point(aircraft, condition)

@@ -143,6 +143,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
 
 
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
+    """Pitch follows from alpha and gamma, and its limits bound gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
     margins = all_margins(condition, point)

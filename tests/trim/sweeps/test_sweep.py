@@ -123,6 +123,7 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
 def test_what_no_trim_takes_no_sweep_takes(
     published_aircraft: Model, grid, condition, words: str
 ) -> None:
+    """Grids with unknown names, values out of range or contradictions are refused."""
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
 
@@ -195,6 +196,7 @@ def test_an_aircraft_without_inputs_is_swept() -> None:
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
+    """The note on the paper's range appears from 16 deg on, not at 15 deg."""
     within, beyond = (
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
@@ -397,6 +399,7 @@ def test_an_extreme_parameter_is_refused(
 
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
+    """Tables of another shape and with masked entries are refused."""
     with pytest.raises(BadInputError, match=r"values are \(2,\); they must be \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
@@ -436,6 +439,7 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
+    """Slices of a plan are rows of its whole grid, the last variable fastest."""
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
@@ -522,6 +526,7 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:
+    """The root locus has an arrow and labels at 5, 10 and 15 deg."""
     swept = sweep(choice.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
     for axes in swept.figure().axes:
         labels = [text.get_text() for text in axes.texts]
