@@ -196,6 +196,20 @@ def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: Cost
         read_cost(content, PENDULUM)
 
 
+def test_a_limit_of_an_output_is_refused() -> None:
+    """The envelope of flights has limits of states alone."""
+    outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}
+
+    def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
+        return {"position": u.speed}, {"load": x.position}
+
+    model = replace(CART, equations=loaded, outputs=outputs)
+    content = cart_bound(0.5).content()
+    CostStatement.read(copy.deepcopy(content), model)
+    with pytest.raises(NoSolutionError, match="load is an output"):
+        CostStatement.read(content | {"limits": {"load": [-1.0, 1.0]}}, model)
+
+
 def test_an_entry_of_no_claim_is_refused(proved: CostBound) -> None:
     with pytest.raises(NoSolutionError, match="unknown entry"):
         read_cost(content_of(proved) | {"note": "x"}, PENDULUM)
