@@ -70,10 +70,10 @@ def fly(request: FlyRequest) -> int:
     over the scheduling variable, a --command of this variable is followed along its trims.
     --samples N simulates N members: --error and --noise are then standard deviations, and each
     member has its own turbulence. Member k depends only on --seed and k. --draws N simulates N
-    aircraft drawn from the uncertain parameters of --aircraft, with the trim and the policy of the
-    aircraft itself. --model FILE simulates a plant in discrete time.
+    aircraft drawn from the uncertain parameters of --aircraft, at its trim and with its policy.
+    --model FILE simulates a plant in discrete time.
 
-    With --Q or --R the report contains the cost of the flight.
+    --Q and --R add the cost of the flight.
 
     --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
 
