@@ -75,10 +75,10 @@ def fly(request: FlyRequest) -> int:
 
     --Q and --R add the cost of the flight.
 
-    --method jsbsim simulates an aircraft of JSBSim in JSBSim's own frames, over its own earth.
+    --method jsbsim simulates an aircraft of JSBSim in JSBSim's frames, over its earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
-    oscillation does not decay: with --samples for every member, with --draws for any."""
+    oscillation does not decay (--samples: in every member, --draws: in any)."""
     if request.steps is not None:
         return _fly_steps(request, request.steps)
     if request.members is not None:
