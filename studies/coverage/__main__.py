@@ -1,9 +1,10 @@
 """Bands of `hfa identify` on records that SciPy's integrator flies, and planted faults.
 
-`python -m studies.coverage [COUNT]` identifies seven parameters, 50 % off, from COUNT records (200
-without it) with white noise and with noise of a pole of 0.9 and 0.98, and prints how many searches
-converge, how many bands of 95 % hold, and the first lines of failures. `python -m studies.coverage
-faults` plants faults in records with white noise.
+`python -m studies.coverage [COUNT [POLE [FIRST]]]` identifies seven parameters, 50 % off, from
+COUNT records (200 without it) with white noise and with noise of a pole of 0.9 and 0.98, or of POLE
+alone (0 is white), and prints how many searches converge, how many bands of 95 % hold, and the
+first findings of failures. FIRST is the seed of the first record, 0 without it. `python -m
+studies.coverage faults` plants faults in records with white noise.
 """
 
 from __future__ import annotations
@@ -70,12 +71,12 @@ def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
     return noisy
 
 
-def coverage(model: Model, columns: Columns, count: int, pole: float) -> None:
-    """Print the row of the records with one noise."""
+def coverage(model: Model, columns: Columns, count: int, pole: float, first: int) -> None:
+    """Print the row of the records with one noise. first: seed of the first record."""
     begun = model.with_parameters(**{n: _OFF * model.parameters[n].start for n in FREE})
     held = converged = failed = 0
     findings: Counter[str] = Counter()
-    for seed in range(count):
+    for seed in range(first, first + count):
         found = identify(begun, with_noise(columns, seed, pole), FREE)
         converged += found.converged
         for name, each in found.parameters.items():
@@ -130,7 +131,11 @@ def plant(model: Model, columns: Columns) -> None:
         wrong = with_noise(columns, 11)
         wrong[column] = change(wrong[column])
         try:
-            line = identify(begun, wrong, FREE).first_line
+            found = identify(begun, wrong, FREE)
+            line = found.first_line
+            delay = found.column_errors.get(f"delay_{column}")
+            if found.ok and delay:
+                line += f" (delay {delay.value:.3g} s, band +- {delay.half:.2g} s)"
         except (BadInputError, NoSolutionError) as error:
             line = f"refused: {error}"
         count += 1
@@ -147,8 +152,9 @@ def main() -> None:
         plant(model, columns)
         return
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    for pole in POLES:
-        coverage(model, columns, count, pole)
+    first = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+    for pole in [float(each) for each in sys.argv[2:3]] or POLES:
+        coverage(model, columns, count, pole, first)
 
 
 if __name__ == "__main__":

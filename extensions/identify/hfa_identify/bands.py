@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.signal import oaconvolve
 
 from hfa_identify.fit import Fit, inverse
 
@@ -24,6 +27,8 @@ _SLOWEST = 0.995
 #: Poles of slow noise beside white noise, and parts of the variance that it may have.
 _POLES = (0.7, 0.8, 0.9, 0.94, 0.96, 0.97, 0.98, 0.985, 0.99, 0.993)
 _SHARES = (0.02, 0.04, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+#: Largest part of the variance of the noise that the unknowns are taken to have taken.
+_MOST_TAKEN = 0.5
 #: Lags at which its autocorrelation is computed, and below which value it is gone.
 _LENGTH = 8192
 _GONE = 1e-3
@@ -58,15 +63,14 @@ def covariance(fit: Fit) -> np.ndarray:
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S: the sensitivities without the part that another initial condition explains. R_vv is that of
-    an autoregressive process for each measured quantity (`smooth_autocorrelation`); for white
-    residuals C = D.
+    S: the sensitivities without the part that another initial condition explains. R_vv: the
+    autocovariance of the noise (`noise_of`); for white residuals C = D.
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
     """
     D = inverse(fit.information)
-    coloured = _enlarged(fit) * D @ sum(V for _, V, _ in weighted_scores(fit)) @ D
+    coloured = D @ sum(V for _, V, _ in weighted_scores(fit)) @ D
     # A band is no narrower than for white residuals: an estimate of R_vv is noisy itself.
     bound = white_covariance(fit)
     seen = np.isfinite(np.diag(bound))
@@ -81,55 +85,99 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
     """Return for each record, or for both halves of each: Σ S' R⁻¹ S, the covariance of the score
-    with the residuals' autocorrelation, and the score Σ S' R⁻¹ v."""
+    with the noise's autocovariance, and the score Σ S' R⁻¹ v."""
     parts = []
-    for residual, present, projected, fitted in zip(
-        fit.residuals, fit.present, fit.projected, fitted_by_quantity(fit), strict=True
+    for residual, present, projected, noise in zip(
+        fit.residuals, fit.present, fit.projected, noise_of(fit), strict=True
     ):
         middle = len(residual) // 2
         rows = [slice(0, middle), slice(middle, None)] if halves else [slice(None)]
         weights = np.where(present, 1.0 / fit.noise, 0.0)
         for part in rows:
             M, V, g = (np.zeros((len(fit.theta),) * size) for size in (2, 2, 1))
-            for quantity in np.flatnonzero(present.any(axis=0)):
+            for quantity, each in noise.items():
                 S = projected[part, quantity]
                 weighted = S * weights[part, quantity, None]
-                noise = residual[:, quantity]
-                seen = present[:, quantity]
                 M += weighted.T @ S
-                g += weighted.T @ noise[part]
-                variance = float(noise @ noise) / int(seen.sum())
-                correlation = smooth_autocorrelation(noise, seen, fitted[quantity])
-                V += _summed(weighted, variance, correlation)
+                g += weighted.T @ residual[part, quantity]
+                V += _summed(weighted, each.variance * each.correlation)
             parts.append((M, V, g))
     return parts
 
 
-def fitted_by_quantity(fit: Fit) -> list[np.ndarray]:
-    """Return for each record (k,) numbers of unknowns that its samples of each quantity determine:
-    the trace of S D S' R⁻¹, initial condition included."""
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Noise of one quantity of a record.
+
+    fitted: number of unknowns that its samples determine.
+    lost: ratio of its variance to that of the residuals, from which the unknowns take a part.
+    variance: its variance.
+    correlation: its autocorrelation at lags 0, 1, ..., until it is gone.
+    """
+
+    fitted: float
+    lost: float
+    variance: float
+    correlation: np.ndarray
+
+
+def noise_of(fit: Fit) -> list[dict[int, Noise]]:
+    """Return for each record the place of a measured quantity -> its noise.
+
+    With the projection P of the noise onto the sensitivities S of all unknowns, the residuals are
+    v = (I - P) e, so that the weighted sum of squares of a quantity q is
+
+        Σ v² / r = N - 2 tr(K V_q) + tr(K V K M_q)
+
+    M_q = S' S / r and V_q = S' R_vv S / r² of the quantity, V = Σ V_q, and K = (Σ M_q)⁻¹. Slow
+    noise resembles the sensitivities, so that V_q exceeds M_q and the residuals lose more than one
+    sample's variance to an unknown.
+    """
     p = len(fit.theta)
     D = inverse(fit.information)
-    shares = []
-    for response, normal, present, projected in zip(
-        fit.responses, fit.normals, fit.present, fit.projected, strict=True
+    seen = []
+    for residual, present, projected, response, normal in zip(
+        fit.residuals, fit.present, fit.projected, fit.responses, fit.normals, strict=True
     ):
-        weights = np.where(present, 1.0 / fit.noise, 0.0)
-        total = np.zeros(len(fit.noise))
-        for S, covariance in ((projected, D), (response.slopes[:, :, p:], normal.of_start)):
-            leverage = ((S @ covariance) * S).sum(axis=2)
-            total += (leverage * weights).sum(axis=0)
-        shares.append(total)
-    return shares
+        slopes = np.concatenate([projected, response.slopes[:, :, p:]], axis=2)
+        K = block_diag(D, normal.of_start)
+        found = {}
+        for quantity in np.flatnonzero(present.any(axis=0)).tolist():
+            flags = present[:, quantity]
+            S = slopes[:, quantity] * (flags / math.sqrt(fit.noise[quantity]))[:, None]
+            M = S.T @ S
+            fitted = float(np.sum(K * M))
+            v = residual[:, quantity]
+            variance = float(v @ v) / int(flags.sum())
+            correlation = smooth_autocorrelation(v, flags, fitted)
+            V = _summed(S, variance / fit.noise[quantity] * correlation)
+            found[quantity] = (fitted, M, V, variance, correlation, int(flags.sum()))
+        seen.append((K, found))
+    total = np.sum([V[:p, :p] for _, found in seen for _, _, V, *_ in found.values()], axis=0)
+    noises = []
+    for K, found in seen:
+        together = np.sum([V for _, _, V, *_ in found.values()], axis=0)
+        together[:p, :p] = total
+        within = K @ together @ K
+        noise = {}
+        for quantity, (fitted, M, V, variance, correlation, count) in found.items():
+            taken = (2.0 * np.sum(K * V) - np.sum(within * M)) / count
+            lost = 1.0 / (1.0 - min(taken, _MOST_TAKEN))
+            noise[quantity] = Noise(fitted, lost, lost * variance, correlation)
+        noises.append(noise)
+    return noises
 
 
-def _summed(S: np.ndarray, variance: float, correlation: np.ndarray) -> np.ndarray:
-    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity. S: sensitivities of consecutive samples."""
-    total = variance * S.T @ S
-    for lag in range(1, min(len(correlation), len(S))):
-        product = S[:-lag].T @ S[lag:]
-        total += variance * correlation[lag] * (product + product.T)
-    return total
+def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity. S: sensitivities of consecutive samples.
+    covariance: r at lags 0, 1, ..., 0 beyond."""
+    r = covariance[: len(S)]
+    if len(r) == 1:
+        return np.asarray(r[0] * S.T @ S)
+    both = np.concatenate([r[:0:-1], r])[:, None]
+    filtered = oaconvolve(S, both, axes=0)[len(r) - 1 : len(r) - 1 + len(S)]
+    total = S.T @ filtered
+    return np.asarray(0.5 * (total + total.T))
 
 
 def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:

@@ -11,7 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from hfa_identify.bands import (
     BAND,
-    fitted_by_quantity,
+    Noise,
+    noise_of,
     smooth_autocorrelation,
     sums_of_products,
 )
@@ -92,7 +93,7 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
     left = own + (moved * crossed).sum(axis=1)
     residuals = [(each / fit.noise)[:, :, None] for each in fit.residuals]
     score = _summed(beyond, residuals)[:, 0] + moved @ _summed(fit.projected, residuals)[:, 0]
-    fitted = fitted_by_quantity(fit)
+    noises = noise_of(fit)
     found = {}
     for place, (name, error) in enumerate(known.items()):
         m = float(left[place])
@@ -107,7 +108,7 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
             for each, projected in zip(beyond, fit.projected, strict=True)
         ]
         value = float(score[place]) / m
-        deviation = math.sqrt(max(_variance(fit, effects, value, fitted), m)) / m
+        deviation = math.sqrt(max(_variance(fit, effects, value, noises), m)) / m
         per_unit = float(abs(moved[place, worst]) / half[worst])
         shift = per_unit * abs(value)
         bands = per_unit * BAND * deviation
@@ -163,22 +164,25 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
     return np.asarray(effect + (simulated.y - y) / small)
 
 
-def _variance(fit: Fit, effects: list[np.ndarray], value: float, fitted: list[np.ndarray]) -> float:
+def _variance(
+    fit: Fit, effects: list[np.ndarray], value: float, noises: list[dict[int, Noise]]
+) -> float:
     """Return the variance of the score of one error, without the residuals that it explains.
 
     effects: (N, k) of each record, of the error with the parameters moved along. value: its
-    estimate. fitted: (k,) of each record, number of unknowns that its samples determine."""
+    estimate. noises: of the quantities of each record."""
     total = 0.0
-    for effect, residual, present, shares in zip(
-        effects, fit.residuals, fit.present, fitted, strict=True
+    for effect, residual, present, noise in zip(
+        effects, fit.residuals, fit.present, noises, strict=True
     ):
-        for quantity in np.flatnonzero(present.any(axis=0)):
+        for quantity, each in noise.items():
             seen = present[:, quantity]
             left = np.where(seen, residual[:, quantity] - value * effect[:, quantity], 0.0)
             weighted = np.where(seen, effect[:, quantity] / fit.noise[quantity], 0.0)
-            correlation = smooth_autocorrelation(left, seen, shares[quantity])
+            correlation = smooth_autocorrelation(left, seen, each.fitted)
             lags = sums_of_products(weighted)
             count = min(len(correlation), len(lags))
             products = correlation[1:count] @ lags[1:count]
-            total += float(left @ left) / int(seen.sum()) * (lags[0] + 2.0 * products)
+            variance = each.lost * float(left @ left) / int(seen.sum())
+            total += variance * (lags[0] + 2.0 * products)
     return float(total)

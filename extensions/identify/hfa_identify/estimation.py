@@ -127,7 +127,7 @@ def identify(
     if other is not None and other.likelihood < fit.likelihood - AS_LIKELY:
         fit, other = other, None
     theils = _theils(search, kept_out, fit)
-    found = _identified(search, fit, other, theils, progress)
+    found = _identified(search, fit, other, theils, fixed, progress)
     if plan:
         found = replace(found, plan=tuple(manoeuvres(search, fit, found.model, found.coloured)))
     return found
@@ -223,11 +223,13 @@ def _identified(
     fit: Fit,
     other: Fit | None,
     theils: Mapping[str, float],
+    given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Identified:
     """Return the result of a fit.
 
-    other: a second minimum that explains the records as well."""
+    other: a second minimum that explains the records as well.
+    given: names of parameters whose values are given."""
     responses = search.responses
     model = responses.calm.model
     first = responses.turbulent
@@ -255,7 +257,7 @@ def _identified(
         and not width <= _WIDE * max(abs(value), abs(model.parameters[name].start))
     ]
     errors = column_errors(search, fit, BAND * white)
-    faults = list(faults_of(search, fit, errors, progress))
+    faults = list(faults_of(search, fit, errors, given, progress))
     values = {
         name: value
         for name, value in zip(names, theta.tolist(), strict=True)

@@ -33,7 +33,8 @@ _OBVIOUS = 8.0
 _TRIED = 3
 #: A fault explains the records as well as another where residuals differ by less than this part.
 _ALIKE = 0.02
-#: An error of a column explains them as well where 2 L is larger by less than this.
+#: An error of a column explains them as well where 2 L is larger by less than this, times the
+#: factor of its variance for colored residuals.
 _LIKELIER = 6.0
 #: Whether inputs were taken for steps -> what fits better.
 _OF_STEPS = {
@@ -83,19 +84,25 @@ def faults_of(
     search: Search,
     fit: Fit,
     errors: Mapping[str, ColumnError],
+    given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Iterator[str]:
-    """Yield the faults of the records that explain residuals of a fit.
+    """Yield the faults of the records, and the given parameters, that explain residuals of a fit.
 
     errors: errors of the columns, by one step from 0
+    given: names of parameters whose values are given
     """
     spikes = list(outliers(search, fit))
-    # A column in another unit leaves residuals that look like outliers.
-    column = fault_of_columns(search, fit, errors, progress)
+    # A column in another unit leaves residuals that look like outliers. A wrong column must explain
+    # more than another value of a given parameter does.
+    freed = {} if spikes else dict(_clear(search, fit, given, len(errors) + len(given)))
+    best = min(freed.values(), key=lambda each: each.fit.likelihood, default=None)
+    wider = (best.search, best.fit) if best else (search, fit)
+    column = fault_of_columns(*wider, errors, progress)
     if spikes and not column:
         yield from spikes
         return
-    sensor = sensor_fault(search, fit, errors) if fit.converged and not column else ""
+    sensor = "" if column else sensor_fault(search, fit, errors, freed)
     if column or sensor:
         yield column or sensor
 
@@ -123,39 +130,60 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 # Errors of sensors, by a test of the score.
 
 
-def sensor_fault(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> str:
-    """Return a sentence on the bias, scale or delay of a column that explains residuals and is
-    obvious or shifts an estimate by a third of its band, or "". A second error that explains them
-    equally well is named too. Another interpolation of the inputs is not reported as a delay.
+@dataclass(frozen=True, eq=False)
+class _Freed:
+    """Fit with one more unknown, a given parameter or an error of a column.
+
+    value: its estimate. widened: ratio of its variance to that with white residuals."""
+
+    search: Search
+    fit: Fit
+    value: float
+    widened: float
+
+
+def sensor_fault(
+    search: Search, fit: Fit, errors: Mapping[str, ColumnError], freed: Mapping[str, _Freed]
+) -> str:
+    """Return a sentence on the given parameter, or the bias, scale or delay of a column, that
+    explains residuals, or "". An error of a column is obvious or shifts an estimate by a third of
+    its band. Others that explain residuals equally well are named too. Another interpolation of the
+    inputs is not reported as a delay.
 
     errors: errors of the columns, by one step from 0
+    freed: given parameters that the records contradict
     """
-    from scipy.special import ndtri
-
     suspects = [
         name
         for name, each in errors.items()
         if each.clear > _OBVIOUS or (each.clear > _SEEN and each.shift > _MATTERS)
     ]
     suspects.sort(key=lambda name: -errors[name].clear)
-    least = -float(ndtri(0.5 * _CHANCE / max(len(errors), 1)))
-    found: dict[str, tuple[float, float]] = {}
-    for name in suspects[:_TRIED]:
-        value, clear, likelihood = _estimated(search, fit, name)
-        if clear > least and _is_plausible(search, name, value):
-            found[name] = value, likelihood
+    found = dict(freed)
+    for name, each in _clear(search, fit, suspects[:_TRIED], len(errors)):
+        if _is_plausible(search, name, each.value):
+            found[name] = each
     if not found:
         return ""
-    names = sorted(found, key=lambda name: found[name][1])
-    best = found[names[0]][1]
+    names = sorted(found, key=lambda name: found[name].fit.likelihood)
+    best = found[names[0]].fit.likelihood
     if any(name.startswith("delay") for name in names):
         other = _other_inputs(search, fit)
         if other.likelihood < best:
             return _OF_STEPS[search.records[0].has_steps]
-    alike = [name for name in names if 2.0 * (found[name][1] - best) < _LIKELIER][1:2]
-    stated = _with_value(search, names[0], found[names[0]][0])
+    alike = [
+        name
+        for name in sorted(names[1:], key=lambda name: name not in freed)
+        if 2.0 * (found[name].fit.likelihood - best) < _LIKELIER * found[name].widened
+    ]
+    value = found[names[0]].value
+    if names[0] in freed:
+        stated = f"another {names[0]} than given ({value:.3g})"
+    else:
+        stated = _with_value(search, names[0], value)
     if alike:
-        return f"{stated}, or {alike[0]}, explains residuals"
+        other_name = f"another {alike[0]}" if alike[0] in freed else alike[0]
+        return f"{stated}, or {other_name}, explains residuals"
     return f"{stated} explains residuals; add it to --free"
 
 
@@ -191,21 +219,27 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
     return abs(value) < max(float(np.nanmax(np.abs(column))) for column in columns)
 
 
-def _estimated(search: Search, fit: Fit, name: str) -> tuple[float, float, float]:
-    """Return the estimated error of a column, its size in standard deviations, and L of its fit;
-    0, 0 and L without it where that fails."""
-    responses = search.responses
-    wider = responses.wider([name])
-    begin = np.append(fit.theta, 0.0)
-    try:
-        found = Search(wider, search.records, search.held).whole(begin, fit.starts)
-    except FloatingPointError:
-        return 0.0, 0.0, fit.likelihood
-    if not found.converged:
-        return 0.0, 0.0, fit.likelihood
-    value = float(found.theta[-1])
-    deviation = math.sqrt(max(float(covariance(found)[-1, -1]), 1e-300))
-    return value, abs(value) / deviation, found.likelihood
+def _clear(
+    search: Search, fit: Fit, names: Sequence[str], tests: int
+) -> Iterator[tuple[str, _Freed]]:
+    """Yield names of unknowns, and the fits with them, whose estimates differ from their values in
+    the fit by so many standard deviations that chance does so, for any of the tests, less often
+    than `_CHANCE`."""
+    from scipy.special import ndtri
+
+    least = -float(ndtri(0.5 * _CHANCE / max(tests, 1)))
+    for name in names if fit.converged else ():
+        wider = Search(search.responses.wider([name]), search.records, search.held)
+        before = float(wider.begin[-1])
+        try:
+            found = wider.whole(np.append(fit.theta, before), fit.starts)
+        except FloatingPointError:
+            continue
+        value = float(found.theta[-1])
+        variance = max(float(covariance(found)[-1, -1]), 1e-300)
+        if found.converged and abs(value - before) > least * math.sqrt(variance):
+            widened = variance / float(white_covariance(found)[-1, -1])
+            yield name, _Freed(wider, found, value, widened)
 
 
 # Signs and units of columns, and exchanged columns.

@@ -149,7 +149,7 @@ class Predictions(Responses):
         return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
-        """Return the equations with errors of sensors as further unknowns."""
+        """Return the equations with further unknowns, parameters or errors of sensors."""
         free = (*self.free[self.turbulent :], *names)
         return Predictions(self._still, free, self.measured, self.condition)
 

@@ -150,7 +150,7 @@ class Responses:
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:
-        """Return the equations with errors of sensors as further unknowns."""
+        """Return the equations with further unknowns, parameters or errors of sensors."""
         return Responses(self.model, (*self.free, *names), self.measured)
 
     def has_error(self, error: SensorError) -> bool:

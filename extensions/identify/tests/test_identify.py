@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from scipy.signal import lfilter
 import hfa
 from hfa.main import main
 from hfa_derivatives.aircraft import from_derivatives
-from hfa_identify.bands import smooth_autocorrelation
+from hfa_identify.bands import noise_of, smooth_autocorrelation
 from hfa_identify.estimation import identify
 from hfa_identify.excitation import still_quantities
 from hfa_identify.records import Record, read_record, record_of
@@ -112,6 +113,32 @@ def test_coloured_residuals_widen_the_bands():
     assert found(coloured=True).coloured > 2.0
     assert all(each.white < 0.8 for each in found(coloured=True).quantities.values())
     assert "colored: turbulence (add --turbulence)" in found(coloured=True).report().text()
+
+
+def test_variance_of_noise_is_corrected_for_fitted_unknowns():
+    """Noise of variance 1 and a pole of 0.9, whose slow part four slow sensitivities absorb."""
+    generator = np.random.default_rng(0)
+    S = lfilter([1.0], [1.0, -0.95], generator.standard_normal((200, 4)), axis=0)
+    variances = []
+    for _ in range(200):
+        white = generator.standard_normal(400)
+        noise = math.sqrt(1.0 - 0.9**2) * lfilter([1.0], [1.0, -0.9], white)[200:]
+        theta = np.linalg.lstsq(S, noise)[0]
+        residual = noise - S @ theta
+        fit = SimpleNamespace(
+            theta=theta,
+            noise=np.ones(1),
+            residuals=(residual[:, None],),
+            present=(np.ones((200, 1), dtype=bool),),
+            information=S.T @ S,
+            projected=(S[:, None],),
+            responses=(SimpleNamespace(slopes=S[:, None]),),
+            normals=(SimpleNamespace(of_start=np.zeros((0, 0))),),
+        )
+        variances.append((residual.var(), noise_of(fit)[0][0].variance))
+    uncorrected, corrected = np.mean(variances, axis=0)
+    assert uncorrected < 0.85
+    assert 0.9 < corrected < 1.1
 
 
 def test_slow_noise_beside_white_noise_is_seen():
@@ -261,8 +288,24 @@ def test_bias_of_an_input_is_named_where_trim_is_given():
     free = [name for name in FREE if name != "Cm_0"]
     result = identify(begun(1.2), wrong, free, given={"Cm_0": true_value("Cm_0")})
     assert (
-        "FAIL: bias_elevator of 0.0171 rad, or bias_alpha, explains residuals" in result.first_line
+        "FAIL: bias_elevator of 0.0171 rad, or another Cm_0, explains residuals"
+        in result.first_line
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "named"),
+    [
+        ("Cm_alpha", 1.2, "FAIL: another Cm_alpha than given (-0.37"),
+        ("Cm_0", 0.3, "FAIL: another Cm_0 than given (-0.0235), or bias_elevator"),
+        ("Cm_alpha", 1.0, "PASS"),
+    ],
+)
+def test_a_given_value_that_the_record_contradicts(name, factor, named):
+    """It is named also where the error of a column explains the record alike."""
+    free = [each for each in FREE if each != name]
+    given = {name: factor * true_value(name)}
+    assert identify(begun(1.2), record(seed=21), free, given=given).first_line.startswith(named)
 
 
 @pytest.mark.slow
