@@ -36,6 +36,8 @@ _HELD = 1e-6
 SMALL = 1e-3
 #: A search that no step improves has ended at a minimum where the undamped step is smaller.
 _STUCK = 0.05
+#: A step that lowers L by less than this, which rounding does too, does not improve a search.
+_NO_GAIN = 1e-6
 MOST_STEPS = 30
 #: An unknown whose whole range is so small a part of its standard deviation is not moved.
 _LOOSE = 0.1
@@ -210,8 +212,9 @@ class OutputError:
             level, lower = self._lowered(found, undamped, max(0, level - 1), step, is_last)
             if lower is None:
                 return replace(found, converged=bool(size < max(small, _STUCK)))
+            is_stuck = size < _STUCK and found.likelihood - lower.likelihood < _NO_GAIN
             found = lower
-            if is_small:
+            if is_small or is_stuck:
                 return replace(found, converged=True)
         return found
 
