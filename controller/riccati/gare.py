@@ -96,9 +96,10 @@ class Solution(Result, Reported):
 
     def margins(self) -> dict[str, dict[str, float]]:
         """Return input -> gain, phase (deg) and disk margins."""
-        from controller.riccati.solution_report import solve
+        from controller.riccati.loop_margins import margins_of_inputs
 
-        return solve(self.game).loop_margins
+        solved = certified(NormalForm.of(self.game))
+        return margins_of_inputs(self.names.inputs, solved.form.game(), solved.X)
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the state z, (n,)."""

@@ -6,14 +6,14 @@ They are computed from the M of `margins`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.gain_sweep import frequency_grid
-from controller.riccati.margins import ClosedLoop, disk_of, loop_at_inputs
+from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
 
 #: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
 #: moved.
@@ -69,6 +69,24 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     """
     loop = loop_at_inputs(game, K)
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
+
+
+def margins_of_inputs(
+    inputs: Sequence[str], game: Game, X: np.ndarray
+) -> dict[str, dict[str, float]]:
+    """Return `named_margins` of the exact gain of a game with the solution X (n, n)."""
+    return named_margins(inputs, loop_margins(game, game.gain(X)))
+
+
+def named_margins(
+    inputs: Sequence[str], loops: Sequence[LoopMargin]
+) -> dict[str, dict[str, float]]:
+    """Return input -> gain, phase (deg) and disk margins of its loop."""
+    found = {}
+    for name, loop in zip(inputs, loops, strict=True):
+        gain, phase = disk_sizes(loop.disk)
+        found[name] = {**loop._asdict(), "disk_gain": gain, "disk_phase": phase}
+    return found
 
 
 def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:

@@ -10,8 +10,8 @@ import numpy as np
 from controller.game.linear_game import game as game_on
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution, certified, solution_of
-from controller.riccati.loop_margins import LoopMargin, loop_margins
-from controller.riccati.margins import DiskMargin, disk_margin, disk_sizes
+from controller.riccati.loop_margins import LoopMargin, loop_margins, named_margins
+from controller.riccati.margins import DiskMargin, disk_margin
 from controller.riccati.meaning import meaning_checks
 from controller.riccati.normal_form import NormalForm
 from controller.riccati.smallest_delta import DeltaMin, smallest_delta_of
@@ -60,11 +60,7 @@ class AnalysedGame(Solution):
     @property
     def loop_margins(self) -> dict[str, dict[str, float]]:
         """Input -> gain, phase (deg) and disk margins."""
-        found = {}
-        for name, loop in zip(self.names.inputs, self.loops, strict=True):
-            gain, phase = disk_sizes(loop.disk)
-            found[name] = {**loop._asdict(), "disk_gain": gain, "disk_phase": phase}
-        return found
+        return named_margins(self.names.inputs, self.loops)
 
     def report(self) -> Report:
         """Return the report of the solution with delta_min, the cost of the policies and

@@ -6,19 +6,6 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from hfa_support.native.bound import Block, BoundFunction, bound_rows
-
-
-def bound_columns(function: ca.Function, rows: int) -> Block:
-    """Return the Function of some rows, evaluated column by column where that is possible."""
-    at_once = by_columns(function, rows) if rows > 1 else None
-    if at_once is None:
-        return bound_rows(function, rows)
-    bound = BoundFunction(at_once)
-    inputs = [memory.reshape(-1, rows).T for memory in bound.inputs]
-    results = [memory.reshape(-1, rows).T for memory in bound.results]
-    return bound, inputs, results
-
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     """Return the Function of this many rows, with the same bits as the Function of one row.
