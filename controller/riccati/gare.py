@@ -98,8 +98,7 @@ class Solution(Result, Reported):
         """Return input -> gain, phase (deg) and disk margins."""
         from controller.riccati.loop_margins import margins_of_inputs
 
-        solved = certified(NormalForm.of(self.game))
-        return margins_of_inputs(self.names.inputs, solved.form.game(), solved.X)
+        return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))
 
     def cost(self, z: ArrayLike) -> float:
         """Return z'P z, the value of the game from the state z, (n,)."""

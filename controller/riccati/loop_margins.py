@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from controller.game.names import PlantNames
 from controller.game.zero_sum import Game
 from controller.riccati.gain_sweep import frequency_grid
 from controller.riccati.margins import ClosedLoop, disk_of, disk_sizes, loop_at_inputs
+
+if TYPE_CHECKING:
+    from controller.riccati.certificate import Certified
 
 #: A gain below this, or above its inverse, is a crossover at infinite or no frequency that rounding
 #: moved.
@@ -71,11 +75,10 @@ def loop_margins(game: Game, K: np.ndarray) -> tuple[LoopMargin, ...]:
     return tuple(single_margin(loop, i) for i in range(game.B.shape[1]))
 
 
-def margins_of_inputs(
-    inputs: Sequence[str], game: Game, X: np.ndarray
-) -> dict[str, dict[str, float]]:
-    """Return `named_margins` of the exact gain of a game with the solution X (n, n)."""
-    return named_margins(inputs, loop_margins(game, game.gain(X)))
+def margins_of_inputs(names: PlantNames, solved: Certified) -> dict[str, dict[str, float]]:
+    """Return `named_margins` of the exact gain of a game."""
+    balanced = solved.form.game()
+    return named_margins(names.inputs, loop_margins(balanced, balanced.gain(solved.X)))
 
 
 def named_margins(

@@ -7,6 +7,15 @@ from collections.abc import Sequence
 import casadi as ca
 
 
+def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, str]:
+    """Return the Function of some rows, evaluated column by column where that is possible, and the
+    order of their memory: F by columns, C by rows."""
+    at_once = by_columns(function, rows) if rows > 1 else None
+    if at_once is None:
+        return function.map(rows) if rows > 1 else function, "C"
+    return at_once, "F"
+
+
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
     """Return the Function of this many rows, with the same bits as the Function of one row.
 
