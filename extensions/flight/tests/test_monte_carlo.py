@@ -230,7 +230,7 @@ def test_what_monte_carlo_cannot_draw_or_repeat_refused(plan: MonteCarlo) -> Non
             lambda: with_scenario(plan, uncertainty=Uncertainty({"span": 0.1})),
         ),
         (
-            r"shape \(6, 5\); .* takes 5 x 6",
+            r"shape \(6, 5\); .* needs 5 x 6",
             lambda: replace(plan, policy=GainPolicy("wide", np.zeros((6, 5)))),
         ),
         ("already drawn", lambda: replace(plan, scenario=plan.member(0))),

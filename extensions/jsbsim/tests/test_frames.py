@@ -90,7 +90,7 @@ def test_command_flies_frames(capsys):
 def test_other_aircraft_are_refused(capsys):
     """Frames are of JSBSim's aircraft alone, in their own units, without actuators."""
     assert main(["fly", "--method", "jsbsim"]) == 2
-    assert "take --method runge-kutta" in capsys.readouterr().err
+    assert "use --method runge-kutta" in capsys.readouterr().err
     assert main(["fly", "--step", "0.01"]) == 2
     assert "--step (step= in Python) belongs to --method jsbsim" in capsys.readouterr().err
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
