@@ -43,7 +43,9 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
 
 def reported(report: Report, draws: Draws) -> Report:
-    """Return a report with a table of bands, and a line on the draws after its first line."""
+    """Return a report with a table of bands, and a line on the draws after its first line.
+
+    Where the draws fail and the subject itself does not, the line on the draws is the first."""
     rows = []
     for name, band in draws.bands.items():
         if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
@@ -53,7 +55,11 @@ def reported(report: Report, draws: Draws) -> Report:
     about = f"95 % of {draws.count} aircraft, drawn from {len(draws.parameters)} parameters"
     table = Table((about, "itself", "low", "high", "unit"), tuple(rows))
     first, *others = report.title.splitlines()
-    title = "\n".join([first, wrapped(draws.first_line, _WIDTH), *others])
+    line = wrapped(draws.first_line, _WIDTH - len("FAIL: "))
+    lines = [first, line]
+    if not draws.ok and not first.startswith("FAIL"):
+        lines = [f"FAIL: {line}", first]
+    title = "\n".join([*lines, *others])
     parts = (*report.parts, table)
     failure = "" if draws.ok else draws.first_line
     shown = replace(report, title=title, parts=parts, failure=failure)
