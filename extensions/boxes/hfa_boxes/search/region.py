@@ -36,7 +36,7 @@ _LEAST = 0.004
 _OF_GROWTH = 0.4
 _OF_FIRST = 0.3
 _OF_HIGHER = 0.15
-_OF_LATER = 0.6
+_OF_LATER = 0.8
 #: The least growth of a set that is proved, linearly.
 _LARGER = 1.01
 #: Extents of a set that is made smaller for a limit of a state, over the limit.
@@ -157,8 +157,8 @@ class RegionSearch:
                 continue
             origin = f"one of degree {degree} that was searched for"
             self._grow(growth, degree)
-            while self._later_level(growth, origin) and degree == self._degree:
-                growth.finer()
+            is_last = degree == self._degree
+            while self._later_level(growth, origin) and is_last and growth.finer():
                 self._grow(growth, degree)
 
     def _first_levels(self, growth: Growth, origin: str) -> None:
@@ -175,14 +175,17 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove a share of the set of a V, larger than all earlier sets, and return whether it is
-        proved."""
+        """Prove a share of the set of a V, and return True, or False where it is not proved.
+
+        A set no larger than the earlier ones needs no proof."""
         if self._best is None:
             self._first_levels(growth, origin)
             return self._best is not None
         for share in _FALLING:
-            if share * growth.shape.size() < _LARGER * self._largest or self._left() < 0.0:
+            if self._left() < 0.0:
                 return False
+            if share * growth.shape.size() < _LARGER * self._largest:
+                return share == _FALLING[0]
             if self._is_proved(growth, share, origin, _OF_LATER):
                 return True
         return False

@@ -44,10 +44,12 @@ _SLOWEST = 1e-9
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
 #: -V' is at first at least this part of the decay of a mean of squares of modes in the linear loop,
-#: to which a small part of V at the slowest rate is added; what is left of it after each proof.
+#: to which a small part of V at the slowest rate is added; what is left of it after each growth, and
+#: the part below which it is not lowered.
 _DECAY = 0.5
 _SLOWLY = 1e-3
 _FINER = 0.4
+_LEAST_DECAY = 0.02
 #: The nearest of the quarter of samples drawn evenly in the logarithm of their distance from 0,
 #: over the set.
 _NEAREST = 1e-3
@@ -429,9 +431,14 @@ class Growth:
         self.shape = self.shape.of_degree(degree)
         self._growths = _GROWTHS
 
-    def finer(self) -> None:
-        """Let V decrease more slowly from now on: larger sets, whose proofs take longer."""
+    def finer(self) -> bool:
+        """Let V decrease more slowly from now on: larger sets, whose proofs take longer.
+
+        Return False at the end of the range, where V stays as it is."""
+        if self._least_decay < _LEAST_DECAY:
+            return False
         self._least_decay *= _FINER
+        return True
 
     def _good(self, level: float) -> Shape | None:
         """Return the largest admissible set of fits up to a level; the obstacle of one fit is a row
