@@ -44,8 +44,8 @@ _SLOWEST = 1e-9
 #: Extents of a set are so much larger than found, relative.
 _BEYOND = 1e-3
 #: -V' is at first at least this part of the decay of a mean of squares of modes in the linear loop,
-#: to which a small part of V at the slowest rate is added; what is left of it after each growth, and
-#: the part below which it is not lowered.
+#: to which a small part of V at the slowest rate is added; what is left of it after each growth,
+#: and the part below which it is not lowered.
 _DECAY = 0.5
 _SLOWLY = 1e-3
 _FINER = 0.4
