@@ -60,7 +60,8 @@ class ColumnError(Result):
 
 
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
-    """Return name of an error, such as bias_alpha -> its estimate.
+    """Return name of an error, such as bias_alpha -> its estimate. An error without an effect on
+    the measured quantities is left out.
 
     half: (p,) half-widths of the bands of white residuals
 
@@ -69,13 +70,7 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
     from residuals without the error and their autocorrelation, because a bias is not slow noise.
     """
     responses = search.responses
-    known = {
-        name: error
-        for name, error in sensor_errors(
-            responses.model, (*search.moving_inputs(), *responses.measured)
-        ).items()
-        if name not in responses.free and responses.has_error(error)
-    }
+    known = _estimated(search)
     if not known:
         return {}
     errors = list(known.values())
@@ -100,6 +95,8 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
         worst = int(np.argmax(np.abs(moved[place]) / half))
         unit = error.signal(responses.model).unit
         moves = responses.free[worst]
+        if own[place] == 0.0:
+            continue
         if m < _CONFOUNDED * own[place]:
             found[name] = ColumnError(None, None, unit, moves, None, 0.0)
             continue
@@ -114,6 +111,22 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
         bands = per_unit * BAND * deviation
         found[name] = ColumnError(value, BAND * deviation, unit, moves, bands, shift)
     return found
+
+
+def _estimated(search: Search) -> dict[str, SensorError]:
+    """Return the errors of columns that the search did not free, by name.
+
+    A constant input can have a bias alone: its scale is one, and its delay has no effect."""
+    responses = search.responses
+    steady = search.steady_inputs()
+    columns = (*search.moving_inputs(), *steady, *responses.measured)
+    return {
+        name: error
+        for name, error in sensor_errors(responses.model, columns).items()
+        if name not in responses.free
+        and responses.has_error(error)
+        and (error.kind == "bias" or error.column not in steady)
+    }
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:

@@ -92,6 +92,15 @@ class Search:
             if any(np.ptp(record.inputs[:, place]) > 0.0 for record in self.records)
         ]
 
+    def steady_inputs(self) -> list[str]:
+        """Return the inputs that are constant, and not 0, in every record."""
+        moving = self.moving_inputs()
+        return [
+            name
+            for place, name in enumerate(self.responses.model.inputs)
+            if name not in moving and any(record.inputs[0, place] for record in self.records)
+        ]
+
     @cached_property
     def thinned(self) -> list[Record]:
         """The records with no more samples than the integration needs."""

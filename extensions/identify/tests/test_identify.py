@@ -349,7 +349,7 @@ def test_biases_that_nothing_tells_are_stated():
     assert "bias_alpha" in str(result)
     assert result.column_errors["bias_elevator"].value is None
     assumed = str(result).partition("The bands assume ")[2].partition("\n\n")[0]
-    assert assumed.startswith("no bias of elevator, speed, alpha, pitch, no scale")
+    assert assumed.startswith("no bias of elevator, thrust, speed, alpha, pitch, no scale")
     assert all(len(line) <= 100 for line in assumed.splitlines())
 
 
