@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from mutations import mutate
+from tank import LIMITS, TANK
 
-from hfa_aircraft.model import Model, Signal
 from hfa_boxes.check.checker import check_region, read_content
 from hfa_boxes.check.loop import Loop
 from hfa_boxes.check.piece import Piece, Polynomial
@@ -19,20 +19,6 @@ from hfa_boxes.check.statement import BoxStatement, Gain, digest_of
 from hfa_proof.checker.sealed import SCHEMA
 from hfa_support.errors import BadInputError, NoSolutionError
 
-LIMITS = {"level": (-1.2, 1.2), "slope": (-1.0, 1.0), "valve": (-1.0, 1.0), "load": (-3.0, 3.0)}
-TANK = Model(
-    "tank",
-    {name: Signal("m", 1.0, *LIMITS[name]) for name in ("level", "slope")},
-    {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
-    lambda x, u, p, w: (
-        {"level": p.inflow * x.level + u.valve, "slope": 0.0 * x.slope},
-        {"load": 2.0 * x.level},
-    ),
-    outputs={"load": Signal("m", 1.0, -3.0, 3.0)},
-    parameters={"inflow": Signal("1/s", start=0.5)},
-    linear=("level",),
-    trim={"level": 0.0, "slope": 0.25},
-)
 SQUARE = Polynomial(1, ((1.0, (2,)),))
 QUARTIC = Polynomial(1, ((1.0, (2,)), (0.25, (4,))))
 WEIGHTS = np.array([[1.5, -0.75], [-1.0, 2.0]])

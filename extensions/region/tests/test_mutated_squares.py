@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mutations import mutate
+from tank import LIMITS, TANK
 
-from hfa_aircraft.model import Model, Signal
 from hfa_proof.checker.reading import NOT_PROVED
 from hfa_region.check.certificate import read_content
 from hfa_region.check.checker import check_region
@@ -17,20 +17,6 @@ from hfa_region.check.statement import RegionStatement, SaturatedLoop
 from hfa_region.search.function import PolynomialFunction
 from hfa_region.search.level import LevelSearch, Setting, accepted, holding_ball
 
-LIMITS = {"level": (-1.2, 1.2), "slope": (-1.0, 1.0), "valve": (-1.0, 1.0), "load": (-3.0, 3.0)}
-TANK = Model(
-    "tank",
-    {name: Signal("m", 1.0, *LIMITS[name]) for name in ("level", "slope")},
-    {"valve": Signal("m/s", 1.0, -1.0, 1.0)},
-    lambda x, u, p, w: (
-        {"level": p.inflow * x.level + u.valve, "slope": 0.0 * x.slope},
-        {"load": 2.0 * x.level},
-    ),
-    outputs={"load": Signal("m", 1.0, -3.0, 3.0)},
-    parameters={"inflow": Signal("1/s", start=0.5)},
-    linear=("level",),
-    trim={"level": 0.0, "slope": 0.25},
-)
 #: Quadratic and quartic V with the level that is proved.
 FUNCTIONS = {
     "quadratic": ([[1.0, (2,)]], 0.81, Setting(6, 3, 2)),
