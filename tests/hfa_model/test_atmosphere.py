@@ -66,6 +66,8 @@ def test_it_is_that_of_an_independent_package(
 def test_what_the_printed_tables_have(
     metres: int, thick: float, half_unit: float, kelvin: float, sound: float
 ) -> None:
+    """Density, temperature and speed of sound agree with the printed tables within their last
+    digit."""
     altitude = metres / METRE_PER_FOOT
     assert abs(density(altitude) * KG_PER_M3 - thick) <= half_unit
     assert abs(temperature(altitude) - kelvin) <= 5.0001e-4
@@ -96,5 +98,6 @@ def test_derivative_is_hydrostatic() -> None:
 def test_what_the_layers_do_not_cover_is_refused(
     quantity: Callable[[Any], Any], altitude: Any
 ) -> None:
+    """An altitude outside 0 to 65,000 ft raises BadInputError."""
     with pytest.raises(BadInputError, match="the atmosphere covers 0 to 65000 ft"):
         quantity(altitude)

@@ -86,6 +86,7 @@ SI_WITH_MINUTES = (0.3048, 14.593902937206364, 1 / 60)
 def test_a_change_of_units_leaves_the_physics_alone(
     parameters: Parameters, variant: Variant, new: tuple[float, float, float]
 ) -> None:
+    """State derivatives are unchanged when mass, length and time have other units."""
     assert change_of_units_error(variant, parameters, FIELDS, *new) <= 1e-12
 
 

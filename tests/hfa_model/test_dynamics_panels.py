@@ -118,6 +118,8 @@ def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) 
 def test_with_locked_hinges_newton_is_the_rigid_aircraft(
     parameters: Parameters, dihedral: float
 ) -> None:
+    """With locked hinges, "newton" equals the rigid aircraft and "published" does not."""
+
     def locked(x: State) -> State:
         return x._replace(dihedral=dihedral, dihedral_rate=0.0)
 

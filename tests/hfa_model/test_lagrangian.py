@@ -64,6 +64,7 @@ def disagreement(
 
 
 def test_newton_equals_the_euler_lagrange_equations(parameters: Parameters) -> None:
+    """The "newton" dynamics equal the Euler-Lagrange equations at 1,000 random states."""
     worst = disagreement(judge(False), Newton(), parameters, 1000, moving=False)
     assert max(worst) <= 1e-12, worst
 
@@ -111,6 +112,7 @@ def from_the_wrong_side(x: State, p: Parameters, winds: Winds) -> kinematics.Flo
 def test_a_wrong_wind_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, place: str, wrong: Any
 ) -> None:
+    """Equations with a wrong wind differ from the Euler-Lagrange equations."""
     reference = judge(True)
     # The planted fault: equations with a wrong wind.
     monkeypatch.setattr(place, wrong)
@@ -133,6 +135,7 @@ def test_a_wrong_wind_is_seen(
 def test_one_wrong_term_is_seen_in_its_equation(
     parameters: Parameters, method: str, wrong: Any, rate: str
 ) -> None:
+    """A wrong term of one equation shows in the rate of that equation alone."""
     variant = type("Wrong", (Newton,), {method: wrong})()
     worst = disagreement(judge(False), variant, parameters, 20, moving=False)._asdict()
     assert worst.pop(rate) > 1e-10
@@ -140,6 +143,7 @@ def test_one_wrong_term_is_seen_in_its_equation(
 
 
 def test_published_differs_from_newton_in_two_equations_only(parameters: Parameters) -> None:
+    """The "published" rates differ from the "newton" rates in q' and the dihedral equation alone."""
     worst = disagreement(judge(False), Published(), parameters, 100, moving=False)._asdict()
     assert worst.pop("pitch_rate") > 0.1
     assert worst.pop("dihedral_rate") > 0.1
@@ -186,11 +190,12 @@ def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> f
 
 
 def test_newton_conserves_energy_in_free_flight(parameters: Parameters) -> None:
+    """The energy of the "newton" dynamics is constant for 20 s without air and dampers."""
     assert energy_growth(Newton(), parameters, seconds=20.0) <= 1e-10
 
 
 def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
-    """The departures of the published equations from Newton are not only a matter of taste."""
+    """The energy of the "published" dynamics more than doubles within 2 s without air and dampers."""
     assert energy_growth(Published(), parameters, seconds=2.0) > 1.0
 
 

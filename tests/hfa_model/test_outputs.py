@@ -154,6 +154,7 @@ def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> Non
     ],
 )
 def test_loads_out_of_range_are_refused(name: str, value: float, message: str) -> None:
+    """Loads at a state outside its range raise an error that names the state."""
     model = hfa.aircraft()
     point = find_operating_point(model, level_flight(0.1))
     state = State(*point.states)._replace(**{name: value})

@@ -80,6 +80,7 @@ def test_a_covariance_with_a_negative_eigenvalue_is_refused(
 def test_wrong_entries_are_refused(
     tmp_path: Path, parameter_set: ParameterSet, pattern: str, replacement: str, named: str
 ) -> None:
+    """A file of parameters with a wrong entry is refused, and the error names the entry."""
     path = tmp_path / "aircraft.toml"
     save_parameters(parameter_set, path, "")
     text, count = re.subn(
@@ -91,6 +92,7 @@ def test_wrong_entries_are_refused(
 
 
 def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
+    """A negative mass, span or chord of a panel is refused."""
     for name in ("panel_mass", "panel_span", "chord"):
         with pytest.raises(BadInputError, match=f"parameter {name} is -1; it must be positive"):
             hfa.aircraft(parameters=hfa_model.parameters_of(aircraft)._replace(**{name: -1.0}))

@@ -111,11 +111,13 @@ def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
 
 
 def test_newton_is_gibsons_report_after_four_repairs(parameters: Parameters) -> None:
+    """The "newton" dynamics equal the equations of the report with four repaired terms."""
     assert worst(hfa.aircraft("newton", parameters), REPAIRS) < 1e-12
 
 
 @pytest.mark.parametrize("repairs", [*combinations(REPAIRS, 3), ()], ids=str)
 def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple[str, ...]) -> None:
+    """Without any one of the four repairs, the report's equations differ from "newton"."""
     assert worst(hfa.aircraft("newton", parameters), repairs) > 1e-2
 
 

@@ -52,7 +52,7 @@ def galilean_error(parameters: Parameters, variant: Variant, winds: Winds) -> np
 def test_published_knows_steady_wind_and_newton_not(
     parameters: Parameters, updraft: float, headwind: float
 ) -> None:
-    """Newton does not know steady wind and published does."""
+    """Steady wind changes the accelerations of the "published" dynamics, but not of "newton"."""
     winds = winds_named(("updraft", "headwind"), (updraft, headwind))
     newton, published = (
         galilean_error(parameters, VARIANTS[name], winds) for name in ("newton", "published")
@@ -65,6 +65,7 @@ def test_published_knows_steady_wind_and_newton_not(
 
 
 def test_names_add_up() -> None:
+    """Winds of the whole aircraft, of a side and of a panel add up, by their names."""
     winds = winds_named(NAMES, [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0])
     assert winds == Winds(Wind(3.0, 24.0, 0.0), Wind(5.0, 40.0, 64.0))
     assert winds_named(("updraft",), (5.0,)) == Winds(Wind(5.0, 0.0, 0.0), Wind(5.0, 0.0, 0.0))

@@ -139,12 +139,14 @@ def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
 
 
 def test_tables_of_a_page_are_replaced() -> None:
+    """A new table replaces the table with the same header on a page, and nothing else."""
     head = "| a | b |\n|---|---|\n"
     page = f"text\n\n{head}| 1 | 2 |\n| 3 | 4 |\n\nmore\n"
     assert report.with_table(page, f"{head}| 5 | 6 |") == f"text\n\n{head}| 5 | 6 |\n\nmore\n"
 
 
 def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> None:
+    """One job of the benchmarks runs without the other jobs."""
     assert bench.main(["--quick", "games"]) == 0
     printed = capsys.readouterr().out
     assert "solve_continuous_are" in printed
@@ -183,6 +185,7 @@ def not_shown(document: str, data: dict) -> list[str]:
 
 
 def test_the_document_shows_the_stored_figures() -> None:
+    """The documents show every stored result of the benchmarks."""
     text = "".join(page.read_text("utf-8") for page in report.PAGES)
     assert not_shown(text, report.stored()) == []
 

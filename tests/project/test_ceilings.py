@@ -47,6 +47,7 @@ def own(path: Path) -> bool:
 
 @pytest.mark.parametrize("command", LOADED)
 def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) -> None:
+    """A command loads no extension and at most its ceiling of tokens."""
     np.savez("K.npz", K=exact_gain(15.0))
     words = [sys.executable, "-c", _LIST, *command.split()]
     done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
@@ -59,6 +60,7 @@ def test_a_command_loads_no_more_than_its_ceiling(command: str, folder: Path) ->
 
 
 def test_the_core_is_no_larger_than_its_ceiling() -> None:
+    """The packages of the core have at most their ceiling of tokens."""
     core = [folder for folder in FOLDERS.values() if folder.parent == ROOT]
     tokens = sum(size(path) for folder in core for path in folder.rglob("*.py"))
     assert 100_000 < tokens <= CORE

@@ -26,6 +26,7 @@ def stored() -> list[str]:
 
 
 def test_nothing_mentions_where_it_was_written() -> None:
+    """No stored file contains a path of the machine on which it was written."""
     texts = {name: (ROOT / name).read_bytes().decode("utf-8", "replace") for name in stored()}
     assert {"README.md", ".ci/run"} <= texts.keys()
     assert [name for name, text in texts.items() if WORKPLACE.search(text)] == []

@@ -168,6 +168,7 @@ def test_blocks_run_and_print_what_is_shown(
 
 
 def test_every_stored_picture_is_drawn_by_its_document() -> None:
+    """A command of the document draws each of its stored pictures."""
     for picture in PICTURES.glob("*/*.png"):
         blocks = blocks_of(text_of(ROOT / "docs" / f"{picture.parent.name}.md"))
         assert any(picture.name in block.text for block in blocks), picture
@@ -193,6 +194,7 @@ def illustrate() -> None:
     "path", [*DOCUMENTS, ROOT / "CHANGELOG.md", ROOT / "ARCHITECTURE.md"], ids=lambda p: p.stem
 )
 def test_links_lead_to_files_and_headings(path: Path) -> None:
+    """Each local link of a document leads to a file and a heading that exist."""
     for title, link in re.findall(r"\[([^\]]*)\]\(([^)\s]+)\)", text_of(path)):
         in_text = path.parent == ROOT / "docs"
         assert not (in_text and title.endswith(".md")), "a link carries the title of its target"
@@ -211,6 +213,7 @@ def headings(document: str) -> list[str]:
 
 
 def test_the_readme_names_every_command() -> None:
+    """The README names every command."""
     names = {name.split()[0] for name in commands()}
     assert [
         name for name in names if not re.search(rf"`(hfa )?{name}\b", text_of(ROOT / "README.md"))
@@ -230,6 +233,7 @@ def looks_like(picture: Path, other: Path) -> bool:
 
 
 def test_every_public_name_is_in_an_example() -> None:
+    """Each public name of the packages below `hfa` occurs in a Python example of the documents."""
     blocks = (block for path in DOCUMENTS for block in blocks_of(text_of(path)))
     code = "\n".join(block.text for block in blocks if block.language == "python")
     stubs = {name: FOLDERS[name] / "__init__.pyi" for name in PACKAGES if name != "hfa"}
@@ -252,6 +256,7 @@ SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.ste
 def test_examples_run(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
+    """Each example prints the output that its docstring shows, and writes no file."""
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(path), run_name="__main__")
     output = capsys.readouterr().out
@@ -331,6 +336,7 @@ hfa: --dihedral is 'abc'; give a finite number
 
 
 def test_a_sound_document_passes() -> None:
+    """A document without a fault has no complaint."""
     assert complaints(SOUND) == []
 
 
@@ -359,6 +365,7 @@ def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint:
 
 
 def test_an_old_picture_is_noticed() -> None:
+    """A picture looks like itself and unlike another picture."""
     modes = PICTURES / "tutorial" / "modes.png"
     assert looks_like(modes, modes)
     assert not looks_like(modes, PICTURES / "root_locus.png")

@@ -132,6 +132,7 @@ def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, folder: Path) -> N
 
 
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
+    """An entry point that is a plain function is refused with the decorator to use."""
     (tmp_path / "stranger.py").write_text(
         "from hfa.entry_points import CommandEntry\nfrom hfa.options.command import command\n"
         "RUN = CommandEntry('model', 'run', 'stranger:run')\n"

@@ -94,6 +94,7 @@ def move_to(driver: Any, angle: str) -> None:
 def test_the_page_in_a_browser(
     tmp_path: Path, subtests: pytest.Subtests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The page shows the numbers of the command at the chosen angle, fits each window and prints."""
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:

@@ -52,6 +52,7 @@ def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
     ],
 )
 def test_an_empty_promise_is_noticed(change: tuple[int, str]) -> None:
+    """A promise whose test or document does not exist is found."""
     promise = list(PROMISES[0])
     promise[change[0]] = change[1]
     assert missing(promise)

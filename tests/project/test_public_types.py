@@ -44,6 +44,7 @@ def errors_of(tool: str, folder: Path, *options: str) -> list[str]:
 
 
 def test_the_script_uses_every_public_name() -> None:
+    """The script for the type checkers uses every public name of `hfa`."""
     used = set(re.findall(r"\bhfa\.(\w+)", SCRIPT))
     assert {*hfa.__all__} - used == set()
 
@@ -59,6 +60,7 @@ def test_mypy_accepts_the_script(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("pyright") is None, reason="pyright is not installed")
 def test_pyright_accepts_the_script(tmp_path: Path) -> None:
+    """Pyright reports only the planted errors at the end of the script."""
     paths = ", ".join(f'"{path}"' for path in sorted(FOLDERS_ABOVE))
     (tmp_path / "pyrightconfig.json").write_text(f'{{"extraPaths": [{paths}]}}')
     found = errors_of("pyright", tmp_path, "--pythonpath", sys.executable)

@@ -144,6 +144,7 @@ def test_a_models_game_equals_its_matrices_game() -> None:
 
 
 def test_games_are_equal_by_their_values() -> None:
+    """Two games are equal, with equal hashes, exactly when all their values are equal."""
     game = results()["Game"]
     again = game.with_delta(100.0).with_delta(game.delta)
     assert (again, hash(again)) == (game, hash(game))

@@ -39,6 +39,8 @@ def test_stored_linear_models_are_todays() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 5])
 def test_a_flight_is_found_again(index: int) -> None:
+    """The search finds a stored flight again, with the stored costs of the best flight and the
+    policies."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))

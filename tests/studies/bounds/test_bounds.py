@@ -32,6 +32,7 @@ def flown_over(coefficient: float) -> FlownAbove:
 
 
 def test_flights_are_above_a_true_bound() -> None:
+    """No flight costs less than a true lower bound."""
     flown = flown_over(0.999)
     assert flown.flights >= 500
     assert flown.below == 0
@@ -39,15 +40,18 @@ def test_flights_are_above_a_true_bound() -> None:
 
 
 def test_a_bound_too_large_by_one_percent_is_found() -> None:
+    """Flights below a bound that is 1 % too large are counted."""
     assert flown_over(1.01).below > 100
 
 
 def test_the_navion_is_that_of_the_tutorial() -> None:
+    """The Navion of the study has the four longitudinal states of the tutorial."""
     assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
 
 
 @pytest.mark.slow
 def test_the_study_proves_and_flies(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """The study proves a bound of the van der Pol oscillator and flies 100 flights."""
     words = ["--aircraft", "van der Pol", "--starts", "2", "--flights", "100", "-o", str(tmp_path)]
     assert main(words) == 0
     assert "van der Pol" in capsys.readouterr().out

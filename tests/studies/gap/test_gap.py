@@ -57,6 +57,7 @@ def test_another_setting_trains_anew(tmp_path: Path) -> None:
 
 
 def test_stored_results_have_every_aircraft() -> None:
+    """The stored results contain every aircraft and algorithm, with consistent counts of starts."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert [one["aircraft"] for one in data["aircraft"]] == [task.name for task in TASKS]
     for one in data["aircraft"]:

@@ -97,6 +97,7 @@ def test_all_rough_starts_fit_print_well_rounding_allows(
 def test_the_packaged_parameters_are_the_identified_ones(
     identified: tuple[Fit, list[float]], parameter_set: ParameterSet
 ) -> None:
+    """The packaged parameters and standard errors equal those of a new identification."""
     best = identified[0].parameters
     assert best.sources == parameter_set.sources
     assert best.identified == parameter_set.identified
@@ -263,6 +264,7 @@ THIN = 1 - 16.14e-6
 
 
 def test_the_released_constants_lie_within_two_standard_errors(parameter_set: ParameterSet) -> None:
+    """The released constants are within two standard errors of the identified parameters."""
     for name, value in RELEASED.items():
         distance = abs(getattr(parameter_set.values, name) - value)
         assert distance <= 2.0 * parameter_set.standard_errors[name], name

@@ -60,6 +60,8 @@ def wrong_numbers(text: str) -> list[str]:
 
 
 def test_the_document_shows_the_stored_results() -> None:
+    """The document shows the stored numbers and counts of claims, and a planted wrong number is
+    found."""
     assert len(ROW.findall(DOCUMENT)) >= 10
     assert wrong_numbers(DOCUMENT) == []
     planted = "| | claim | exact |\n|---|---|---|\n| error | 5.1-6 | 0.5 |\n"
@@ -162,6 +164,8 @@ TABLES = [{"a": 1.0, "b": 4.0, "c": np.inf}, *[{"a": 2.0, "b": 3.0, "c": np.inf}
     ],
 )
 def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], value: float) -> None:
+    """A measure is computed from its flights and names, and a lost flight raises an error that
+    names it."""
     group = "5 deg" if "to" in said else "every uncertainty"
     evidence = evidence_of(*TABLES)
     if "to" in said:  # of the flight without uncertainty to that with the noise
@@ -185,6 +189,8 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
+    """The verdict on a claim follows from the value, the limit, and the time at which a flight was
+    lost."""
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
     bound = limit if limit.isidentifier() else float(limit)

@@ -170,6 +170,7 @@ def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
 
 
 def test_the_law_as_printed_overflows_at_once() -> None:
+    """With the update law as printed, the flight ends by overflow within 0.3 ms."""
     record = simulate_plan(default_setting(), FlightPlan(15.0, PRINTED), "5.1")
     assert not record.held
     assert record.lost_at <= 3e-4

@@ -137,6 +137,7 @@ def test_another_law_is_seen() -> None:
 
 
 def test_forcing_is_the_rate_that_a_reference_adds() -> None:
+    """The forcing by a reference x_r(t) is A x_r - x_r', compared with finite differences."""
     A = published_models()[0].A
     r = forcing(A, REFERENCE)
     for t in (0.0, 1.3, 17.0):
@@ -178,6 +179,7 @@ def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game
 
 
 def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
+    """A reference that grows faster than the closed loop decays, and a wrong P, are refused."""
     P = solve_game(game).P
     exploding = Exosystem(np.array([[0.3]]), np.ones((6, 1)), np.ones(1))
     with pytest.raises(

@@ -105,6 +105,7 @@ STORED_ROWS = [
 
 
 def test_the_findings_have_stored_results() -> None:
+    """Each case has stored results, and the findings show rows of these results alone."""
     published = [case["case"] for case in STORED if case["dynamics"] == "published"]
     assert published == list(CASES)
     shown = re.findall(r"^\| order-.*$", FINDINGS, re.M)
@@ -234,6 +235,7 @@ def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
 def test_the_servo_stands_actuators_down_to_this_damping(
     published_aircraft: Model, bandwidth: float, degrees: float, damping: float
 ) -> None:
+    """The servo loop is stable above a given damping of the actuators and unstable below it."""
     controller = designed_servo(published_aircraft)
     model = model_at(degrees)
 

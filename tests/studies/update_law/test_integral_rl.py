@@ -60,6 +60,7 @@ def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
+    """From zero weights, the baseline converges to the exact P and K of the stable model's game."""
     game, exact = published("published-5")
     result = learn_by_integrals(game, seed)
     assert result.outcome == "settled"
@@ -85,6 +86,7 @@ def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
+    """The learned gain is biased when a disturbance acts and is not measured."""
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
     assert learn_by_integrals(game, form=form).settled

@@ -91,6 +91,7 @@ def test_direction_is_the_printed_sum() -> None:
 
 
 def test_gains_are_those_of_the_theorem() -> None:
+    """The gains follow the theorem's formulas and are infinite without persistent excitation."""
     regressors = np.diag([2.0, 0.5])[[0, 1, 0]]
     gains = theorem_gains(regressors, gamma=0.01, eta=0.8, theta=0.9, T_w=10.0)
     assert gains.lambda_0 == pytest.approx(0.25)
@@ -174,6 +175,8 @@ def test_implicit_step_satisfies_its_equation(gain: float) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("policies", ["frozen", "reevaluated"])
 def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) -> None:
+    """The paper's settings overflow, and the error states lambda_0, alpha1 and a step that is
+    stable."""
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError,
@@ -183,6 +186,7 @@ def test_the_papers_settings_overflow_with_the_reason(name: str, policies: str) 
 
 
 def test_defaults_are_those_of_the_paper() -> None:
+    """The default settings equal those that the paper prints."""
     printed = published_data()["critic"]
     chosen = PublishedSettings()
     assert chosen.predefined_time == printed["T_w_s"]

@@ -63,6 +63,7 @@ def test_the_stored_table_is_todays_and_whole() -> None:
 
 @pytest.mark.slow
 def test_every_row_run_again_comes_out_the_same(tmp_path: Path) -> None:
+    """A new run of the study reproduces every stored row."""
     assert main(["-o", str(tmp_path)]) == 0
     for row in json.loads((tmp_path / "published_study.json").read_text())["rows"]:
         assert_same_outcome(row, COMMITTED[row["name"]])
@@ -102,6 +103,7 @@ def test_ends_hang_on_ninth_digit_of_start_told() -> None:
 
 
 def test_the_document_shows_the_stored_numbers() -> None:
+    """The study's README shows the table of the stored rows."""
     readme = ROOT / "studies" / "update_law" / "README.md"
     document = readme.read_text(encoding="utf-8").splitlines()
     shown = [line for line in document if line.startswith(tuple(f"| {name} |" for name in ROWS))]

@@ -30,6 +30,7 @@ from trim import compare, regenerate
 
 
 def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
+    """The identified aircraft passes all checks, at 20 trims and 27 printed entries."""
     validation = validate(published_aircraft)
     assert [check for check in validation.checks if not check.ok] == []
     assert {trim.speed for trim in validation.trims} == {68.0, 64.0, 30.0}
@@ -39,6 +40,8 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
+    """The aircraft of first principles fails the eigenvalue at 30 ft/s and an entry of the third
+    model."""
     validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
@@ -58,6 +61,7 @@ def test_first_principles_are_not_what_was_released(parameters: Parameters) -> N
 def test_a_wrong_parameter_is_seen(
     parameters: Parameters, name: str, factor: float, check: str
 ) -> None:
+    """A wrong parameter fails the expected check, and each failed check states its reason."""
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
     failed = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
     assert check in {check.name for check in failed}
@@ -67,6 +71,7 @@ def test_a_wrong_parameter_is_seen(
 def test_a_wrong_number_of_theirs_is_seen(
     published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A wrong eigenvalue of the released simulation fails the check of that eigenvalue alone."""
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     # The planted fault: a wrong number of the released simulation.
