@@ -7,7 +7,7 @@ import json
 import os
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -436,3 +436,20 @@ def test_a_set_grows_alike_from_any_v(weight: float) -> None:
         pass
     assert first.size() < 1.0
     assert growth.shape.size() > 2.9
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
+    """There V is |y|² and V' a sum of multiples of squares, to second order."""
+    generator = np.random.default_rng(0)
+    J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
+    first = Shape.of_matrix(solve_continuous_lyapunov(J.T, -np.eye(3)), J, degree)
+    grown = first.stretched(np.array([0.5, 2.0, 3.0]))
+    coefficients = grown.coefficients * generator.uniform(0.9, 1.1, len(grown.coefficients))
+    grown = replace(grown, coefficients=coefficients + 0.1 * (grown.basis.degrees > 2))
+    found = grown.diagonal(J)
+    z = generator.normal(size=(100, 3)) @ found.N.T
+    assert found.values(z) == pytest.approx(grown.values(z), rel=1e-9)
+    assert found.square == pytest.approx(np.eye(3), abs=1e-9)
+    decay = found.linear_decay(J)
+    assert decay == pytest.approx(np.diag(np.diag(decay)), abs=1e-9 * decay.max())

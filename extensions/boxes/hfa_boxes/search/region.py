@@ -230,7 +230,7 @@ class RegionSearch:
 
     def _part(self, shape: Shape, share: float) -> Shape:
         """Return the set of a V scaled by a share of its length, within the state limits."""
-        part = shape.of_level(share**2).in_cube()
+        part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))
         if beyond < 1.0:

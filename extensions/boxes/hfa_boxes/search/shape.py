@@ -141,12 +141,9 @@ class Shape:
 
     @classmethod
     def of_matrix(cls, P: np.ndarray, J: np.ndarray, degree: int) -> Shape:
-        """Return V = z'P z in coordinates in which V' of z' = J z is diagonal."""
-        T = np.linalg.inv(np.linalg.cholesky(P)).T
-        S = T.T @ P @ J @ T
-        M = np.linalg.inv(T @ np.linalg.eigh(S + S.T)[1])
+        """Return V = z'P z in the coordinates of `_diagonal`."""
         basis = Monomials(len(P), degree)
-        return cls(M, basis, basis.quadratic(np.eye(len(P))))
+        return cls(_diagonal(P, J), basis, basis.quadratic(np.eye(len(P))))
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
@@ -219,6 +216,14 @@ class Shape:
         """Return V in coordinates divided by factors (n,)."""
         scale = np.prod(factors**self.basis.powers, axis=1)
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
+
+    def diagonal(self, J: np.ndarray) -> Shape:
+        """Return V in the coordinates of `_diagonal`, in which its proof needs the fewest boxes."""
+        square = self.M.T @ self.square @ self.M
+        turned = replace(self, M=_diagonal(square, J))
+        y = np.random.default_rng(5).uniform(-1.0, 1.0, (4 * len(self.coefficients), len(J)))
+        values = self.values(y @ turned.N.T)
+        return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
         """Return V in coordinates whose cube is larger than the set."""
@@ -377,6 +382,14 @@ class Shape:
         ray = _unit(refined[None])
         last = (ray * self.edges(ray)[:, None])[0]
         return np.asarray(self.N @ (last if last @ direction > first @ direction else first))
+
+
+def _diagonal(P: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Return M (n, n) of coordinates y = M z in which z'P z is |y|² and its derivative where
+    z' = J z is a sum of multiples of squares."""
+    T = np.linalg.inv(np.linalg.cholesky(P)).T
+    S = T.T @ P @ J @ T
+    return np.asarray(np.linalg.inv(T @ np.linalg.eigh(S + S.T)[1]))
 
 
 def _unit(rays: np.ndarray) -> np.ndarray:
