@@ -23,9 +23,9 @@ class CommandEntry(NamedTuple):
     command: location of its `Command`, "package.module:name"
     example: last line of its help
     install: extra to install where a package is missing, ".[proof]"
-    results: each written result, "module:Class module:Class?": its class, then the classes that add
-        keys, with ? if optional. "hfa.trim/1 module:Class" adds optional keys to the results of
-        other commands.
+    results: classes of each written result, "module:Class module:Class?". The first class declares
+        the result, and the others add keys. A ? marks an optional class. "hfa.trim/1 module:Class"
+        adds optional keys to the results of other commands.
     """
 
     group: str

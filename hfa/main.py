@@ -199,9 +199,10 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """Print each warning as a note once a result exists; a failure prints its own message alone.
+    """Print each warning as a note, once a result exists.
 
-    Deprecation warnings of libraries are not printed."""
+    A failure prints its own message alone. Deprecation warnings of libraries are not printed.
+    """
     from hfa.output import say_notes
 
     caught = [each for each in caught if not issubclass(each.category, _FOR_PROGRAMMERS)]

@@ -25,8 +25,8 @@ class Extras:
     variants: names of its other equations, which a design may treat differently
 
     range: state -> (largest absolute value, source). Larger values give a warning.
-    envelope: (x, p) of a trim, by name -> limits of the states in flights about it, where they
-        differ from min and max: state -> (lowest, highest)
+    envelope: function (x, p) of a trim -> limits of the states in flights about it, state ->
+        (lowest, highest), where they differ from min and max. x and p are by name.
     check: function that raises BadInputError for a state, by name, outside the domain of the
         equations
 

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
 
-    name: name of the model states, inputs, parameters, disturbances, outputs: name -> `Signal`, in
-        the order of the vectors
+    name: name of the model
+    states, inputs, parameters, disturbances, outputs: name -> `Signal`, in the order of the vectors
     equations: (x, u, p, w) with fields by name -> (rates by state, outputs by name), for numbers
         and for CasADi expressions, with every declared output
     trim: state, input or output -> value that a trim imposes by default
@@ -41,8 +41,8 @@ class Model(Reported):
     schedule: state, input or parameter over which sweeps, gain schedules and proofs run
     modes: name of a mode -> states that take part most; by default found from usual names of states
         (`usual_modes`)
-    replaced: state -> output, affine in it, that replaces it as a variable of a trim: pitch ->
-        gamma
+    replaced: state -> output that replaces it as a variable of a trim, such as pitch -> gamma; the
+        output is affine in the state
     extras: additional data set by a reader of files, or by the paper's aircraft
 
     Raises BadInputError when a name is not an identifier, is declared twice or is unknown, a number

@@ -2,15 +2,17 @@
 
 Axes: x forward, y to the right, z down, at the center of mass of the whole aircraft. A panel's
 reference point is its own center of mass, at mid-span on the quarter chord. Wings bend up: with
-dihedral η the center panel sits (s/3) sin η below the common center of mass and each outer panel
+dihedral η the center panel is (s/3) sin η below the common center of mass and each outer panel
 (s/6) sin η above it. The right and the left panel mirror each other, so one "outer" panel
 represents both.
 
-Air that moves, uniformly or otherwise at the center panel and at the outer ones, by (-h, ±o, -w) in
-north, east, down, headwind h, outward o, updraft w, in ft/s: relative to it a panel moves by h
-forward, o inward and w downward more, which in body axes is (h cos θ - w sin θ, ∓o, h sin θ + w cos
-θ). The aircraft flies north in its plane of symmetry, so both outer panels are in mirrored air
-(what differs left and right rolls and yaws), and the center panel has no wind from the side."""
+The air at a panel moves by (-h, ±o, -w) north, east and down, ft/s, with headwind h, outward wind o
+and updraft w. Relative to this air the panel moves faster by h forward, o inward and w downward. In
+body axes this velocity is (h cos θ - w sin θ, ∓o, h sin θ + w cos θ).
+
+The aircraft flies north in its plane of symmetry. Both outer panels are in mirrored air, because a
+difference between left and right would cause roll and yaw. The center panel has no side wind.
+"""
 
 from __future__ import annotations
 

@@ -46,11 +46,11 @@ _WATCHED = ("dynamic_pressure", "load_factor", "gamma", "climb_rate", "hinge_mom
 class TrimLoads(Result):
     """Loads and performance of the HFA at a trim.
 
-    loads: for the HFA, forces and moments on aircraft and panels.
-    load_units: unit of each.
-    performance: for the HFA, weight, lift coefficient, load factor and so on; for other aircraft,
+    loads: for the HFA, forces and moments on the aircraft and its panels.
+    load_units: unit of each load.
+    performance: for the HFA, weight, lift coefficient, load factor and others; for other aircraft,
         their outputs.
-    performance_units: unit of each.
+    performance_units: unit of each entry of `performance`.
     """
 
     loads: Mapping[str, float]

@@ -54,10 +54,10 @@ class Input(NamedTuple, Generic[T]):
     The values are numbers, CasADi expressions, units or signals.
 
     throttle: δ_t, 1; total thrust = thrust_per_throttle * throttle (`Parameters`)
-    aileron_center: δ_ac, rad, trailing edge down
-    aileron_outer: δ_ao, rad, trailing edge down
-    elevator_center: δ_ec, rad, more lift on the tail
-    elevator_outer: δ_eo, rad, more lift on the tail
+    aileron_center: δ_ac, rad, positive with the trailing edge down
+    aileron_outer: δ_ao, rad, positive with the trailing edge down
+    elevator_center: δ_ec, rad, positive for more lift on the tail
+    elevator_outer: δ_eo, rad, positive for more lift on the tail
 
     >>> from hfa_model import Input
     >>> Input(40.0, 0.0, 0.03, 0.0, -0.05).elevator_outer

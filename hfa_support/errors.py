@@ -93,8 +93,8 @@ def advice(name: str, known: Iterable[str]) -> str:
 def nearest(name: str, known: Iterable[str]) -> list[str]:
     """Return the known names nearest to a name, regardless of case.
 
-    These are the names that another tool calls so, else those that begin with it, else those that
-    contain it, else the most similar ones.
+    The name may be another tool's word for a known name. Otherwise known names that begin with it
+    are returned, then those that contain it, then the most similar ones.
     """
     from hfa_support.other_words import MEANINGS
 

@@ -1,7 +1,7 @@
 """Reading and writing of files.
 
-Written files appear whole or not at all. Users' files must be regular files of limited size; one
-line reports a file that cannot be read.
+Written files appear whole or not at all. Users' files must be regular files of limited size. An
+error about a file that cannot be read is one line.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """English units and their SI units: names and factors.
 
-The factors, exact except for rounding, are ft = 0.3048 m, lb = 0.45359237 kg, standard gravity
-9.80665
-    m/s² (National Institute of Standards and Technology, Special Publication 811). Seconds, radians
-    and numbers without a unit are unchanged.
+The factors are exact except for rounding. They are ft = 0.3048 m, lb = 0.45359237 kg and standard
+gravity 9.80665 m/s² (National Institute of Standards and Technology, Special Publication 811).
+Seconds, radians and numbers without a unit are unchanged.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Unknown attributes, arguments and public names: what they mean, or errors that suggest others."""
+"""Resolution of unknown attributes, arguments and public names.
+
+Installed packages may supply them. Otherwise an error suggests the nearest known names.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +70,8 @@ def no_public_name(
 ) -> AttributeError:
     """Return the AttributeError of an unknown public name.
 
-    It suggests the nearest names, or else names classes that have the attribute.
+    It suggests the nearest names. Without a near name it lists the classes that have an attribute
+    of this name.
 
     get: returns the object of a public name
     known: the public names

@@ -93,7 +93,7 @@ class TrainingRun(Result, Reported):
 
     @property
     def times(self) -> Vector:
-        """`time`, under its name of 0.3."""
+        """`time`, under its name in version 0.3."""
         return self.time
 
     def critic(self, game: Game) -> Critic:

@@ -350,14 +350,20 @@ class CertifiedLaw:
 
     The law uses only B, E, Q, R and δ of the game.
 
-    Stage 1 solves the LQ problem (1/δ² = 0): W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|, k =
-    π/(2 η θ T), with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē
-    along itself, so that |ē| obeys the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on.
-    In a tick, Newton sub-steps W <- W - f N are taken with the f that gives |ē| the exact scalar
-    value. While it is out of reach, f minimizes |ē|. For f in (0, 1] such a step keeps a
-    stabilizing policy stabilizing: with P₁ = P - N the full step and A_f = A - S(P - fN), A_f'P₁ +
-    P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁). Initial weights that are not stabilizing get
-    a discount β, their abscissa plus a margin, so that the drift is F - βz.
+    Stage 1 solves the LQ problem (1/δ² = 0) by
+
+        W' = -pinv(σ̄) k (|ē|^(1-η) + |ē|^(1+η)) ē/|ē|,  k = π/(2 η θ T),
+
+    with the normaliser n_j = sqrt(1 + σ_j'σ_j) of the start of the stage. σ̄W' moves ē along
+    itself, so that |ē| obeys the scalar law y' = -k (y^(1-η) + y^(1+η)) and is 0 from θT on. In a
+    tick, Newton sub-steps W <- W - f N are taken with the f that gives |ē| the exact scalar value.
+    While no f reaches it, f minimizes |ē|. For f in (0, 1] such a step keeps a stabilizing policy
+    stabilizing, because with the full step P₁ = P - N and A_f = A - S(P - fN)
+
+        A_f'P₁ + P₁A_f = -Q - (1-f) PSP - f P₁SP₁ - f (P-P₁)S(P-P₁).
+
+    Initial weights that are not stabilizing get a discount β, their abscissa plus a margin, so that
+    the drift is F - βz.
 
     Stage 2 lowers β to 0 and then raises 1/δ² to its value, along a clock that ends at T + θT, with
     Newton steps that follow the solution.

@@ -123,8 +123,8 @@ def natural_spread(game: Game) -> np.ndarray:
 
     It is the square root of the diagonal of X with
 
-    (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0, β = max(abscissa of A, 0) + 10 % of the
-    spectral radius.
+        (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
+        β = max(abscissa of A, 0) + 10 % of the spectral radius.
 
     It scales with the units of the states, so that the samples suit any units. The deviation of a
     state that no input or disturbance reaches is 1.

@@ -37,11 +37,13 @@ class Run:
 def run(learner: Any, *, progress: Progress | None = None) -> Run:
     """Run all ticks of a learner, any object with the four members below.
 
-    ticks: number of steps start(): returns the memory before the first tick, any object that is
-        passed from tick to tick advance(tick, memory): returns the memory after tick number `tick`
-        (0 .. ticks - 1), a pure function observe(tick, memory): returns the row after `tick` ticks
-        (0 .. ticks): "time", s, and further values with constant names. "law_residual_norm", the
-        residual that the learner drives to zero, is shown as progress.
+    ticks: number of ticks
+    start(): returns the memory before the first tick, any object that is passed from tick to tick
+    advance(tick, memory): returns the memory after tick number `tick` (0 .. ticks - 1), a pure
+        function
+    observe(tick, memory): returns the row after `tick` ticks (0 .. ticks), with "time", s, and
+        further values under constant names. "law_residual_norm", the residual that the learner
+        drives to zero, is shown as progress.
     """
     memory = learner.start()
     rows = [_row(learner, 0, memory)]

@@ -25,10 +25,10 @@ LOSS_TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class FlightCost(Result):
-    """Cost of u = -K z above the optimum, percent of z'P*z, each policy under its worst
-    disturbance.
+    """Cost of u = -K z above the optimum, percent of z'P*z.
 
-    It is inf without a bound: where the gain is not below delta, or the loop not stable.
+    Each policy is under its worst disturbance. The cost is inf where it has no bound, because the
+    gain is not below delta or the loop is not stable.
 
     worst: largest over the initial conditions.
     mean: mean over initial conditions of equal optimal cost.

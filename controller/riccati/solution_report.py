@@ -89,7 +89,7 @@ class AnalysedGame(Solution):
 
     @property
     def solution(self) -> Solution:
-        """This object, under its name of 0.3."""
+        """This object, under its name in version 0.3."""
         return self
 
 

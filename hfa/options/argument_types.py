@@ -1,8 +1,8 @@
 """Kinds of options: functions that convert one word of a command line to a value in internal units.
 
 They raise BadInputError for a wrong word. The message continues a sentence that begins with the
-option: "--delay" and "is 'short'; give a finite number". `quantity` converts degrees; no other
-    module converts typed numbers.
+option: "--delay" and "is 'short'; give a finite number". `quantity` converts degrees. No other
+module converts typed numbers.
 """
 
 from __future__ import annotations
@@ -135,12 +135,13 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(
     *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
 ) -> Callable[[str], Path]:
-    """The kind of files with one of the suffixes that can be written, and where `folder`, of
-    folders without suffix.
+    """Return the kind of option that accepts the path of a file that can be written.
 
-    stores: suffixes of folders that are continued
+    suffixes: the accepted suffixes
+    folder: whether folders, whose names have no suffix, are accepted too
+    stores: suffixes of folders that a run continues
 
-    So a place is refused before anything is computed.
+    The path is checked before anything is computed.
     """
 
     def convert(text: str) -> Path:

@@ -15,7 +15,8 @@ from hfa_support.errors import BadInputError, advice, shortened
 class Parser(argparse.ArgumentParser):
     """Argument parser that raises BadInputError.
 
-    with_help: whether it takes --help."""
+    with_help: whether it accepts --help.
+    """
 
     def __init__(self, *, with_help: bool = True, **options: Any) -> None:
         super().__init__(allow_abbrev=False, add_help=False, **options)

@@ -22,9 +22,10 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     """Write one data file, whole or not at all, with 17 significant digits.
 
-    .json: `data` .npz: one array for each leaf of `data`, its keys joined by dots .mat: the tree of
-    `data` as structs, N matrices as (rows, columns, N) .csv: `records`, with a last column that has
-    schema and provenance as JSON in its first row
+    - .json: `data`
+    - .npz: one array for each leaf of `data`, with its keys joined by dots as name
+    - .mat: the tree of `data` as structs, with N matrices as (rows, columns, N)
+    - .csv: `records`, with a last column that has schema and provenance as JSON in its first row
     """
     suffix = target.suffix.lower()
     if suffix == ".json":

@@ -159,8 +159,11 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the value that the name indexes: point.alpha is point["alpha"]; else
-            `attribute_of`."""
+            """Return the value that the name indexes, or an attribute that a package adds
+            (`attribute_of`).
+
+            point.alpha is point["alpha"].
+            """
             if name[0] == "_":
                 raise AttributeError(name)
             with suppress(BadInputError, TypeError):

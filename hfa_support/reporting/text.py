@@ -65,8 +65,8 @@ def matrix_table(
 ) -> Table:
     """Return a matrix with row and column names, and four decimals like the paper's.
 
-    An entry that would look like 0 is printed with an exponent. The whole matrix is, where four
-    decimals would hide it or fill the line.
+    An entry that would look like 0 is printed with an exponent. All entries have an exponent where
+    four decimals would show the whole matrix as 0 or fill the line.
     """
     largest = float(np.abs(matrix).max(initial=0.0))
     form = _entry_text if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
@@ -77,7 +77,7 @@ def matrix_table(
 def entry_rows(
     P: tuple[np.ndarray, ...], K: tuple[np.ndarray, ...], names: Any
 ) -> list[tuple[Any, ...]]:
-    """Return rows (matrix, row, column, its entry in each P or K, unit), those of P first.
+    """Return rows (matrix, row, column, entry of each P or K, unit), the rows of P first.
 
     P: (n, n) each
     K: (m, n) each

@@ -343,12 +343,17 @@ def bands_known(parameters: ParameterSet) -> bool:
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
     """Return the error bands of the entries of a six-state linear model.
 
-    The model has these parameters, at a trim of this condition.
+    2 sqrt(diag(J C J')),  J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp,  dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p
 
-    2 sqrt(diag(J C J')), J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp, dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p (implicit
-    function theorem), C the covariance of the identified parameters p, v the free variables of the
-    trim. Raises BadInputError when the parameters have no bands (`bands_known`), or the model is
-    not of the paper's six states.
+    C is the covariance of the identified parameters p, and v are the free variables of the trim.
+    dv/dp follows from the implicit function theorem.
+
+    parameters: the parameters of the model
+    condition: the condition of its trim
+    model: the linear model
+
+    Raises BadInputError when the parameters have no bands (`bands_known`), or the model is not of
+    the paper's six states.
 
     >>> import hfa
     >>> from trim import entry_bands

@@ -36,10 +36,12 @@ def of_control(model: LinearModel, name: str) -> Any:
     """Return an attribute of python-control's StateSpace, or a function of python-control on the
     model.
 
-    Names of python-control's MATLAB interface are accepted too. The function acts from inputs= to
-    outputs= of its call, which may be input=, output= or its first two texts. A function of
-    matrices, ctrb(A, B), gets those of the model. An error of python-control is a BadInputError.
-    Raises AttributeError for another name.
+    The function may also be one of python-control's MATLAB interface. Its call accepts inputs= and
+    outputs=, which select the transfer functions. Both may also be input= and output=, or the first
+    two texts of the call. A function whose first arguments are matrices, such as ctrb(A, B), is
+    called with the model's matrices.
+
+    Raises BadInputError for an error of python-control, and AttributeError for another name.
     """
     import control
     from control import matlab
@@ -73,7 +75,9 @@ def of_control(model: LinearModel, name: str) -> Any:
 
 
 def _leading_matrices(names: Iterable[str]) -> list[str]:
-    """Return the names A, B, C, D with which the arguments of a function begin: of ctrb(A, B)."""
+    """Return the names A, B, C, D with which the arguments of a function begin: A and B for ctrb(A,
+    B).
+    """
     leading = []
     for name in names:
         if name not in ("A", "B", "C", "D"):

@@ -37,8 +37,9 @@ _STILL = 1e-6
 class Responses(Result):
     """Transfer functions from the inputs of a linear model to its outputs.
 
-    zeros: with --bode the transmission zeros, 1/s.
-    transfers: with --bode the transfer function of each output and input."""
+    zeros: transmission zeros, 1/s, with --bode.
+    transfers: transfer function of each output and input, with --bode.
+    """
 
     zeros: Roots
     transfers: Sequence[Transfer]

@@ -49,13 +49,14 @@ class Qualities(Result):
 def handling_qualities(point: OperatingPoint) -> list[Quantity]:
     """Return the handling qualities at a trim, as far as the declaration of the model allows.
 
-    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping. Two
-    real eigenvalues have those of their product and sum. `roll` has the time constant -1/λ,
-    `spiral` the time to double or half, ln 2/|λ|. With an output `load_factor` and a state `alpha`
-    in the short period there are n/alpha and the control anticipation parameter CAP = ω²/(n/alpha)
-    (MIL-F-8785C, 3.2.2.1). n/alpha is the steady change of load factor divided by that of alpha,
-    after a step of the input that pitches the aircraft most, with every state except alpha and
-    pitch rate held.
+    The modes `short period`, `phugoid` and `dutch roll` have a natural frequency and a damping.
+    Where such a mode consists of two real eigenvalues, both numbers follow from their product and
+    sum. `roll` has the time constant -1/λ, `spiral` the time to double or half, ln 2/|λ|.
+
+    With an output `load_factor` and a state `alpha` in the short period, the result includes
+    n/alpha and the control anticipation parameter CAP = ω²/(n/alpha) (MIL-F-8785C, 3.2.2.1).
+    n/alpha is the steady change of load factor divided by that of alpha, after a step of the input
+    that pitches the aircraft most. All states except alpha and pitch rate are held.
     """
     outputs = ("load_factor",) if "load_factor" in point.model.outputs else None
     linear = point.linearize(outputs=outputs, disturbances=())

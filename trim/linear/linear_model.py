@@ -80,7 +80,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     kinks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Complete a model of matrices, and let names index A and B."""
+        """Complete the names and matrices that were not given, and index A and B by names."""
         if self.point is None:
             vars(self).update(part(PARTS, "linear.matrices", "LinearModel(A, B)")(self))
         vars(self).update(
@@ -210,7 +210,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """Return the transmission zeros from named inputs to named outputs, complex, 1/s.
 
         By default all inputs and outputs are used. Without outputs, (), the result contains the
-        eigenvalues of the modes that no input reaches; without inputs, of the unobservable ones.
+        eigenvalues of the modes that no input reaches. Without inputs, (), it contains the
+        eigenvalues of the modes that no output shows.
         """
         from trim.linear.frequency import zeros_of
         from trim.linear.reduction import chosen

@@ -23,14 +23,16 @@ def linearize(
 ) -> LinearModel:
     """Return the linear model at an operating point, exact to rounding.
 
-    A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0, by
-    algorithmic differentiation; at a kink the means of two slopes.
+    A = ∂f/∂X, B = ∂f/∂U, C = ∂y/∂X, D = ∂y/∂U, E = ∂f/∂w, F = ∂y/∂w at (X0, U0) and w = 0.
+
+    They are computed by algorithmic differentiation. At a kink an entry is the mean of two slopes.
 
     model: the aircraft
     point: its operating point
-    full: all states; otherwise the model's linear states, of the HFA the paper's six (Section 2.2).
-    outputs: names of outputs or of states, or None for the states of the model.
-    disturbances: names, or None for the first one where `outputs` are given, else for none.
+    full: whether all states are kept; by default only the model's linear states, for the HFA the
+        paper's six (Section 2.2)
+    outputs: names of outputs or of states, or None for the states of the model
+    disturbances: names, or None for the first one where `outputs` are given, else for none
 
     Raises BadInputError when the point is of another model, or a name is unknown.
 

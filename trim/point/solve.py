@@ -121,8 +121,8 @@ def _solution(problem: TrimProblem, guess: np.ndarray) -> OperatingPoint:
 def _searched(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
     """Yield (number of the start, unknowns) at the end of each search for a trim.
 
-    The first is Newton's method from the guess, unless unknowns outnumber equations. Those of
-    `searches.py` follow.
+    The first search is Newton's method from the guess, unless unknowns outnumber equations. The
+    searches of `searches.py` follow.
     """
     equations, unknowns = problem.count
     if unknowns <= equations:

@@ -76,9 +76,9 @@ class TrimResult(Result):
 class Performance(Result):
     """Performance of an aircraft at a trim.
 
-    performance: for the HFA, weight, lift coefficient, load factor and so on; for other aircraft,
+    performance: for the HFA, weight, lift coefficient, load factor and others; for other aircraft,
         their outputs.
-    performance_units: unit of each.
+    performance_units: unit of each entry of `performance`.
     """
 
     performance: Mapping[str, float]

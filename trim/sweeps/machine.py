@@ -257,7 +257,7 @@ class CompiledSystem(SharedSystem):
 def compiled_trim(residual: ca.Function, linear: ca.Function) -> CompiledTrim | None:
     """Return the compiled loops over these functions of (z, c), or None without a working compiler.
 
-    The system must be square. A note is printed in place of the loops.
+    The system must be square. Where the result is None, a note is printed.
     """
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     sizes: dict[str, int] = {}

@@ -41,12 +41,12 @@ class Steps:
 class SweepPlan:
     """N points over named variables of one model, in its units.
 
-    axes: variable -> its values on a grid, listed or as `Steps`: all combinations, the last
+    axes: variable -> its values, listed or as `Steps`. The points are all combinations, the last
         variable running fastest.
     model: the aircraft.
-    condition: condition of the other variables; default: the model's own trim.
+    condition: condition of the other variables; by default the model's own trim.
     start: initial point of the search at each point.
-    listed: the axes are columns of equal length, one row for each point.
+    listed: whether the axes are columns of equal length, one row for each point.
 
     Raises BadInputError when a name or a range is wrong.
     """

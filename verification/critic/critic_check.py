@@ -155,9 +155,9 @@ def _value_checks(game: Game, P: np.ndarray, exact: np.ndarray, limit: float) ->
     """Return the checks that P is a value: stabilizing, not indefinite, a root of the Riccati
     equation.
 
-    The value of a state without cost may be 0, which rounding makes negative; the certificate
-    accepts the same. A limit above the default allows |P - P*| <= limit |P*|, which moves
-    eigenvalues by no more (Weyl).
+    The value of a state without cost may be 0, which rounding makes negative. These checks tolerate
+    it, as the certificate does. A limit above the default allows |P - P*| <= limit |P*|, which
+    moves eigenvalues by no more (Weyl).
     """
     form = NormalForm.of(game)
     scaled = form.of_value(P)

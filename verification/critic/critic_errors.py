@@ -200,9 +200,10 @@ def box_errors(
 
 
 def _higher_terms(critic: Critic, box: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return bounds over the boxes λb of the terms of V that are not quadratic.
+    """Return bounds over the boxes λb of the terms of V that are not quadratic, and of their
+    slopes.
 
-    The second result, (n,), bounds b_i times their slopes.
+    The bounds of the slopes are multiplied by b_i, (n,).
     """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:

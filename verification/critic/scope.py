@@ -25,7 +25,7 @@ SECONDS = 20.0
 class Scheduled(NamedTuple):
     """Games of a model along its scheduling variable.
 
-    says: value -> "at dihedral 12.0000 deg"
+    says: value -> its text, "at dihedral 12.0000 deg"
     game_at: value -> the game there
     starts: initial values of a search, or none where the model is stationary
     """

@@ -49,7 +49,7 @@ class Details(Result):
     disk_margin: disk margin of K.
     disk_margin_exact: disk margin of the exact gain.
     discount: factor of a step.
-    cost_lost_worst_percent: above the optimum, from the worst initial condition.
+    cost_lost_worst_percent: largest cost above the optimum over the initial conditions, percent.
     box: half widths of the box of states for comparing V and the policies, and their source.
     dt: s, of a sampled plant.
     history: for a critic over time, the errors of each row.
@@ -87,13 +87,13 @@ class Verdict(Checked, Result, Reported):
 
     critic: the critic.
     exact: the certified solution.
-    checks: with their kind: error, rest, stability, cost, gain or data.
+    checks: the checks, each of kind error, rest, stability, cost, gain or data.
     limit: limit of the errors.
     reason: the mistake recognized, or "".
     cost_lost: upper bound of the cost above the optimum, percent.
     searched: number of searched states, where the errors over the box are not bounds; else 0.
-    proof: the proved bound on them.
-    problem: of the exact solution.
+    proof: the proved bound on the errors over the box.
+    problem: name of the problem of the exact solution, for titles.
     weights: Q, R and delta of the game, and their source, in words.
     sections: further findings.
     table: errors over time, of a history or a training run; else None.
@@ -131,7 +131,7 @@ class Verdict(Checked, Result, Reported):
 
     @property
     def diagnosis(self) -> str:
-        """`reason`, under its name of 0.3."""
+        """`reason`, under its name in version 0.3."""
         return self.reason
 
     @property
