@@ -51,7 +51,9 @@ def flown_above(
     One flight of three has the inputs of least rate of the bound plus running cost, to first order;
     one the gain of the linear optimum; one this gain with each row scaled. Pulses are added.
 
-    problem: flights to the trim; bound: of their cost"""
+    problem: flights to the trim
+    bound: of their cost
+    """
     random = np.random.default_rng(seed)
     half = usual_box(problem)
     m = len(problem.inputs)
@@ -87,7 +89,8 @@ def flown_costs(
     """(N,), costs of flights from z (N, n) with the linear cost of their ends; inf for those that
     leave the limits or do not end at the trim.
 
-    one_step: of `step_function`; settings: (N, 1 + m), its third argument
+    one_step: of `step_function`
+    settings: (N, 1 + m), its third argument
     pulses: (pulses, N, m), added to the inputs one after the other
     most: steps of a flight
     """

@@ -156,7 +156,8 @@ class Structure(NamedTuple):
 class Identification(Reported):
     """The published structure's fit, and the evidence.
 
-    starts: sum of squares that each seeded start reached. tables: printed angle (deg) -> entries.
+    starts: sum of squares that each seeded start reached
+    tables: printed angle (deg) -> entries
     """
 
     fit: Fit

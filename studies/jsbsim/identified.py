@@ -33,7 +33,10 @@ from trim.point.operating_point import OperatingPoint
 class Case:
     """The trim of an aircraft, and the 3-2-1-1.
 
-    kcas: calibrated airspeed, kt. altitude: ft. pulse: shortest pulse, s. size: of the command.
+    kcas: calibrated airspeed, kt.
+    altitude: ft.
+    pulse: shortest pulse, s.
+    size: of the command.
     repeated: records of each flight, with other noise.
     given: slopes that the flights do not determine, with JSBSim's values.
     """

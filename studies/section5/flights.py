@@ -299,8 +299,10 @@ def law_of(
     """Return the untrained law for a case, and the function that reads its learned values, or None
     if it learns nothing.
 
-    predefined_time: T_w, s; frozen: whether learning stops there. reference: x_d, for the
-        feed-forward and the published drift."""
+    predefined_time: T_w, s
+    frozen: whether learning stops there
+    reference: x_d, for the feed-forward and the published drift
+    """
     if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
     if law in (CERTIFIED, CERTIFIED_FF, INTEGRAL):

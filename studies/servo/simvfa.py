@@ -345,7 +345,8 @@ class AdaptivePolicy(Policy, ABC):
     ) -> ca.SX:
         """Take the parts of the memory and set their rates; u, (m,).
 
-        tables: A, B, K, L, S, R⁻¹ and the squared-up B. command: r and r'.
+        tables: A, B, K, L, S, R⁻¹ and the squared-up B
+        command: r and r'
         """
 
     def nominal_memory(self) -> np.ndarray:

@@ -24,7 +24,9 @@ _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 class Variable:
     """A variable of a file.
 
-    key: its varID. name: as the standard calls it. units: as the file writes them.
+    key: its varID.
+    name: as the standard calls it.
+    units: as the file writes them.
     initial: its value if nothing else defines it, or None.
     least, most: its limits; infinite without.
     formula: the MathML element of its calculation, or None without one.
@@ -46,8 +48,9 @@ class Variable:
 class Axis:
     """An independent variable of a function.
 
-    key: its varID. least, most: the range beyond which its value is constant; infinite where the
-        function extrapolates.
+    key: its varID
+    least, most: the range beyond which its value is constant; infinite where the function
+        extrapolates
     """
 
     key: str
@@ -59,8 +62,9 @@ class Axis:
 class Function:
     """Variable given by a table.
 
-    result: varID of the variable. axes: its arguments, in the order of the table. table: piecewise
-        linear.
+    result: varID of the variable
+    axes: its arguments, in the order of the table
+    table: piecewise linear
     """
 
     result: str
@@ -96,8 +100,11 @@ class CheckCase:
 class Document:
     """A DAVE-ML file.
 
-    path: path of the file. title: the title of its header.
-    variables: by varID. functions: by the varID of their result. cases: its check cases.
+    path: path of the file
+    title: the title of its header
+    variables: by varID
+    functions: by the varID of their result
+    cases: its check cases
     """
 
     path: str

@@ -19,7 +19,8 @@ _ON_THE_EDGE = 1e-12
 class GriddedTable:
     """A table on a grid, linear in each argument between breakpoints.
 
-    breakpoints: one increasing array an axis. values: of as many dimensions.
+    breakpoints: one increasing array an axis
+    values: of as many dimensions
     """
 
     breakpoints: tuple[np.ndarray, ...]

@@ -39,7 +39,8 @@ THRUST_INPUT = "thrust"
 class Derivative:
     """One derivative of a coefficient, CL_alpha.
 
-    coefficient: CL. argument: alpha, or the name of a control surface.
+    coefficient: CL
+    argument: alpha, or the name of a control surface
     is_by_angle: whether it is per unit of an angle, and not of a number.
     """
 

@@ -118,7 +118,9 @@ class Turbulence:
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
         """Return the turbulence of a flight that begins at a trim.
 
-        interval: duration of a tick, s. ticks: number of ticks. seed: seed of the noise.
+        interval: duration of a tick, s
+        ticks: number of ticks
+        seed: seed of the noise
 
         Raises BadInputError if no altitude is known, the specification has no such turbulence
         there, or the equations support no component.
@@ -327,7 +329,9 @@ class AirFilter:
     """Filter x' = A x + B n, (u, v, w, p, q, r) = C x, with n white noise of unit one-sided power
     per rad/s.
 
-    A: (n, n). B: (n, 4). C: (6, n).
+    A: (n, n)
+    B: (n, 4)
+    C: (6, n)
     """
 
     A: np.ndarray
@@ -413,7 +417,8 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
     """Return A, b, c of noise through first-order sections, the pure lag first.
 
-    tau: L/V, s. size: gain at s = 0.
+    tau: L/V, s
+    size: gain at s = 0
     """
     poles = [pole * tau for pole in reversed(shape.poles)]
     zeros = [0.0, *(zero * tau for zero in reversed(shape.zeros))]

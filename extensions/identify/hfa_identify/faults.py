@@ -134,7 +134,9 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 class _Freed:
     """Fit with one more unknown, a given parameter or an error of a column.
 
-    value: its estimate. widened: ratio of its variance to that with white residuals."""
+    value: its estimate
+    widened: ratio of its variance to that with white residuals
+    """
 
     search: Search
     fit: Fit

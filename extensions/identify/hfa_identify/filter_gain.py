@@ -33,7 +33,9 @@ _DIFFERENCE = 1e-5
 class Gain:
     """The steady gain of a filter.
 
-    K: (n, k). whiten: (k, k), T⁻¹. variances: (k,), the diagonal of D.
+    K: (n, k)
+    whiten: (k, k), T⁻¹
+    variances: (k,), the diagonal of D
     """
 
     K: np.ndarray

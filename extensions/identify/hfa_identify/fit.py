@@ -54,7 +54,10 @@ _TRIALS = (
 class Normal:
     """Normal equations of one record for the parameters and the initial state.
 
-    M: (p, p). B: (p, n). A: (n, n). g: (p,) and h: (n,), the right-hand sides.
+    M: (p, p)
+    B: (p, n)
+    A: (n, n)
+    g: (p,) and h: (n,), the right-hand sides
     """
 
     M: np.ndarray
@@ -152,7 +155,8 @@ class Fit:
 class OutputError:
     """Fit of the free parameters of a model to records.
 
-    bounds: (p, 2). guesses: (n,) initial states of the records.
+    bounds: (p, 2)
+    guesses: (n,) initial states of the records
     by_motion: whether the noise variance of each quantity is that of its motion, so that far from
         the minimum no motion is treated as noise.
     is_rough: whether steps of integration may be long, and the sensitivities at the end of a search

@@ -214,7 +214,8 @@ class Identified(Result, Reported):
         """Return aircraft with parameters drawn from the estimates' normal distribution, within the
         model's limits.
 
-        count: number of aircraft. seed: seed of the draws.
+        count: number of aircraft
+        seed: seed of the draws
 
         Raises NoSolutionError where the records do not determine every parameter.
         """

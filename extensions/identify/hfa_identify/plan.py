@@ -60,7 +60,8 @@ class Manoeuvre(Result):
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
     """Return the best maneuvers, sorted by their widest band, the narrowest first.
 
-    model: the identified aircraft. coloured: factor by which colored residuals widen bands.
+    model: the identified aircraft
+    coloured: factor by which colored residuals widen bands
 
     The sensors, their noise and their rate are those of the records. Initial states are unknown.
     """

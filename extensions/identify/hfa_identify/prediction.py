@@ -41,7 +41,9 @@ _WIDEST = 9.0
 class Condition:
     """Condition at which the filter gain is computed and the search begins.
 
-    state: (n,). inputs: (m,). interval: time between samples, s.
+    state: (n,).
+    inputs: (m,).
+    interval: time between samples, s.
     turbulence: state -> standard deviation of its random change in 1 s.
     noise: measured quantity -> standard deviation of its sensor's noise.
     """

@@ -111,7 +111,8 @@ def record_of(
     """Return a record from arrays by name in the model's units: "time" (s), every input, and at
     least one state or output.
 
-    columns: name -> (N,). held: input without a column -> its constant value.
+    columns: name -> (N,)
+    held: input without a column -> its constant value
 
     Raises BadInputError with the column and its fault.
     """

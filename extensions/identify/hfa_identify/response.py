@@ -68,7 +68,8 @@ class Simulation:
 class Response:
     """A simulated record with its sensitivities.
 
-    y: (N, k) the measured quantities. slopes: (N, k, p + n) dy/d(θ, x₀).
+    y: (N, k) the measured quantities
+    slopes: (N, k, p + n) dy/d(θ, x₀)
     """
 
     y: np.ndarray
@@ -249,7 +250,9 @@ class Responses:
     ) -> None:
         """Replace the slopes of measured quantities without delays by those with their delays.
 
-        y: (N, k) without delays. slopes: (N, k, p + n)."""
+        y: (N, k) without delays
+        slopes: (N, k, p + n)
+        """
         from scipy.interpolate import CubicSpline
 
         for column, place in self._late_outputs.items():
@@ -406,7 +409,10 @@ class Responses:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the (N, n) rates and their (N, n, n + p) slopes by states and parameters.
 
-        states: (N, n). inputs: (N, m). thetas: (N, p)."""
+        states: (N, n)
+        inputs: (N, m)
+        thetas: (N, p)
+        """
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
@@ -431,7 +437,9 @@ class Responses:
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the (N, k) measured quantities without delays.
 
-        states: (N, n). inputs: (N, m)."""
+        states: (N, n)
+        inputs: (N, m)
+        """
         return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
     def _observed_slopes(
@@ -439,7 +447,9 @@ class Responses:
     ) -> np.ndarray:
         """Return the (N, k, n + p) slopes of the measured quantities by states and parameters.
 
-        states: (N, n). inputs: (N, m)."""
+        states: (N, n)
+        inputs: (N, m)
+        """
         n, p, k = self.sizes
         (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))
         return slopes.reshape(-1, k, n + p)
@@ -496,7 +506,8 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """Return (N, n, p + n), S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
 
-    by_state: (steps, n, n) Φ_x. by_theta: (steps, n, p) Φ_θ.
+    by_state: (steps, n, n) Φ_x
+    by_theta: (steps, n, p) Φ_θ
 
     The steps are cut into blocks of equal length. All blocks advance together from (0, I); then
     each is continued from the end of the one before.

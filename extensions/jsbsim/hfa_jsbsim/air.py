@@ -80,9 +80,11 @@ class Motion:
     speed, alpha, beta, air_velocity: through the air at the aircraft; with gusts not the states.
     velocity: the states' own, relative to the steady wind, body axes, ft/s.
     over_ground, ned: velocity over ground in body axes, and along north, east, down.
-    rates: rates of rotation, rad/s. to_body: (3, 3), body axes from north, east, down.
+    rates: rates of rotation, rad/s.
+    to_body: (3, 3), body axes from north, east, down.
     down: the vertical in body axes.
-    wind_to_body: (3, 3) `FGAuxiliary::UpdateWindMatrices`. climb: over ground, ft/s.
+    wind_to_body: (3, 3) `FGAuxiliary::UpdateWindMatrices`.
+    climb: over ground, ft/s.
     """
 
     speed: Any

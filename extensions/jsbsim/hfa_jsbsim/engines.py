@@ -123,8 +123,11 @@ class EngineFile:
 class Effect:
     """Effect of an engine at a state.
 
-    force: lb, in body axes. moment: about the center of gravity, ft lb. thrust: lb along its axis.
-    power: hp at the propeller, or None for a jet. rates: of its states, by name.
+    force: lb, in body axes.
+    moment: about the center of gravity, ft lb.
+    thrust: lb along its axis.
+    power: hp at the propeller, or None for a jet.
+    rates: of its states, by name.
     properties: further properties that it sets, by the last part of the name.
     """
 

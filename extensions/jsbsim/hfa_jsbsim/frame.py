@@ -311,11 +311,15 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
 class _View(NamedTuple):
     """Motion as used by the later models of a frame.
 
-    to_earth: (3, 3), axes of the earth from inertial ones. to_body: (3, 3), body axes from these.
-    place: position in axes of the earth, ft. drift: velocity of the earth there, inertial, ft/s.
-    velocity: over the ground, in body axes, ft/s. rates: over the ground, rad/s.
+    to_earth: (3, 3), axes of the earth from inertial ones.
+    to_body: (3, 3), body axes from these.
+    place: position in axes of the earth, ft.
+    drift: velocity of the earth there, inertial, ft/s.
+    velocity: over the ground, in body axes, ft/s.
+    rates: over the ground, rad/s.
     planet_rates: rotation of the earth in body axes, rad/s.
-    states: in the order of `STATES`. angle_rates: of alpha and beta, rad/s.
+    states: in the order of `STATES`.
+    angle_rates: of alpha and beta, rad/s.
     """
 
     to_earth: Any

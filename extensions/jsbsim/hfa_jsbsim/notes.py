@@ -17,8 +17,10 @@ _MOST = 12
 class Note(NamedTuple):
     """Statement on an element of a file.
 
-    statement: the statement. subject: the part of the file that it concerns, "" for the whole file.
-    where: file and line. rank: FORCE, MOTION or IDLE.
+    statement: the statement
+    subject: the part of the file that it concerns, "" for the whole file
+    where: file and line
+    rank: FORCE, MOTION or IDLE
     """
 
     statement: str

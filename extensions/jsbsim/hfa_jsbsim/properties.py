@@ -47,10 +47,10 @@ _ON_GROUND = re.compile(
 
 
 class LoopError(BadInputError):
-    """Error of a value of the control system that depends on its own past and has no static
-    value.
+    """Error of a value of the control system that depends on its own past and has no static value.
 
-    cause: the chain of dependence. where: file and line.
+    cause: the chain of dependence
+    where: file and line
     """
 
     def __init__(self, where: str, cause: str) -> None:
@@ -66,7 +66,8 @@ class Writer:
     compute: gives the value.
     where: file and line.
     order: its number in the control system, whose components run one after the other.
-    component: its element, if it is a component. element: the element of the file.
+    component: its element, if it is a component.
+    element: the element of the file.
     """
 
     compute: Callable[[], Any]
@@ -81,7 +82,8 @@ class Writer:
 class FilterState:
     """State of the control system, with its rate once that is known.
 
-    component: whose memory it is. writer: works out its rate in the component's place.
+    component: whose memory it is
+    writer: works out its rate in the component's place
     """
 
     symbol: ca.SX

@@ -24,7 +24,8 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
     """Return one line on the missing equation or power, found by trims with other free variables,
     or empty where none explains it.
 
-    parts: parts of the aircraft. steered: whether it has inputs.
+    parts: parts of the aircraft.
+    steered: whether it has inputs.
     imposed: values by name, as the trim imposes them.
     solve: solves the same condition with other values held and names set free.
     """

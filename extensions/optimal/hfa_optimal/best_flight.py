@@ -284,7 +284,8 @@ def bracket_of(
     """Return the bracket of the least cost from an initial condition.
 
     bound: the proved lower bound
-    z: (n,), deviations from the trim; start: the same by name
+    z: (n,), deviations from the trim
+    start: the same by name
     cost: cost of the best flight found, or None without one
     """
     lower = float(bound.bound(z[None])[0])

@@ -141,7 +141,9 @@ def adapted_mesh(
     """Return (N,), lengths of intervals in which a proposal is about equally smooth, measured by
     the leading terms of its polynomials.
 
-    step: as in `_on_steps`. weights: of a unit of each z, (k,), and v, (m,)"""
+    step: as in `_on_steps`
+    weights: of a unit of each z, (k,), and v, (m,)
+    """
     of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
     leading = leading[:, : len(of_states)]
@@ -166,7 +168,9 @@ def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the unknowns of a program in order: v at the start, then for each interval z at its
     points and v at its end.
 
-    z: (N DEGREE, k). v: (N + 1, m)."""
+    z: (N DEGREE, k)
+    v: (N + 1, m)
+    """
     inner = np.hstack([z.reshape(len(v) - 1, -1), v[1:]])
     return np.concatenate([v[0], inner.ravel()])
 
@@ -250,10 +254,13 @@ class Transcription:
     ) -> Proposal:
         """Return the proposal of IPOPT from a guess.
 
-        start: (k,), initial z. lengths: (N,), s.
+        start: (k,), initial z.
+        lengths: (N,), s.
         margin: distance kept from the state limits, as in `inner_limits`.
         z: (N DEGREE, k), guess at the collocation points, or of all followed states.
-        v: (N + 1, m), guess at the ends. price: factor of R."""
+        v: (N + 1, m), guess at the ends.
+        price: factor of R.
+        """
         problem = self.problem
         of_states, of_inputs = problem.sizes
         z = problem.padded(z)

@@ -40,7 +40,9 @@ class Flown(NamedTuple):
     """A flight and its cost.
 
     name: name of the policy.
-    times: (N,), s. states: (N, n), absolute. inputs: (N, m), absolute.
+    times: (N,), s.
+    states: (N, n), absolute.
+    inputs: (N, m), absolute.
     running_cost: cost until its end.
     tail: the linear cost of its end.
     cost: sum of running cost and tail, or inf if it does not end at the trim.

@@ -42,8 +42,10 @@ class FlightProblem:
     deviations of linear-model states and moved inputs from the trim.
 
     linear: the linear model at the trim, with the moved inputs alone.
-    Q: (k, k). R: (m, m).
-    P: (k, k), the cost z'Pz of the linear model without limits. K: (m, k), its policy v = -K z.
+    Q: (k, k).
+    R: (m, m).
+    P: (k, k), the cost z'Pz of the linear model without limits.
+    K: (m, k), its policy v = -K z.
     envelope: limits of all states.
     """
 

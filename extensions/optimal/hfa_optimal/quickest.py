@@ -270,8 +270,10 @@ def quickest_flight(
 def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> QuickestFlight:
     """Return the quickest flight found from an initial condition.
 
-    z: (k,), initial deviations. v: (m,), inputs with which guesses begin.
-    horizon: s, horizon of the linear loop"""
+    z: (k,), initial deviations
+    v: (m,), inputs with which guesses begin
+    horizon: s, horizon of the linear loop
+    """
     problem = flights.problem
     best = _from_guesses(TimeProgram(problem, _MESHES[0]), z, v, horizon)
     meshes = {_MESHES[0]: best.cost}

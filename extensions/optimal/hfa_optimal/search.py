@@ -72,9 +72,11 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """A flight that was found and simulated.
 
-    flown: the flight. proposal: the proposal that it follows. seconds: the horizon.
-    meshes: intervals -> proposed cost. guesses: name of a guess -> resulting cost on its finest
-        mesh.
+    flown: the flight.
+    proposal: the proposal that it follows.
+    seconds: the horizon.
+    meshes: intervals -> proposed cost.
+    guesses: name of a guess -> resulting cost on its finest mesh.
     linear: flight of the linear optimum from the same initial condition.
     """
 
@@ -308,8 +310,9 @@ class BestFlights:
     ) -> dict[str, Proposal]:
         """Return guess -> proposal on the coarsest mesh, adapted to a first proposal.
 
-        adapted: first proposals and their results so far, which are reused and extended. price:
-            factor of R in the first proposal"""
+        adapted: first proposals and their results so far, which are reused and extended
+        price: factor of R in the first proposal
+        """
         lengths = self._mesh(seconds, INTERVALS)
         coarsest = self._transcription(INTERVALS)
         proposals = {}

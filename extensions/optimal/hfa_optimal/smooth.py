@@ -22,10 +22,12 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
     """Return the function with each kink smoothed over a part of the spread of its argument, or the
     function itself where the points meet no kink.
 
-    function: SX, of one column (n,), with one result. points: (N, n), where it is used.
+    function: SX, of one column (n,), with one result
+    points: (N, n), where it is used
     part: the half-width of a kink, in standard deviations of its argument over the points
 
-    Comparisons that choose between infinite values, equalities, and steps (floor, ceil) stay."""
+    Comparisons that choose between infinite values, equalities, and steps (floor, ceil) stay.
+    """
     symbol = ca.SX.sym("x", function.numel_in(0))
     sharp = _Replay(function, symbol)
     sharp.run()

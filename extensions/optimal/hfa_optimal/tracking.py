@@ -26,7 +26,9 @@ class TrackingPolicy(Policy):
     each integration step.
 
     held: rows [begin, s; (z*, v*) at the ends of the steps; K column by column].
-    tick: s. moved: indices of v among the inputs. count: number of all inputs.
+    tick: s.
+    moved: indices of v among the inputs.
+    count: number of all inputs.
     lowest, highest: (m,), limits of v.
     """
 

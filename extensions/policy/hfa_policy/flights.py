@@ -40,8 +40,8 @@ Rows = Callable[..., list[np.ndarray]]
 class Steered(NamedTuple):
     """Command at a sample in three steps, the second of which can process all flights at once.
 
-    enters: (X, U before, trim, extra[, past]) -> inputs of the network, (k,); past: its
-        earlier observations.
+    enters: (X, U before, trim, extra[, past]) -> inputs of the network, (k,).
+    past: its earlier observations.
     network: (k,) -> (m,).
     moves: (outputs of the network, X, U before, trim, extra) -> U.
     rows: the network for many rows, or None where `network` is called for each.

@@ -113,7 +113,8 @@ def left_alone(
     """Return the aircraft's mode that corresponds to the slowest mode of the sampled loop if it is
     slow and the policy moves its eigenvalue by at most 10 %, else None.
 
-    slowest: the eigenvalue of the sampled loop of largest absolute value. dt: s.
+    slowest: the eigenvalue of the sampled loop of largest absolute value
+    dt: s
     """
     if slowest == 0.0 or not np.isfinite(slowest):
         return None

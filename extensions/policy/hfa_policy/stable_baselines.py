@@ -67,7 +67,8 @@ class Zip:
     clip_mean: largest size of the output before tanh, or inf without such a clip.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
-    timesteps: steps of its training; environments: number in parallel.
+    timesteps: steps of its training.
+    environments: number in parallel.
     last: (E, k), its last observations, normalized if a normalizer was used, or None where not
         stored.
     last_original: (E, k), before normalization, or None where not stored.

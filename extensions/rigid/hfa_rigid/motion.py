@@ -72,7 +72,8 @@ def angular_velocity(x: Any) -> Any:
 def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
     """Return v' = f/m + g - ω × v, (3,), the rate of the body-axis velocity.
 
-    velocity, rates: (3,) v and ω. specific_force: (3,) force without weight over mass.
+    velocity, rates: (3,) v and ω
+    specific_force: (3,) force without weight over mass
     gravity: (3,) acceleration of gravity in body axes.
     """
     return specific_force + gravity - ca.cross(rates, velocity)
@@ -81,7 +82,9 @@ def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -
 def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
     """Return ω' = I⁻¹ (M - ω × I ω), (3,), in body axes, rad/s².
 
-    rates: (3,) ω. moment: (3,) M about the center of gravity. inertia: (3, 3) I, symmetric.
+    rates: (3,) ω
+    moment: (3,) M about the center of gravity
+    inertia: (3, 3) I, symmetric
     """
     spin = ca.cross(rates, ca.mtimes(inertia, rates))
     return ca.mtimes(_inverse(inertia), moment - spin)
@@ -122,8 +125,10 @@ def state_rates(
 ) -> dict[str, Any]:
     """Return the rates of `STATES` by name.
 
-    velocity: (3,) through the air, body axes. velocity_rate: (3,) its `acceleration`.
-    rotation_rate: (3,) `angular_acceleration`. climb: rate of the altitude.
+    velocity: (3,) through the air, body axes
+    velocity_rate: (3,) its `acceleration`
+    rotation_rate: (3,) `angular_acceleration`
+    climb: rate of the altitude
     """
     speed_rate, alpha_rate, beta_rate = flow_rates(velocity, velocity_rate)
     turning = turn_rate(x)

@@ -62,7 +62,9 @@ class Interpolator:
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
     """Levels at the middle breakpoint and slopes (n - 1, ...) of the lines between values.
 
-    values: (n, ...), an array, or expressions as a column. points: (n,)"""
+    values: (n, ...), an array, or expressions as a column
+    points: (n,)
+    """
     column = (-1, *[1] * (len(values.shape) - 1))
     widths = np.diff(points).reshape(column)
     starts = (points[:-1] - _middle(points)).reshape(column)

@@ -36,7 +36,8 @@ _SMALLEST_HOLE = 24
 class Guess(NamedTuple):
     """Estimates of the minimizing inputs on boxes, v = value + slopes s.
 
-    value: (boxes, m); slopes: (boxes, m, n)
+    value: (boxes, m)
+    slopes: (boxes, m, n)
     """
 
     value: np.ndarray

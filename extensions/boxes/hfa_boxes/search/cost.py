@@ -100,7 +100,8 @@ class CostSearch:
     """Search for lower bounds on growing sets.
 
     plant: the aircraft; its state limits are the envelope
-    equilibrium: equilibrium of states and inputs; solved: indices of its unknowns
+    equilibrium: equilibrium of states and inputs
+    solved: indices of its unknowns
     weights: Q, R and P of the linear quadratic problem
     half: (n,), half-widths of the initial-condition box
     """

@@ -295,7 +295,10 @@ class Shape:
     ) -> tuple[float, np.ndarray] | None:
         """Return the lowest level at which a margin of 0 or less was found, and the point z (n,).
 
-        margins: z (N, n) -> (N,); count: of rays; slow: T of `slow`"""
+        margins: z (N, n) -> (N,)
+        count: of rays
+        slow: T of `slow`
+        """
         n = self.basis.n
         generator = np.random.default_rng(0)
         shells = np.arange(1, _SHELLS + 1)
