@@ -1,29 +1,30 @@
-"""`unsteady`: the mechanics of `newton` with the air loads that the report of 2011 leaves out
-(`docs/validity.md`).
+"""The `unsteady` dynamics: the mechanics of `newton` with the air loads omitted by the report of
+2011.
 
-Each effect has a parameter, 1 as it should be and 0 without it; without any the rates are those of
-`newton`.
+`docs/validity.md` describes these loads. Each effect has a parameter, 1 for the full effect and 0
+for none. Without any effect the rates are those of `newton`.
 
-| parameter | effect |
-|---|---|
-| `local_motion` | wing and tail take the flow at their own three-quarter chord, each part of an
-outer wing its own η' |
-| `apparent_mass` | air moves with wings and tails: π ρ b² per length, with its moments (Theodorsen,
-NACA 496) |
-| `lift_lag` | lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones, NACA
-681) |
-| `gust_lag` | lift follows air that rises or moves outward with Küssner's function; a headwind acts
-at once |
-| `finite_span` | lift slope a / (1 + a / (π Λ)): Λ of the whole wing (span 3 s), of a tail
-`tail_aspect_ratio` |
-| `downwash_share` | 2 C_L / (π Λ) at the tails, C_L the mean of the wings, later by l_b / V (first
-order) |
+- `local_motion`: the flow of wing and tail is that at their own three-quarter chord, and each part
+  of an outer wing has its own η'.
+- `apparent_mass`: air moves with wings and tails, π ρ b² per length, with its moments (Theodorsen,
+  NACA 496).
+- `lift_lag`: the lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones,
+  NACA 681).
+- `gust_lag`: the lift follows vertical and outward gusts with Küssner's function. A headwind acts
+  at once.
+- `finite_span`: the lift slope is a / (1 + a / (π Λ)), with Λ of the whole wing (span 3 s), and of
+  a tail `tail_aspect_ratio`.
+- `downwash_share`: the downwash at the tails is 2 C_L / (π Λ), with C_L the mean of the wings,
+  delayed by l_b / V (first order).
 
-At 1 the downwash is that of the far wake; a lifting line has 1.71 times that at the center tail,
-1.52 at the others. The lags are those of two dimensions; in steady flight nothing lags, and a trim
-is that of quasi-steady loads. The density of the air counts as constant along the path. Nothing
-here was fitted: all other parameters are those of `newton`, the drag polar too. Panels stay rigid,
-motion longitudinal; a gust meets wing and tail of a panel at once."""
+At 1 the downwash is that of the far wake. A lifting line gives 1.71 times that value at the center
+tail and 1.52 times at the others. The lags are those of two-dimensional flow. In steady flight
+nothing lags, so that a trim is that of quasi-steady loads.
+
+Assumptions: the density of the air is constant along the path. Panels are rigid and the motion is
+longitudinal. A gust meets wing and tail of a panel at once. No number was fitted here. All other
+parameters, including the drag polar, are those of `newton`.
+"""
 
 from __future__ import annotations
 
@@ -90,8 +91,8 @@ class _PanelMotion(NamedTuple):
 
     panel: "center" or "outer"
     wind: wind of the air at the panel
-    calm: velocity relative to air that moves from ahead alone; gusts rise or move outward
-    moving: velocity relative to the air as it is
+    calm: velocity relative to air that moves only from ahead, without rising or outward gusts
+    moving: velocity relative to the air with all gusts
     turn: pitch rate about the spanwise axis of the panel, rad/s
     """
 
@@ -107,7 +108,7 @@ class _Strip(NamedTuple):
 
     name: one of `STRIPS`
     control: angle of attack equivalent to the deflection of its control surface, rad
-    behind: from the wing's quarter chord back to the strip's three-quarter chord, ft
+    behind: distance from the wing's quarter chord back to the strip's three-quarter chord, ft
     downwash: rad
     chord: ft
     """
@@ -138,7 +139,7 @@ class _Plate(NamedTuple):
     mass: apparent mass, slug
     half_chord: ft
     span: ft
-    aft: from the wing's quarter chord back to the mid-chord, ft
+    aft: distance from the wing's quarter chord back to the mid-chord, ft
     """
 
     mass: Quantity
@@ -148,8 +149,10 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air accelerated by a plate, at accelerations of 0, and the matrix of their
-    derivatives.
+    """Loads of the air accelerated by a plate, and the matrix of their derivatives by the
+    accelerations.
+
+    The loads are those at accelerations of 0.
 
     forward: lbf, along the x axis of the body
     downward: lbf, along the z axis
@@ -246,7 +249,7 @@ def _tail_chord(p: Any) -> Quantity:
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
     """Return Σ A_i (a - z_i), rad, the part of a strip's angle a that does not act yet.
 
-    kind: "lag" or "gust", as the names of the states z_i begin
+    kind: "lag" or "gust", the beginning of the names of the states z_i
     strip: one of `STRIPS`
     lag: A_i and b_i
     angle: a, rad
@@ -280,8 +283,7 @@ def _lagged_panel(
     air: density, slug/ft^3
     ground_drag: whether the drag depends on the speed over ground
 
-    The lagged angle of attack turns the lift too: the induced velocity of the wake is a
-    flow.
+    The induced velocity of the wake is a flow, so the lagged angle of attack also turns the lift.
     """
     aileron = getattr(u, f"aileron_{motion.panel}")
     elevator = getattr(u, f"elevator_{motion.panel}")
@@ -413,13 +415,13 @@ def _with_apparent_mass(
 
 
 def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
-    """Loads of the air that a plate of the center panel, or of both outer panels, carries.
+    """Return the loads of the air carried by a plate of the center panel, or of both outer panels.
 
-    A plate of half chord b that turns by ω about its span has the normal velocity w at its
-    mid-chord and the momentum m w across it, m = π ρ b² span, and the angular momenta (m b²/8) ω
-    about its span, (m span²/12) η' about its chord. The force is -(m w n)': -m w' across the plate,
-    -m w ω forward, m w η' toward the center. The moment of the lift, which acts at the quarter
-    chord, lacks -m u (b/2) ω (Theodorsen's 3/4-chord force).
+    A plate of half chord b turns by ω about its span and has the normal velocity w at its
+    mid-chord. The momentum of its air is m w across the plate, m = π ρ b² span. The angular momenta
+    are (m b²/8) ω about its span and (m span²/12) η' about its chord. The force is -(m w n)': -m w'
+    across the plate, -m w ω forward and m w η' toward the center. The lift acts at the quarter
+    chord, and its moment lacks -m u (b/2) ω (Theodorsen's 3/4-chord force).
     """
     is_center = motion.panel == "center"
     sin_eta = ca.sin(x.dihedral)
@@ -514,8 +516,10 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
-    """Parameters of the unsteady aircraft: the identified ones, the effects, all at 1, and
-    `tail_aspect_ratio`."""
+    """Return the parameters of the unsteady aircraft.
+
+    They are the identified ones, the effects, all at 1, and `tail_aspect_ratio`.
+    """
     values = default_parameters().values._asdict()
     identified = {
         name: signal._replace(start=float(values[name]))

@@ -15,8 +15,10 @@ from hfa_support.reporting.results import Matrix, Result, Vector
 
 @dataclass(frozen=True, eq=False)
 class BoundPiece(Result):
-    """Bound by one polynomial: a flight that begins with |(M z)_i| < 1 costs at least the smaller
-    of W(M z) and c, one that begins elsewhere at least c; z are deviations from the equilibrium.
+    """Lower bound of the cost by one polynomial W of the deviations z from the equilibrium.
+
+    A flight that begins with |(M z)_i| < 1 costs at least the smaller of W(M z) and c. A flight
+    that begins elsewhere costs at least c.
 
     c: level.
     M: (n, n).

@@ -12,9 +12,11 @@ from hfa_support.progress import Progress
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets in the main thread; a second Ctrl-C acts as before the block.
+    """Yield an event that Ctrl-C sets in the main thread.
 
-    No exception is raised: CasADi drops one that arrives in IPOPT."""
+    A second Ctrl-C has the effect that it had before the block. No exception is raised, because
+    CasADi drops one that arrives in IPOPT.
+    """
     asked = threading.Event()
     before = signal.getsignal(signal.SIGINT)
     in_main_thread = threading.current_thread() is threading.main_thread()

@@ -1,13 +1,14 @@
 """The `Model` of DAVE-ML files with aerodynamics, mass properties and propulsion.
 
-Files are joined by their standard names: an input that is an output of another file is that output,
-one of `names.MOTION` follows from the motion and the air, one with an initial value is a parameter,
-and any other is an input of the aircraft. With q̄ the dynamic pressure, S, b, c the reference area,
-span and chord and r the position of the center of mass from the moment reference center:
+Files are joined by the standard names of their variables. An input that another file has as output
+is that output. One of `names.MOTION` follows from the motion and the air. An input with an initial
+value is a parameter. Any other input is an input of the aircraft.
 
     F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
 
-Lift and drag are along the stability axes. Thrust and its moment act at the center of mass.
+q̄ is the dynamic pressure, S, b and c are the reference area, span and chord, and r is the position
+of the center of mass from the moment reference center. Lift and drag are along the stability axes.
+Thrust and its moment act at the center of mass.
 """
 
 from __future__ import annotations
@@ -173,8 +174,11 @@ class _Files:
         return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return the signal of a variable: its unit, the initial value of a search, and its limits
-        from the file and from the tables over it."""
+        """Return the signal of a variable.
+
+        Its unit and initial value are those of the file. Its limits are those of the file and of
+        the tables over it.
+        """
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
         low = factor * max(variable.least, least)
@@ -257,7 +261,7 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion at which the usual speed is searched for."""
+    """Return the motion at which the usual speed is computed."""
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
 

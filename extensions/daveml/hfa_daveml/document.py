@@ -25,12 +25,12 @@ class Variable:
     """A variable of a file.
 
     key: its varID.
-    name: as the standard calls it.
-    units: as the file writes them.
+    name: its name in the standard.
+    units: its units, spelled as in the file.
     initial: its value if nothing else defines it, or None.
-    least, most: its limits; infinite without.
+    least, most: its limits, infinite where the file states none.
     formula: the MathML element of its calculation, or None without one.
-    is_input, is_output: whether the file marks it so.
+    is_input, is_output: whether the file marks it as an input or an output.
     """
 
     key: str
@@ -76,9 +76,10 @@ class Function:
 class Signal:
     """A value of a check case.
 
-    name: name or varID of the variable. units: as in the file; "" without. value: the printed
-    value.
-    tolerance: largest permitted difference of a result, or 0 for inputs.
+    name: name or varID of the variable
+    units: its units, spelled as in the file, or "" where it states none
+    value: the printed value
+    tolerance: largest permitted difference of a result, or 0 for inputs
     """
 
     name: str
@@ -102,8 +103,8 @@ class Document:
 
     path: path of the file
     title: the title of its header
-    variables: by varID
-    functions: by the varID of their result
+    variables: varID -> variable
+    functions: varID of the result -> function
     cases: its check cases
     """
 
@@ -158,7 +159,7 @@ def read_document(path: str) -> Document:
 
 
 class _Reader:
-    """Reads the elements of one file."""
+    """Reader of the elements of one file."""
 
     def __init__(self, path: str, root: ElementTree.Element) -> None:
         self._path = path
@@ -201,7 +202,7 @@ class _Reader:
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Values by their keys. Raises BadInputError for a key of two values."""
+        """Return key -> value. Raises BadInputError for a key with two values."""
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:
@@ -274,8 +275,10 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table of a function, defined in it or by reference; `griddedTable` is of
-        version 1."""
+        """Return the table of a function, defined in it or by reference.
+
+        The element `griddedTable` is of version 1.
+        """
         for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
             for tag in (f"{kind}TableDef", f"{kind}Table"):
                 own = definition.find(tag)
@@ -348,8 +351,9 @@ class _Reader:
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
 
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
-        """Return the numbers of a child element, separated by commas or blanks; comments are
-        skipped."""
+        """Return the numbers of a child element, separated by commas or blanks. Comments are
+        skipped.
+        """
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
         if child is None:

@@ -17,12 +17,16 @@ from hfa_support.errors import BadInputError
 class Expressions:
     """Values of the variables of a document, each computed once, when first needed.
 
-    A variable is the given value, else its table or formula, else its initial value, held within
-    its limits."""
+    The value is the given one. Without one it follows from a table or formula, and otherwise it is
+    the initial value, clipped to the limits of the variable.
+    """
 
     def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
-        """Begin with the given values. given: value by varID, in the file's units. table: shared by
-        the files of an aircraft."""
+        """Begin with the given values.
+
+        given: varID -> value in the file's units
+        table: table shared by the files of an aircraft
+        """
         self._document = document
         self._values = {
             key: _limited(document.variables[key], value) for key, value in given.items()
@@ -31,9 +35,10 @@ class Expressions:
         self._asked: list[str] = []
 
     def __getitem__(self, key: str) -> Any:
-        """The value of a variable by its varID, in the file's units.
+        """Return the value of a variable by its varID, in the file's units.
 
-        Raises BadInputError where it has no value, or depends on itself."""
+        Raises BadInputError where it has no value, or depends on itself.
+        """
         if key in self._values:
             return self._values[key]
         variable = self._document.variables.get(key)

@@ -78,8 +78,10 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the value of an operator on its arguments; `csymbol` names an operator that MathML
-    lacks."""
+    """Return the value of an operator on its arguments.
+
+    `csymbol` names an operator that MathML lacks.
+    """
     name = operator.tag
     if name == "csymbol":
         name = (operator.text or "").strip()
@@ -98,7 +100,7 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _number(element: ElementTree.Element) -> float:
-    """Return a number; `e-notation` writes it in two parts."""
+    """Return the number of an element, whose type `e-notation` has two parts."""
     try:
         if element.get("type") == "e-notation":
             mantissa = (element.text or "").strip()

@@ -99,13 +99,15 @@ UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for
 
 
 def spelled(units: str) -> str:
-    """Return the units of a file as reports write them: ft/s of ft_s and of f_s."""
+    """Return the units of a file as printed in reports, such as ft/s for ft_s and f_s."""
     return _SPELLINGS.get(units, units)
 
 
 def model_unit(units: str) -> tuple[str, float] | None:
-    """Return the unit of the model for the units of a file, and the factor to it, or None where the
-    units are unknown."""
+    """Return the unit of the model for the units of a file, and the factor to it.
+
+    The result is None where the units are unknown.
+    """
     written = spelled(units)
     if written in _OTHERS:
         return _OTHERS[written]

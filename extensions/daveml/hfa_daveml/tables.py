@@ -1,4 +1,4 @@
-"""Gridded and ungridded tables of DAVE-ML at CasADi expressions, held beyond their points."""
+"""Gridded and ungridded tables of DAVE-ML at CasADi expressions, constant beyond their points."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _ON_THE_EDGE = 1e-12
 class GriddedTable:
     """A table on a grid, linear in each argument between breakpoints.
 
-    breakpoints: one increasing array an axis
-    values: of as many dimensions
+    breakpoints: one increasing array for each axis
+    values: array with one dimension for each axis
     """
 
     breakpoints: tuple[np.ndarray, ...]
@@ -39,10 +39,14 @@ class GriddedTable:
 @dataclass(frozen=True)
 class UngriddedTable:
     """A table of points with two arguments, linear on each triangle of their Delaunay
-    triangulation; beyond all triangles the value at the nearest point of their border.
+    triangulation.
 
-    points: (N, 2). values: (N,). triangles: (M, 3), indices of points. border: (L, 2), indices of
-    the ends of edges.
+    Beyond all triangles its value is that at the nearest point of their border.
+
+    points: (N, 2)
+    values: (N,)
+    triangles: (M, 3), indices of points
+    border: (L, 2), indices of the ends of edges
     """
 
     points: np.ndarray
@@ -56,7 +60,7 @@ class UngriddedTable:
         return [(float(column.min()), float(column.max())) for column in self.points.T]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """Return the value at the arguments; the interpolator is not used."""
+        """Return the value at the arguments, one for each axis, without the interpolator."""
         place = ca.vertcat(*map(ca.SX, arguments))
         value = self._on_the_border(place)
         for triangle in self.triangles:

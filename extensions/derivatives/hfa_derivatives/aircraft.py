@@ -5,9 +5,11 @@ Forces and moments, with q̄ the dynamic pressure, S, b, c the wing's area, span
     L, D, Y = q̄ S (C_L, C_D, C_Y),  moments = q̄ S (b C_l, c C_m, b C_n)
 
 Each coefficient is linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the Mach
-number less that of the condition, and the deflections. C_D also has C_D,CL2 C_L². Inertias are
-about the body axes in which alpha_0 is the angle of attack of the condition; so are C_l, C_n, p and
-r, or about the stability axes, turned from these by alpha_0.
+number minus that of the condition, and the deflections. C_D also has C_D,CL2 C_L².
+
+The body axes are those in which alpha_0 is the angle of attack of the condition. Inertias are about
+these axes. C_l, C_n, p and r are about the same axes, or about the stability axes, which are turned
+by alpha_0.
 """
 
 from __future__ import annotations
@@ -35,10 +37,11 @@ _WIDEST = 0.3
 
 
 def read_model(text: str) -> Model:
-    """Return the aircraft of a TOML or CSV file of derivatives, or of a TOML file that names
-    another aircraft and values of its parameters.
+    """Return the aircraft of a TOML or CSV file of derivatives.
 
-    Raises BadInputError that names the file, the entry and its row.
+    A TOML file may instead name another aircraft and values of its parameters.
+
+    Raises a BadInputError that names the file, the entry and its row.
     """
     if text.endswith(".toml"):
         changed = changed_aircraft(text)
@@ -48,14 +51,16 @@ def read_model(text: str) -> Model:
 
 
 def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
-    """Return the six-degree-of-freedom aircraft of a table of geometry, mass, inertias and
-    non-dimensional stability derivatives, as a `Model` over a flat Earth in standard air.
+    """Return the six-degree-of-freedom aircraft of a table of stability derivatives, as a `Model`.
+
+    The table contains geometry, mass, inertias and non-dimensional derivatives. The aircraft flies
+    over a flat Earth in standard air.
 
     table: the path of a TOML or CSV file, or a dictionary with the same entries. Values are numbers
         in the table's `units`, or texts with a unit: "2.4 deg". Derivatives are per rad, or per deg
         where `per` is "deg". The parameters of the model are mass, inertias and derivatives.
 
-    Raises BadInputError that names an entry that is unknown, missing or not a number.
+    Raises a BadInputError that names an entry that is unknown, missing or not a number.
 
     >>> import hfa
     >>> uav = hfa.from_derivatives("examples/uav.toml")
@@ -96,7 +101,8 @@ def _model(table: Table) -> Model:
 
 def _turns_both_ways(table: Table) -> bool:
     """Return whether two surfaces roll and yaw the aircraft, so that a trim can impose the
-    sideslip."""
+    sideslip.
+    """
     lateral = {
         meaning.argument
         for meaning in table.meanings.values()
@@ -142,7 +148,7 @@ class _Equations:
         self._mach = values["speed"] / sound
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates and outputs."""
+        """Return the rates by state and the outputs by name."""
         sizes = SimpleNamespace(**self._table.values)
         motion = Motion(x, p.gravity, self._table.system)
         rates = ca.mtimes(self._turn.T, motion.rates)
@@ -172,11 +178,13 @@ class _Equations:
         return state_rates, outputs | coefficients
 
     def _arguments(self, x: Any, u: Any, rates: Any, mach: Any) -> dict[str, Any]:
-        """Return the variables in which the coefficients are linear, except alphadot, by the suffix
-        of their derivatives.
+        """Return the variables in which the coefficients are linear, by the suffix of their
+        derivatives.
 
-        rates: (3,) of rotation about the axes of the coefficients. mach: less that of the
-        condition.
+        alphadot is not among them.
+
+        rates: (3,), rates of rotation about the axes of the coefficients
+        mach: Mach number minus that of the condition
         """
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
@@ -209,8 +217,9 @@ class _Equations:
         """Return the rate of alpha, rad/s, on which the lift depends: the solution of a linear
         equation.
 
-        The drag that depends on it lies along the flight and does not turn it.
-        specific: (3,) force over mass without the forces that depend on this rate.
+        The drag that depends on this rate lies along the flight and does not turn it.
+
+        specific: (3,), force over mass without the forces that depend on this rate
         """
         sizes = self._table.values
         forward, _, down = ca.vertsplit(motion.velocity)

@@ -18,10 +18,12 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:
-    """Return the aircraft of a TOML file with `aircraft` and [parameters], in the units of its
-    model, or None where the file has no `aircraft`.
+    """Return the aircraft of a TOML file with `aircraft` and [parameters].
 
-    Raises BadInputError that names the file and its fault.
+    The parameters are in the units of its model. The result is None where the file has no
+    `aircraft`.
+
+    Raises a BadInputError that names the file and its fault.
     """
     with file_faults(path):
         data = read_toml(path)
@@ -45,8 +47,10 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless [bands] has the low and high end of parameters and of errors of
-    sensors, with each value between them."""
+    """Raise BadInputError unless each entry of [bands] is a pair that contains the estimate.
+
+    The entries are the low and high end of parameters and of errors of sensors.
+    """
     bands = _table(path, data, "bands")
     sensors = _table(path, data, "sensors")
     values = {name: signal.start for name, signal in model.parameters.items()} | sensors

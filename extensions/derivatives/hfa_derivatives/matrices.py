@@ -70,8 +70,8 @@ def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal
 def completed(linear: LinearModel) -> dict[str, Any]:
     """Return all fields of a linear model from A, B and any other given fields.
 
-    C is the identity and D zero unless given; the states are x1, x2, ..., the inputs u1, u2, ...,
-    the outputs y1, y2, ... of C.
+    C is the identity and D zero by default. The states are named x1, x2, ..., the inputs u1, u2,
+    ..., and the outputs of a given C y1, y2, ...
 
     Raises BadInputError where a matrix is not of numbers, or shapes or names do not agree.
     """

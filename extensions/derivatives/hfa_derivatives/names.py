@@ -37,11 +37,11 @@ THRUST_INPUT = "thrust"
 
 @dataclass(frozen=True)
 class Derivative:
-    """One derivative of a coefficient, CL_alpha.
+    """One derivative of a coefficient, such as CL_alpha.
 
-    coefficient: CL
+    coefficient: the coefficient, such as CL
     argument: alpha, or the name of a control surface
-    is_by_angle: whether it is per unit of an angle, and not of a number.
+    is_by_angle: whether it is per unit of an angle, and not of a number
     """
 
     coefficient: str

@@ -92,8 +92,10 @@ def read_table(path: str) -> Table:
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
-    """Return the table of a dictionary, whose groups are dictionaries or left out. BadInputError
-    names the entry."""
+    """Return the table of a dictionary, whose groups are dictionaries or omitted.
+
+    Raises a BadInputError that names the entry.
+    """
     return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
 
 
@@ -117,7 +119,10 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _rows(path: str, content: bytes) -> dict[str, Entry]:
-    """Return the entries of a CSV file: name, value, unit; limits are written low:high."""
+    """Return the entries of a CSV file with the columns name, value and unit.
+
+    Limits are written low:high.
+    """
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -185,7 +190,8 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     """Return the lowest and highest value of an input: rad for a control surface, a force for
-    thrust."""
+    thrust.
+    """
     unit = "rad"
     if name == THRUST_INPUT:
         unit = "lbf" if system == "english" else "N"

@@ -55,8 +55,9 @@ def check_discounted(
     """Return `check_discrete` of a game in continuous time, sampled with u and w held over each
     step.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt. Without dt (s) the game is already
-    one of a step.
+    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
+
+    Without dt (s) the game is already that of a step.
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -85,18 +86,18 @@ def check_discrete(
 ) -> Verdict:
     """Return the verdict on a critic of a game in discrete time, compared with the exact solution.
 
-    A critic of V or dV/dx has the policy that it implies there, not R⁻¹B'P; a K without P is
-    compared alone. Both √α (A - B K), on which the discounted cost depends, and A - B K itself must
-    be stable. The exact solution of a discounted problem may fail to stabilize; the verdict is then
-    FAIL, although the critic is exact. A network, or a value that is not quadratic, is also
-    searched over a box of states and flown from there.
+    The policy of a critic of V or dV/dx is the one that it implies in discrete time, not R⁻¹B'P. A
+    K without P is compared alone. Two matrices must be stable: √α (A - B K), on which the
+    discounted cost depends, and A - B K itself. The exact solution of a discounted problem may fail
+    to stabilize. The verdict on an exact critic is then FAIL too. A network, or a value that is not
+    quadratic, is also searched over a box of states and flown from there. L2 gain and margins
+    belong to continuous time and are not checked.
 
     more: further matrices of the critic: L (k, n) of w = L x, H of its Q-function over (x, u, w) or
         (x, u)
     scope: further checks
 
-    L2 gain and margins belong to continuous time and are not checked. Raises NoSolutionError where
-    the problem has no certified solution.
+    Raises NoSolutionError where the problem has no certified solution.
     """
     step = problem.step
     others = {
@@ -228,7 +229,9 @@ def _errors_of_parts(
 def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
     """Return the cost of u = -K x above the optimum, percent, from the worst initial condition.
 
-    Largest of x'Dx / x'P*x: D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*), F = A - B K + E L*.
+    It is the largest x'Dx / x'P*x with
+
+        D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
     """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 

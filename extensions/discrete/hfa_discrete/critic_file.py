@@ -16,7 +16,7 @@ def critic_of_steps(
 ) -> tuple[Critic, dict[str, Any]]:
     """Return the critic of a file for a plant in discrete time, and L and H if the file has them.
 
-    P, K and L follow from H where the file does not have them. BadInputError, one line.
+    P, K and L follow from H where the file does not have them. Raises a BadInputError of one line.
     """
     entries = {} if is_network(Path(path)) else entries_in(path)
     if "H" not in entries:

@@ -15,17 +15,19 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscreteGame(Reported):
-    """Game in discrete time, x⁺ = A x + B u + E w, J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w); u
-    minimizes and w maximizes J.
+    """Game in discrete time, x⁺ = A x + B u + E w, J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w).
+
+    u minimizes and w maximizes J.
 
     step: A, B, E, Q, R and delta of one step
     discount: α, above 0 and at most 1
     N: (n, m), cross weights; None is 0
     A_low: (n, n), the remainder of A beyond its digits, for a step so short that A is nearly I;
-    None is 0
+        None is 0
 
     Raises BadInputError for a wrong shape or number, and where [[Q, N], [N', R]] is not positive
-    semidefinite."""
+    semidefinite.
+    """
 
     step: Game
     discount: float = 1.0
@@ -62,8 +64,10 @@ class DiscreteGame(Reported):
         """Return K and L of the policies u = -K x, w = L x implied by the value x'P x of the next
         state.
 
-        [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I). E is
-        divided by δ, so that δ = inf is no exception."""
+        [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
+
+        E is divided by δ, so that δ = inf needs no exception.
+        """
         step = self.step
         m = step.B.shape[1]
         G = np.hstack([step.B, step.E / step.delta])
@@ -130,8 +134,9 @@ class DiscreteGame(Reported):
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
         """Return the step in v = u + F x without cross weights, and F = R⁻¹N', (m, n).
 
-        A - B F and Q - N R⁻¹ N', the latter as a sum of squares: the part of the rows of a root of
-        [[Q, N], [N', R]] that no u can cancel."""
+        Its matrices are A - B F and Q - N R⁻¹ N'. The latter is a sum of squares: the part of the
+        rows of a root of [[Q, N], [N', R]] that no u can cancel.
+        """
         step = self.step
         if not self.N.any():
             return step, np.zeros(self.N.T.shape)

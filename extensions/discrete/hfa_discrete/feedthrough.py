@@ -13,8 +13,10 @@ from controller.riccati.frequency_response import Triple
 def without_feedthrough(
     A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> Triple:
-    """Return A, E and Q = C'C of a system without D. Its gain is below δ exactly when that of x' =
-    A x + E w, z = C x + D w is."""
+    """Return A, E and Q = C'C of a system without D.
+
+    Its gain is below δ exactly when that of x' = A x + E w, z = C x + D w is.
+    """
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C
     free = np.eye(D.shape[1]) - D.T @ D / delta**2

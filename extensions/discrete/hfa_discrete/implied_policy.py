@@ -19,10 +19,10 @@ _LEFT = 1e-9
 
 
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
-    """Return the critic with the policy that its value implies in discrete time, or with its own
-    policy where it has one.
+    """Return the critic with the policy that its value implies in discrete time.
 
-    A value that is not quadratic, of a network or of more weights, becomes a network of V and u.
+    A critic that has a policy of its own keeps it. A value that is not quadratic, of a network or
+    of more weights, becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:
         return critic
@@ -51,12 +51,13 @@ def policy_of_next(
     """Return the function x (n,) -> u (m,) of the saddle over u and w of one step and the value
     after it.
 
-    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The method
+    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The search
     begins at u = -K x, w = L x.
 
-    problem: in discrete time
+    problem: the game in discrete time
     gradient: x (n,) -> ∂V/∂x (n,)
-    K, L: (m, n), (k, n), of the quadratic part of V
+    K: (m, n), of the quadratic part of V
+    L: (k, n), of the quadratic part of V
     """
     step = problem.step
     n, m = step.B.shape

@@ -1,8 +1,9 @@
 """Q-learning in discrete time from recorded steps: by value iteration, then policy iteration.
 
-Nothing of A, B and E is read: each step (x, u, w, x⁺) gives one equation that is linear in the
-weights H of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, Automatica
-43 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003), 1107-1149."""
+A, B and E are not read. Each step (x, u, w, x⁺) gives one equation that is linear in the weights H
+of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, Automatica 43
+(2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003), 1107-1149.
+"""
 
 from __future__ import annotations
 
@@ -103,13 +104,15 @@ def learn_steps(
 ) -> Learned:
     """Learn the Q-function of a game in discrete time. Only the cost of the game is used.
 
-    steps: recorded; by default `random_steps`
+    steps: recorded steps; by default `random_steps`
     progress: called with the pauses of value iteration
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. Policy iteration, which squares
-    the error, is tried at its pauses, and counts where it settles at a policy that stabilizes the
-    linear fit of the steps. Raises BadInputError for steps that do not determine H. Raises
-    NoSolutionError if the disturbance gains more than it costs, or the iteration does not converge.
+    the error, is tried at its pauses. Its result is accepted where it settles at a policy that
+    stabilizes the linear fit of the steps.
+
+    Raises BadInputError for steps that do not determine H. Raises NoSolutionError if the
+    disturbance gains more than it costs, or the iteration does not converge.
     """
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
@@ -155,7 +158,8 @@ class _QLearner:
     scales: (s,), root mean square of each column of (x, u, w)
     features: (N, M), products of the columns, scaled
     costs: (N,), of each step
-    inverse: (M, N), weights = inverse · values is the least squares of features · weights = values
+    inverse: (M, N), with weights = inverse · values the least-squares solution of features ·
+        weights = values
     """
 
     problem: DiscreteGame
@@ -258,8 +262,10 @@ class _QLearner:
         )
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
-        """Return whether a policy iteration changes nothing in the block of the states, and its
-        policies stabilize the linear fit of the steps.
+        """Return whether a policy iteration changes nothing and stabilizes the linear fit of the
+        steps.
+
+        Only the block of the states is compared.
 
         before, after: H of Q = [x; u; w]'H [x; u; w], of one iteration and of the next
         """

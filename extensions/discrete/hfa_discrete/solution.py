@@ -88,9 +88,11 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
     A step costs dt (x'Qx + u'Ru - δ² w'w) at its beginning.
 
     The first n rows of exp([[A, A, B, E], [0, 0, 0, 0]] dt) are [exp(A dt), exp(A dt) - I, B_s,
-    E_s], B_s and E_s of the step. The second block has no cancellation, so A_s = I + exp(A dt) - I
-    keeps twice the digits. The weights of the step are Q dt and R dt, its delta √dt δ. Source:
-    Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3."""
+    E_s], with B_s and E_s those of the step. The second block has no cancellation, so that A_s = I
+    + (exp(A dt)
+    - I) keeps twice the digits. The weights of the step are Q dt and R dt, its delta √dt δ. Source:
+    Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3.
+    """
     from scipy.linalg import expm
 
     refuse_unless_positive("dt", dt, " s")
@@ -113,14 +115,20 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
 
 
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
-    """Solve a game in discrete time exactly and certify the solution. P = Q + α A'P A - (α A'P G +
-    [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I).
+    """Solve a game in discrete time exactly and certify the solution.
 
-    With δ² I - α E'P E > 0 and P >= 0 the saddle point exists; √α (A - B K + E L) must have its
-    eigenvalues within the unit circle, and so must √α (A - B K). Raises NoSolutionError that names
-    the mode that rules out a solution at any delta, or the test that fails with the smallest delta,
-    whose search calls `progress`. Source: Basar and Bernhard, H-infinity Optimal Control, Theorem
-    3.7, for √α A, √α B, √α E."""
+        P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),
+        G = [B E],  W = blkdiag(R, -δ² I)
+
+    The saddle point exists where δ² I - α E'P E > 0 and P >= 0. The eigenvalues of √α (A - B K + E
+    L) and of √α (A - B K) must be within the unit circle.
+
+    progress: called by the search for the smallest delta, where there is no solution
+
+    Raises NoSolutionError. Its message names the mode that rules out a solution at any delta, or
+    the test that fails, with the smallest delta. Source: Basar and Bernhard, H-infinity Optimal
+    Control, Theorem 3.7, for √α A, √α B, √α E.
+    """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
     _, feed = problem.without_cross_weights()
@@ -245,8 +253,10 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def _gain_check(radius: float) -> Check:
-    """Return the check that the returned K stabilizes, in the user's coordinates; radius: of
-    sqrt(discount) (A - B K)."""
+    """Return the check that the returned K stabilizes, in the user's coordinates.
+
+    radius: spectral radius of sqrt(discount) (A - B K)
+    """
     reason = f"sqrt(discount) (A - B K) of the returned K has radius {radius:.6g}"
     return below("gain_radius", radius, 1.0, reason)
 
@@ -255,7 +265,8 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
     """Raise NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
 
     The test uses the user's A and B, because in A - B R⁻¹ N' rounding reaches every mode. Where N
-    is not 0 a reach of `FAINT_REACH` is no reach: less leaves P no digits."""
+    is not 0, a reach below `FAINT_REACH` is regarded as none, because P would have no digits.
+    """
     root = math.sqrt(problem.discount)
     A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
     B = form.T @ problem.step.B

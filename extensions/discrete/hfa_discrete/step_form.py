@@ -53,9 +53,11 @@ class NewtonStep(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class StepForm(NormalForm):
     """Equation X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A, G = [B E], W = blkdiag(I, -I), of one
-    game in y = T x.
+    game.
 
-    low: (n, n), the rounding error of A: of fast sampling A is nearly I, and A - I is what counts
+    The coordinates are y = T x.
+
+    low: (n, n), the rounding error of A, which matters for fast sampling, where A is nearly I
     """
 
     low: np.ndarray
@@ -100,9 +102,9 @@ class StepForm(NormalForm):
     def equivalent(self) -> NormalForm:
         """The game in continuous time with the same X.
 
-        Its state is (y + y⁺)/√2 and moves at (y⁺ - y)/√2, which is z = (1 + s)/(1 - s): the value
+        Its state is (y + y⁺)/√2 and moves at (y⁺ - y)/√2, which is z = (1 + s)/(1 - s). The value
         y'X y grows by y⁺'X y⁺ - y'X y in both. In signals of alternating sign the step has -A, -B
-        and -E, and the same X; of the two games the slower one is used, so that no mode is near the
+        and -E, and the same X. Of the two games the slower one is used, so that no mode is near the
         pole of the map, z = -1 or 1.
 
         Raises NoSolutionError where every loop has a mode at both. Raises NoValueError where a
@@ -121,10 +123,11 @@ class StepForm(NormalForm):
     def _at_pole(self, sign: float) -> NormalForm:
         """Return the equivalent by the map with its pole at z = -sign.
 
-        Raises np.linalg.LinAlgError where none exists.
+        With r = √2 ξ - E w, the equation (A + I) y + B u = r holds for the new state ξ. Of all such
+        [u; y] = Y r + Z v the least |u|² + |C y|², C'C = Q, is |M r|². The part that v adds to it
+        is the new input.
 
-        With r = √2 ξ - E w of the new state ξ is (A + I) y + B u = r. Of all such [u; y] = Y r +
-        Z v the least |u|² + |C y|², C'C = Q, is |M r|²; what v adds to it is the new input.
+        Raises np.linalg.LinAlgError where no equivalent exists.
         """
         n = len(self.A)
         m = self.B.shape[1]
@@ -215,8 +218,10 @@ def _size(form: NormalForm) -> float:
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """Return the game in another unit of time, a power of four, because fast sampling makes rates
-    tiny."""
+    """Return the game in another unit of time, a power of four, in which rates are near 1.
+
+    Fast sampling makes rates tiny.
+    """
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(
         form,

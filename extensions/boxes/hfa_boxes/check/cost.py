@@ -1,13 +1,15 @@
 """A lower bound W of the cost of every flight to the trim: its inequality, decided box by box.
 
-With z and v the deviations of states and inputs from the equilibrium, y = M z and W(y) a polynomial
-without terms of degree 0 and 1, let D be where W <= c within the envelope and the cube |y_i| <= 1.
+Let z and v be the deviations of states and inputs from the equilibrium, y = M z, and W(y) a
+polynomial without terms of degree 0 and 1. Let D be the set where W <= c within the envelope and
+the cube |y_i| <= 1. The inequality is
 
-    g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits
+    g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits,
 
-and D meets no face of the cube. Then no flight within the envelope that ends at the equilibrium
-costs less than W where it begins in D, and none costs less than c where it begins elsewhere:
-from the last time that it enters D, where W = c, it pays at least c."""
+and D meets no face of the cube. Consider a flight within the envelope that ends at the equilibrium.
+If it begins in D, it costs at least W. If it begins elsewhere, it costs at least c: W = c where it
+enters D for the last time.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +106,9 @@ class CostInequality(OnPiece):
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
         """Return the second derivatives of g in v, (m m,), and flags of the v on which they depend.
-        Raises BadInputError if one of these v is unlimited."""
+
+        Raises BadInputError if one of these v is unlimited.
+        """
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
         taken = np.array(ca.which_depends(ca.densify(ca.vec(second)), v, 1, False), dtype=bool)
@@ -128,8 +132,10 @@ class CostInequality(OnPiece):
         return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return inputs (N, m) that nearly minimize g at z (N, n), and their slopes (N, m, n) in z,
-        0 for an input at its limit. No proof depends on them."""
+        """Return inputs (N, m) that nearly minimize g at z (N, n), and their slopes (N, m, n) in z.
+
+        The slope of an input at its limit is 0. No proof depends on these inputs.
+        """
         count = len(z)
         n, m = self.n, self.m
         v = np.zeros((count, m))
@@ -183,8 +189,10 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return (N,), the edge to halve of each undecided box, -1 for decided boxes. Raises
-        RefutedError where g < 0."""
+        """Return the edge to halve of each undecided box, and -1 for decided boxes, (N,).
+
+        Raises RefutedError where g < 0.
+        """
         edges = np.full(len(boxes.centres), -1)
         near = np.flatnonzero(~super().is_outside(boxes))
         if len(near):
@@ -195,9 +203,10 @@ class CostInequality(OnPiece):
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
         """Return `edges` of boxes that are not outside the set, (N,).
 
-        A box is decided where the lowest g at guessed inputs, minus the possible gain of other
-        inputs, is positive and the box meets no face of the cube, or in the hole about the
-        equilibrium."""
+        A box is decided in the hole about the equilibrium. Any other box is decided where it meets
+        no face of the cube and the lowest g at guessed inputs exceeds the possible gain of other
+        inputs.
+        """
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
         guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
@@ -224,10 +233,13 @@ class CostInequality(OnPiece):
         return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
-        """Return (boxes,), a bound of the difference of g between the guess and the best inputs.
+        """Return a bound of the difference of g between the guess and the best inputs, (boxes,).
 
-        g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2), b the slopes at the guess and λ below
-        the curvature between the guess and all inputs within the limits."""
+            g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2)
+
+        b are the slopes at the guess. λ is below the curvature between the guess and all inputs
+        within the limits.
+        """
         m = self.m
         if not m or not len(boxes.centres):
             return np.zeros(len(boxes.centres))
@@ -246,8 +258,11 @@ class CostInequality(OnPiece):
         return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return Gershgorin's λ, (boxes, m): Σ λ_i d_i² is at most the second derivative of g in
-        every direction d, for all v from least to most (boxes, m)."""
+        """Return Gershgorin's λ, (boxes, m).
+
+        Σ λ_i d_i² is at most the second derivative of g in every direction d, for all v from least
+        to most (boxes, m).
+        """
         program, taken = self._bent
         n, m = self.n, self.m
         linear, radius = self.symbols_on(boxes)
@@ -268,11 +283,12 @@ class CostInequality(OnPiece):
     @cached_property
     def hole(self) -> int:
         """Exponent k: g >= 0 is proved where |y_i| <= 2^-k, for all inputs within the limits.
-        Raises Rejected if no k is found.
 
-        g and its slopes are 0 at the equilibrium. g is convex in v, its curvature above λ, so that
-        the best v has Σ λ_i v_i² <= Σ b_i² / λ_i with b the slopes at v = 0; where the Hessian of g
-        in (z, v) is positive definite for all such v, g >= 0."""
+        g and its slopes are 0 at the equilibrium. Because g is convex in v with a curvature above
+        λ, the best v has Σ λ_i v_i² <= Σ b_i² / λ_i, with b the slopes at v = 0. g >= 0 follows
+        where the Hessian of g in (z, v) is positive definite for all such v. Raises Rejected if no
+        k is found.
+        """
         for k in range(1, _SMALLEST_HOLE + 1):
             box = Boxes(np.zeros((1, self.n)), np.full((1, self.n), k))
             radii = self._best_inputs_within(box)
@@ -345,7 +361,11 @@ def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray
 
 
 def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return H⁻¹ right for the free entries, 0 for the others; H: (N, m, m), right: (N, m, k)."""
+    """Return H⁻¹ right for the free entries, and 0 for the others.
+
+    H: (N, m, m)
+    right: (N, m, k)
+    """
     m = H.shape[1]
     both = free[:, :, None] & free[:, None, :]
     kept = np.where(both, H, 0.0)

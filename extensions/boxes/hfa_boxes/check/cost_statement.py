@@ -1,5 +1,8 @@
-"""The statement about a lower bound of the cost. The checker interprets or refuses every field, the
-digest covers all of them, and a report shows them."""
+"""The statement about a lower bound of the cost.
+
+The checker interprets or refuses every field. The digest covers all fields, and a report shows
+them.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,10 @@ from hfa_proof.checker.reading import Fields, require
 
 @dataclass(frozen=True, eq=False)
 class CostStatement:
-    """Statement that no flight within the limits that ends at the equilibrium costs less than the
-    largest bound of the pieces. The cost is ∫ z'Qz + v'Rv dt, with z and v the deviations of states
-    and inputs from the equilibrium.
+    """Statement that the cost of a flight is at least the largest bound of the pieces.
+
+    It holds for every flight within the limits that ends at the equilibrium. The cost is ∫ z'Qz +
+    v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
 
     plant: the model; its state limits are the envelope
     equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values

@@ -96,13 +96,19 @@ class Question(Protocol):
         """Return the mask of the boxes that do not meet the set."""
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return (N,), the edge to halve of each undecided box, -1 for decided boxes. Raises
-        RefutedError at a point where the property does not hold."""
+        """Return the edge to halve of each undecided box, and -1 for decided boxes, (N,).
+
+        Raises RefutedError at a point where the property does not hold.
+        """
 
 
 def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
-    """Raise RefutedError at the center, of (N, n), in the set with the lowest negative value, of
-    (N,)."""
+    """Raise RefutedError at the point of the set with the lowest negative value.
+
+    centres: (N, n), the points
+    values: (N,)
+    within: point (n,) -> whether it is in the set
+    """
     refuted = np.flatnonzero(values < 0.0)
     for index in refuted[np.argsort(values[refuted])]:
         if within(centres[index]):

@@ -33,12 +33,14 @@ class Equilibrium:
 def zero_near(
     program: Program, x: np.ndarray, nominal: np.ndarray, solved: Sequence[int]
 ) -> Equilibrium:
-    """Return an enclosure of the zero of a program that Newton's method finds from x. Raises
-    Rejected if it is not proved (Krawczyk 1969: C near the inverse of F', |C F(x)| + |1 - C F'| r <
-    r).
+    """Return an enclosure of the zero of a program F that Newton's method finds from x.
 
-    x: (k,), the inputs of the program; nominal: (k,), their sizes
+    x: (k,), the inputs of the program
+    nominal: (k,), their sizes
     solved: indices of the unknown inputs, as many as the program has outputs; the others stay fixed
+
+    Raises Rejected if the zero is not proved by |C F(x)| + |1 - C F'| r < r, with C near the
+    inverse of F' (Krawczyk 1969).
     """
     point = np.array(x, dtype=float)
     columns = list(solved)

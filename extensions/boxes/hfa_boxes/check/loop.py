@@ -106,8 +106,10 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return (N,), the edge to halve of each unproved box, -1 for the others. Raises
-        RefutedError at a point where a function is negative."""
+        """Return the edge to halve of each unproved box, and -1 for the others, (N,).
+
+        Raises RefutedError at a point where a function is negative.
+        """
         models = self._functions.of(*self.symbols_on(boxes))
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole

@@ -113,8 +113,9 @@ class Piece(NamedTuple):
         return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return (N,), the smaller of W and c at deviations z (N, n) in the cube, c outside, in
-        doubles."""
+        """Return the smaller of W and c at deviations z (N, n) in the cube, and c outside, (N,), in
+        doubles.
+        """
         y = z @ self.M.T
         inside = np.all(np.abs(y) < 1.0, axis=1)
         return np.where(inside, np.minimum(self.W.at(y), self.c), self.c)
@@ -191,12 +192,15 @@ class OnPiece(Question):
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
     def decisive_edges(self, boxes: Boxes, models: Models, proved: np.ndarray) -> np.ndarray:
-        """Return (N,), the edge to halve: that along which the first unproved function varies most,
-        or W where a box meets a face of the cube; the widest for a box about the equilibrium; -1
-        where all functions are proved. No edge is halved much more often than another.
+        """Return the edge to halve of each box, and -1 where all functions are proved, (N,).
+
+        It is the edge along which the first unproved function varies most, or W where a box meets a
+        face of the cube. For a box about the equilibrium it is the widest. No edge is halved much
+        more often than another.
 
         models: Taylor models of the functions
-        proved: (functions, N), flags of the proved functions"""
+        proved: (functions, N), flags of the proved functions
+        """
         edges = np.full(len(boxes.centres), -1)
         undecided = np.flatnonzero(~proved.all(axis=0))
         boxes = boxes.part(undecided)
@@ -238,8 +242,10 @@ class OnPiece(Question):
         return TaylorProgram(self.program(outputs), self.n)
 
     def symbols_on(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
-        """Return the symbols on boxes, v = 0: coefficients (symbols, 1 + n, boxes) and radii
-        (symbols, boxes)."""
+        """Return the symbols on boxes with v = 0, as coefficients and radii.
+
+        The coefficients are (symbols, 1 + n, boxes), the radii (symbols, boxes).
+        """
         n = self.n
         N, off = self.inverse
         centres = boxes.centres.T

@@ -132,7 +132,7 @@ def _read_limits(entries: Fields, model: Model) -> Limits:
 
 
 def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
-    """Read the terms of the polynomials of some inputs; highest: degree."""
+    """Read the terms of the polynomials of some inputs, up to the degree `highest`."""
     rows = entries.fields(name)
     terms = {}
     for each in plant.inputs:
@@ -177,8 +177,9 @@ def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | N
 def model_limits(
     model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Return the lowest and highest value of every limited state, input and output: min and max of
-    its declaration, and the model's envelope about this trim.
+    """Return the lowest and highest value of every limited state, input and output.
+
+    They are min and max of the declaration, and the model's envelope about this trim.
 
     states: all of them, at the trim
     parameters: name -> value

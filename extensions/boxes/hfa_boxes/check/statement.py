@@ -1,5 +1,8 @@
-"""The statement about a region whose policy is a function. The checker interprets or refuses every
-field, the digest covers all of them, and a report shows them."""
+"""The statement about a region whose policy is a function.
+
+The checker interprets or refuses every field. The digest covers all fields, and a report shows
+them.
+"""
 
 from __future__ import annotations
 
@@ -72,11 +75,11 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BoxStatement:
-    """Statement that every trajectory of the loop that begins in the set of the piece exists for
-    all time, stays there and within all limits, and converges to the equilibrium; z are deviations
-    from it.
+    """Statement that trajectories from the set of the piece converge to the equilibrium.
 
-    For V of degree 2 the set is {V <= rho}, because V > rho outside the cube too.
+    Every trajectory of the loop that begins in the set exists for all time, and stays there and
+    within all limits. z are deviations from the equilibrium. For V of degree 2 the set is {V <=
+    rho}, because V > rho outside the cube too.
 
     loop: the model with its policy and saturated inputs
     policy: the SHA-256 of its instructions, or its coefficients

@@ -1,9 +1,10 @@
 """Enclosures of functions of one variable over a range by parabolas or lines.
 
 Over [low, high] about a center t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
-polynomial of degree 2 with the third derivative enclosed over the range, `line` has c = 0 and holds
-over wide ranges. Every remainder includes the rounding of its coefficients. A function that is not
-defined on a range has the rest inf or nan."""
+polynomial of degree 2 with the third derivative enclosed over the range. `line` has c = 0 and holds
+over wide ranges. Every remainder includes the rounding of its coefficients. The rest of a function
+that is not defined on a range is inf or nan.
+"""
 
 from __future__ import annotations
 
@@ -66,8 +67,11 @@ def _parabola(
     errors: tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float],
     reach: np.ndarray,
 ) -> Parabola:
-    """Return Taylor's polynomial of degree 2. third: bound of |f'''| / 6; errors: of value, slope
-    and bend."""
+    """Return Taylor's polynomial of degree 2.
+
+    third: bound of |f'''| / 6
+    errors: errors of value, slope and bend
+    """
     of_value, of_slope, of_bend = errors
     rest = of_value + reach * (of_slope + reach * (of_bend + reach * third))
     return Parabola(value, slope, bend, rest * (1.0 + 10.0 * ROUNDING))
@@ -134,10 +138,11 @@ def _highest_above(
     """Return an upper bound of g(t) = tanh t - slope t over [low, high], except for the rounding of
     g.
 
-    at_ends: the larger of g(low) and g(high).
+    at_ends: the larger of g(low) and g(high)
 
-    g is convex for t < 0, so highest at an end. For t > 0 it is concave, so below its tangent at
-    any p: p is where the slopes are equal, as far as that can be computed."""
+    For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
+    below its tangent at any p. p is the computed point where the slopes are equal.
+    """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)
     equal = np.arctanh(np.minimum(np.sqrt(1.0 - slope), 1.0 - ROUNDING))
@@ -156,8 +161,10 @@ def _highest_above(
 
 
 def _relu_line(ranges: Ranges) -> Parabola:
-    """Return a line parallel to the chord; max(t, 0) - slope t is highest at an end and lowest, 0,
-    at t = 0."""
+    """Return a line parallel to the chord of max(t, 0).
+
+    max(t, 0) - slope t is highest at an end, and lowest, 0, at t = 0.
+    """
     centre, low, high = ranges
     crosses = (low < 0.0) & (high > 0.0)
     slope = np.where(crosses, high / np.maximum(high - low, 1e-200), low >= 0.0)
@@ -261,8 +268,10 @@ def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
-    """Return the enclosure of an f with f'' = -f, |f'| <= 1. pair: t -> f and f', within
-    `SIN_ERROR`."""
+    """Return the enclosure of an f with f'' = -f and |f'| <= 1.
+
+    pair: t -> f and f', within `SIN_ERROR`
+    """
 
     def curve(ranges: Ranges) -> Parabola:
         value, slope = pair(ranges[0])

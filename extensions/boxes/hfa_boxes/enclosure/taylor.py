@@ -116,8 +116,9 @@ class TaylorProgram:
         return self.of(linear, np.zeros((n, len(centres))))
 
     def of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
-        """Return models of the outputs for inputs c_0 + Σ c_i s_i ± radius; an infinite or nan
-        radius of an output bounds nothing.
+        """Return models of the outputs for inputs c_0 + Σ c_i s_i ± radius.
+
+        An output whose radius is infinite or nan has no bound.
 
         linear: (inputs, 1 + n, boxes), coefficients c
         radius: (inputs, boxes)
@@ -232,10 +233,11 @@ def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
 
 
 def lowest(models: Models, n: int) -> np.ndarray:
-    """Return (values, boxes), a lower bound on the box: the larger of two bounds of the parabola.
+    """Return a lower bound on each box, (values, boxes): the larger of two bounds of the parabola.
 
-    One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2; the remainder is
-    a parabola in each s_i, whose lowest value is known."""
+    One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2. The remainder is
+    a parabola in each s_i, whose lowest value is known.
+    """
     i, j, _ = pairs_of(n)
     c = models.c
     with np.errstate(all="ignore"):
@@ -261,8 +263,10 @@ def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
 
 
 def lowered_by(models: Models, n: int) -> np.ndarray:
-    """Return the amounts by which each s_i lowers the second bound of `lowest`, (values, n, boxes);
-    no proof depends on them."""
+    """Return the amounts by which each s_i lowers the second bound of `lowest`, (values, n, boxes).
+
+    No proof depends on them.
+    """
     linear, squares, shares = _parabolas(models, n)
     return -_lowest_parabolas(linear, squares - shares)
 

@@ -172,11 +172,12 @@ class CostSearch:
         return z, self._problem.flown(z)
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
-        """Yield levels, each with the least cost of the flights it concerns: growing until one is
-        not proved, smaller if the first fails, then just below the cost of the initial conditions
-        with the poorest bounds.
+        """Yield levels, each with the least cost of the flights it concerns.
 
-        Where W reaches the level, the level is the bound: the set need not contain them."""
+        The levels grow until one is not proved, or decrease if the first fails. Further levels are
+        just below the cost of the initial conditions with the poorest bounds. Where W reaches the
+        level, the level is the bound, so the set need not contain these initial conditions.
+        """
         _, costs = self._flights
         linear = self._problem.linear_cost(self.starts)
         largest = _ABOVE * float(np.max(costs, initial=linear.max(), where=np.isfinite(costs)))

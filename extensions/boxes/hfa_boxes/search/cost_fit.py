@@ -1,8 +1,10 @@
 """Linear programs for polynomials W whose inequality holds on samples.
 
-W = s (1 - margin) z'P z, s <= 1, and terms of higher degree. They are as large as grad W · f +
-x'Qx + u'Ru >= 0 allows on samples, with a part of the margin to spare. The best inputs at a sample
-depend on W: rows for those of the present W are added until none is violated (cutting planes)."""
+W = s (1 - margin) z'P z, s <= 1, and terms of higher degree. W is as large as the inequality grad W
+· f + x'Qx + u'Ru >= 0 permits on samples, with a part of the margin to spare. The best inputs at a
+sample depend on W. Rows for the best inputs of the present W are added until none is violated
+(cutting planes).
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ class CostProblem:
 
     plant: the aircraft; its state limits are the envelope
     equilibrium: equilibrium of states and inputs
-    Q, R: (n, n), (m, m). P: (n, n), solution of the linear quadratic problem
+    Q: (n, n)
+    R: (m, m)
+    P: (n, n), solution of the linear quadratic problem
     degree: degree of W
     margin: relative slack of W below the cost
     """
@@ -85,8 +89,10 @@ class CostProblem:
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
     def flown(self, z: np.ndarray) -> np.ndarray:
-        """Return costs (N,) of flights by the saturated linear quadratic policy, inf where they do
-        not converge within the envelope."""
+        """Return the costs of flights by the saturated linear quadratic policy, (N,).
+
+        The cost is inf for a flight that does not converge within the envelope.
+        """
         return flown_costs(
             self.inputs,
             (self.Q, self.R, self.P),
@@ -109,8 +115,9 @@ class Wanted(NamedTuple):
 
 
 class Fit:
-    """Linear programs for one level, in coordinates y = M z, in which z'P z = beyond c is the unit
-    sphere, turned and stretched to the envelope.
+    """Linear programs for one level, in coordinates y = M z.
+
+    In these coordinates z'P z = beyond c is the unit sphere, turned and stretched to the envelope.
 
     problem: the flights whose cost is bounded
     c: level
@@ -146,8 +153,11 @@ class Fit:
         self._begun = False
 
     def fitted(self) -> Polynomial:
-        """Return the polynomial of the last linear program; each program adds the rows that samples
-        violated in the one before. Raises OpenBoxError if no polynomial exists."""
+        """Return the polynomial of the last linear program.
+
+        Each program adds the rows that samples violated in the one before. Raises OpenBoxError if
+        no polynomial exists.
+        """
         if not self._rows:
             z = self._ball(_FIRST)
             self._add(z, self._best_inputs(z))
@@ -223,7 +233,10 @@ class Fit:
 
     def _combinations(self) -> np.ndarray:
         """Return combinations (K, k) of the monomials of degree 3 and more, orthonormal over
-        samples, so that linear programs of high degree are well conditioned."""
+        samples.
+
+        They make linear programs of high degree well conditioned.
+        """
         higher = self._basis.degrees > 2
         values = self._basis.at(self._ball(_ORTHONORMAL) @ self.M.T)[:, higher]
         found = np.zeros((len(higher), int(higher.sum())))
@@ -273,7 +286,8 @@ class Fit:
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rows and right sides of grad W · f + (1 - kept margin) cost >= 0, in units of the
-        cost."""
+        cost.
+        """
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
         rows = np.einsum("ktj,kj->kt", self._basis.slopes(z @ self.M.T), f)
@@ -286,8 +300,10 @@ class Fit:
         self._sides.append(sides)
 
     def _add_walls(self, count: int, *, every: bool) -> bool:
-        """Add rows W >= 1.02 c where z'P z > beyond c in the cube, all or only violated ones;
-        return whether any was added."""
+        """Add rows W >= 1.02 c where z'P z > beyond c in the cube, all or only violated ones.
+
+        Return whether any was added.
+        """
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
         faces = inner[:count].copy()
         rows = np.arange(count)

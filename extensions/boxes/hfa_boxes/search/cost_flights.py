@@ -90,8 +90,9 @@ def flown_costs(
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
 ) -> np.ndarray:
-    """Return the costs (N,) of flights from z (N, n) by the Runge-Kutta method, inf for flights
-    that leave the envelope or have not converged.
+    """Return the costs of flights from z (N, n) by the Runge-Kutta method, (N,).
+
+    The cost is inf for a flight that leaves the envelope or has not converged.
 
     weights: Q, R and P of the linear quadratic problem
     gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are optimal

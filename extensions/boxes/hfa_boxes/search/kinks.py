@@ -15,8 +15,9 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return the rate and the signal whose slope changes most at the equilibrium, and the value of
-    the signal there, or "" where the rates have no kink.
+    """Return the rate and the signal whose slope changes most at the equilibrium, as text.
+
+    The text includes the value of the signal there. It is "" where the rates have no kink.
 
     program: states, or states and inputs -> rates of the states
     """

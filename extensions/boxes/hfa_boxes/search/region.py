@@ -1,7 +1,8 @@
 """The largest set {V <= c} found for a loop of any policy, proved on boxes.
 
 V is quadratic first and then of higher degree. Its set grows by linear programs on samples
-(`shape.py`); points that a proof refutes become rows of the next program."""
+(`shape.py`). A point at which a proof is refuted becomes a row of the next program.
+"""
 
 from __future__ import annotations
 
@@ -203,10 +204,12 @@ class RegionSearch:
         growth.shape = growth.shape.of_level(min(level, _HIGHEST))
 
     def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
-        """Prove a share of the set of a V, which is changed at points that refute it; return
-        whether it is proved.
+        """Prove a share of the set of a V, and return whether it is proved.
 
-        time_share: share of the remaining time for one V"""
+        V is changed at points that refute it.
+
+        time_share: share of the remaining time for one V
+        """
         try:
             for _ in range(_REFUTED):
                 self._deadline = time.process_time() + time_share * self._left()

@@ -191,10 +191,11 @@ class Shape:
         return square
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return R (n, n), z'R z a decay that every V of a set of this size has in z' = J z.
+        """Return R (n, n), with z'R z a decay that every V of a set of this size has in z' = J z.
 
-        It is that of the mean of the squares of the modes, each at most 1 in the set. A small part
-        of V is added, so that R is positive where modes coincide."""
+        It is the decay of the mean of the squares of the modes, each at most 1 in the set. A small
+        part of V is added, so that R is positive where modes coincide.
+        """
         values, vectors = np.linalg.eig(J)
         modes = np.linalg.inv(vectors)
         modes /= np.abs(self.edge_points(4 * _RAYS) @ (modes @ self.N).T).max(axis=0)[:, None]
@@ -203,8 +204,10 @@ class Shape:
         return np.asarray(mean + _SLOWLY * rates.min() * self.M.T @ self.square @ self.M)
 
     def slow(self, J: np.ndarray) -> np.ndarray:
-        """Return T (n, n) with -V' = |s|² to second order for y = T s and z' = J z. Uniform rays s
-        are dense near the directions in which V decreases slowly."""
+        """Return T (n, n) with -V' = |s|² to second order for y = T s and z' = J z.
+
+        Uniform rays s are dense near the directions in which V decreases slowly.
+        """
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
@@ -403,7 +406,7 @@ class Growth:
     """Linear programs for a V with a larger set.
 
     samples: the loop
-    shape: the first V, its set good
+    shape: the first V, with its largest admissible set
     tell: called before each linear program with its task; may raise
     """
 
@@ -448,17 +451,20 @@ class Growth:
         self._growths = _GROWTHS
 
     def finer(self) -> bool:
-        """Let V decrease more slowly from now on: larger sets, whose proofs take longer.
+        """Let V decrease more slowly from now on, which permits larger sets with longer proofs.
 
-        Return False at the end of the range, where V stays as it is."""
+        Return False at the end of the range, where V is unchanged.
+        """
         if self._least_decay < _LEAST_DECAY:
             return False
         self._least_decay *= _FINER
         return True
 
     def _good(self, level: float) -> Shape | None:
-        """Return the largest admissible set of fits up to a level; the obstacle of one fit is a row
-        of the next."""
+        """Return the largest admissible set of fits up to a level.
+
+        The obstacle of one fit is a row of the next.
+        """
         best = None
         largest = 0.0
         self._decay = self.shape.modal_decay(self._samples.J)
@@ -527,8 +533,11 @@ class Growth:
         return shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
-        """Return basis vectors (K, k) of the coefficients of V. Above degree 2 the quadratic part
-        is only scaled, because samples near 0 of a stiff loop are too few to choose it."""
+        """Return basis vectors (K, k) of the coefficients of V.
+
+        Above degree 2 the quadratic part is only scaled, because samples near 0 of a stiff loop are
+        too few to choose it.
+        """
         if shape.basis.degree == 2:
             return np.eye(len(shape.coefficients))
         is_square = shape.basis.degrees == 2
@@ -555,8 +564,9 @@ class Growth:
         """Return rows (N, K) and sides (N,) of linear inequalities under which a V decreases where
         V <= 1.
 
-        The rows are -V' + k (V - 1), k >= 0 larger where the last V is, over the modal decay;
-        beyond a limit they are V."""
+        The rows are -V' + k (V - 1) over the modal decay, with a k >= 0 that grows with the last V.
+        Beyond a limit the rows are V.
+        """
         z = y @ last.N.T
         monomials = last.basis.at(y)
         k = _LEEWAY * np.clip((monomials @ last.coefficients - 0.9) / 0.2, 0.0, 1.0)

@@ -29,7 +29,7 @@ class DavemlRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """ "": the file contains the model."""
+        """Return "", because the file contains the model."""
         return {}
 
 

@@ -82,8 +82,8 @@ def _highest_above(
 
     at_ends: the larger of g(low) and g(high).
 
-    g is convex for t < 0, so highest at an end. For t > 0 it is concave, so below its tangent at
-    any p: p is where the slopes are equal, as far as that can be computed.
+    For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
+    below its tangent at any p. p is the computed point where the slopes are equal.
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)
