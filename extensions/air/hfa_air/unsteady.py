@@ -265,6 +265,7 @@ def lag_rates(
     """Return the rates z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
 
     half_chords: V/b, the half chords flown in a second, 1/s
+
     The other arguments are those of `missing`.
     """
     names = [f"{kind}_{strip}_{i}" for i in (1, 2)]

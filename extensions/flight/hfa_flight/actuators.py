@@ -49,15 +49,16 @@ class ActuatorBank:
     """Bank of m actuators, which follow the commanded deviation u within limits of position and
     rate.
 
-    c = sat(U0 + u, lowest, highest) - U0
-    order 1:  a' = sat((λ c - a) ω, ±rate)
-    order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
+        c = sat(U0 + u, lowest, highest) - U0
+        order 1:  a' = sat((λ c - a) ω, ±rate)
+        order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
 
-    Named tuples of the inputs of the model (`hfa_aircraft.model.record`), in its units:
+    lag, lowest, highest and rate are named tuples of the inputs of the model
+    (`hfa_aircraft.model.record`), in its units.
+
     lag: 1/ω, s, > 0
     lowest, highest: positions, absolute; may be infinite
     rate: largest |U'|, per s; may be infinite
-
     order: 1 or 2, for all inputs
     damping: ζ, for all inputs
     faults: changes of ω, ζ and the effectiveness λ, which is 1 without a fault

@@ -1,5 +1,8 @@
-"""Plant, policy and scenario as one loop y' = f(t, y, held). This module alone defines the order of
-the parts in y (`StateParts`) and in the held inputs (`HeldParts`)."""
+"""Plant, policy and scenario as one loop y' = f(t, y, held).
+
+This module alone defines the order of the parts in y (`StateParts`) and in the held inputs
+(`HeldParts`).
+"""
 
 from __future__ import annotations
 
@@ -58,16 +61,19 @@ class Plant:
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """Return the deviation of alpha relative to the air where it differs from alpha, (1,), else
-        (0,)."""
+        (0,).
+        """
         return ca.SX(0, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPlant(Plant):
-    """Linear plant x' = A x + B u + d + E w. A: (n, n), B: (n, m), E: disturbance -> (n,); default:
-    none.
+    """Linear plant x' = A x + B u + d + E w.
 
-    point: point of the linearization, or None for a plant of only these states with trim 0.
+    A: (n, n)
+    B: (n, m)
+    E: disturbance -> (n,); by default none
+    point: point of the linearization, or None for a plant of only these states with trim 0
     """
 
     A: np.ndarray
@@ -135,7 +141,7 @@ class NonlinearPlant(Plant):
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
         """Return the deviation of the output `ANGLE_OF_ATTACK` in winds, for a model with this
-        output besides alpha.
+        output.
 
         Raises BadInputError if it depends on an input and is therefore not a flow angle.
         """

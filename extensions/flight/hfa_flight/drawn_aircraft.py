@@ -31,10 +31,10 @@ _STILL = 1e-9
 def with_stability(
     report: Report, plan: MonteCarlo, condition: TrimCondition, progress: Progress
 ) -> Report:
-    """Return the report of a plan with the stability of the linear loop of each drawn aircraft
-    about its own trim, or without control.
+    """Return the report of a plan with the stability of the linear loop of each drawn aircraft.
 
-    A policy without one gain, and a loop with delay or actuators, have no such line.
+    Each loop is about the aircraft's own trim. Without a policy the stability is that without
+    control. A policy without one gain, and a loop with delay or actuators, have no such line.
 
     condition: trim condition of all aircraft
     """
@@ -50,9 +50,11 @@ def with_stability(
 
 
 def drawn_figure(plan: MonteCarlo) -> Figure:
-    """Return a figure with one row for each state that moves: at the left the flight of the
-    aircraft itself, at the right the differences of the drawn aircraft from it, with their 95 %
-    band."""
+    """Return a figure with one row for each state that moves.
+
+    At the left is the flight of the aircraft itself. At the right are the differences of the drawn
+    aircraft from it, with their 95 % band.
+    """
     compiled = member_loop(plan)
     itself = fly_within(compiled, plan.envelope, plan.member(0), plan.model.p)
     count = min(plan.members, _MOST_SHOWN)
@@ -81,7 +83,10 @@ def drawn_figure(plan: MonteCarlo) -> Figure:
 
 
 def _draw_state(axes: Any, name: str, place: int, itself: Flight, flights: list[Flight]) -> None:
-    """Draw one state on the left and the right axes. place: of the state."""
+    """Draw one state on the left and the right axes.
+
+    place: index of the state
+    """
     unit = itself.point.model.unit(name)
     left, right = axes
     own = shown_values(itself.states[:, place], unit)

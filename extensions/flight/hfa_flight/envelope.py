@@ -139,8 +139,10 @@ def departure(
 
 
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
-    """Raise BadInputError when a flight begins outside its envelope. limited: (n,), as a row of
-    `departure`."""
+    """Raise BadInputError when a flight begins outside its envelope.
+
+    limited: (n,), as a row of `departure`
+    """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
         beyond = _beyond(start.value, start.limit, start.unit)

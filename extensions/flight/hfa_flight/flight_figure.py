@@ -33,8 +33,11 @@ def flight_figure(result: Flight, title: str) -> Figure:
 
 
 def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
-    """Draw a flight over time on an empty figure and set its size: a panel for each state that
-    moves, one for the inputs of each unit, and one for an updraft."""
+    """Draw a flight over time on an empty figure and set its size.
+
+    There is a panel for each state that moves, one for the inputs of each unit, and one for an
+    updraft.
+    """
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
     has_updraft = bool(np.any(result.flight.updrafts))
@@ -92,8 +95,11 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """Draw the state with this index, absolute: its reference, the linear prediction, the nonlinear
-    flight, and its envelope. In moving air, alpha through the air is drawn too."""
+    """Draw the state with this index, absolute.
+
+    The panel shows its reference, the linear prediction, the nonlinear flight and its envelope. In
+    moving air it also shows alpha through the air.
+    """
     model = result.point.model
     name = tuple(model.states)[index]
     unit = model.unit(name)

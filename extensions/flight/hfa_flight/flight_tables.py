@@ -42,8 +42,10 @@ def frame(flight: Flight) -> pandas.DataFrame:
 
 
 def dataset(flight: Flight) -> xarray.Dataset:
-    """Return an xarray Dataset of states and inputs, absolute, over time, with units; NAME_linear
-    is the prediction of the linear model."""
+    """Return an xarray Dataset of states and inputs, absolute, over time, with units.
+
+    NAME_linear is the prediction of the linear model.
+    """
     import xarray
 
     model = flight.model

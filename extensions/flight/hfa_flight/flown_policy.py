@@ -70,8 +70,10 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
 
 
 def _policy_of_file(path: Path) -> Any:
-    """Return the deployment of a .toml file, or the critic of another file, which must have a gain
-    K."""
+    """Return the deployment of a .toml file, or the critic of another file.
+
+    The critic must have a gain K.
+    """
     if path.suffix.lower() == ".toml":
         return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
     return read_critic(path)
@@ -104,7 +106,7 @@ class PythonPolicy(Policy):
     """Policy U = function(t, X), absolute, called at the beginning of each tick and held during it.
 
     function: (t in s, X by name) -> U, (m,), or by name; inputs without a name stay at trim
-    point: the trim to which deviations refer
+    point: the trim of the deviations
     tick: s
     """
 
@@ -116,8 +118,10 @@ class PythonPolicy(Policy):
 
     @classmethod
     def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
-        """Return the policy of a function of (t, X), with its name. Raises BadInputError for other
-        arguments."""
+        """Return the policy of a function of (t, X), with its name.
+
+        Raises BadInputError for other arguments.
+        """
         name = getattr(function, "__name__", type(function).__name__)
         try:
             inspect.signature(function).bind(0.0, point.states)

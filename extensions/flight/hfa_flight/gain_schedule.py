@@ -27,12 +27,13 @@ _DIGITS = 10
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class GainSchedule(Reported):
-    """Gain schedule u = -K(η) x, with K linear in the scheduling variable η between breakpoints,
-    constant beyond.
+    """Gain schedule u = -K(η) x, with K linear in the scheduling variable η between breakpoints.
+
+    K is constant beyond the breakpoints.
 
     breakpoints: (G,), increasing values of η, radians for angles; (1,) of any value for one gain
     gains: (G, m, n), in the units of the model; states of the linear model, optionally followed by
-    actuator positions
+        actuator positions
     model: the model with the scheduling variable, states and inputs
 
     Raises BadInputError if a shape, the order or a number is wrong.
@@ -72,8 +73,10 @@ class GainSchedule(Reported):
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """Raise BadInputError if these values of η lie beyond the breakpoints; a single gain covers
-        all values."""
+        """Raise BadInputError if these values of η lie beyond the breakpoints.
+
+        A single gain covers all values.
+        """
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
         if len(self.breakpoints) == 1:
@@ -88,10 +91,10 @@ class GainSchedule(Reported):
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     """Return the gain schedule in a file.
 
-    path: a file with one gain K (m, n); or with K (G, m, n), in MATLAB (m, n, G), and its G
-        breakpoints under the model's `schedule_key`, angles in degrees
+    path: a file with one gain K (m, n), or with K (G, m, n) and its G breakpoints under the model's
+        `schedule_key`, angles in degrees. In MATLAB K is (m, n, G).
     model: model with m inputs and n linear states. One gain may be in the SI or English units of
-        `state_units`; a table must be in the units of the model
+        `state_units`. A table must be in the units of the model.
 
     Raises BadInputError if K or the breakpoints are missing or have another shape, or if units
     differ.

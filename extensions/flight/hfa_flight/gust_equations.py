@@ -1,9 +1,11 @@
 """Gusts in the equations of an aircraft: linear velocities and rotation rates of the air.
 
-Components: u, v, w, velocities of the air forward, to the right and down, in level axes along the
-heading; p, q, r, which are added to the aircraft's rates relative to the air. A component enters a
-model through a disturbance of the model or, if its states have the usual names and units, through
-its still-air equations evaluated at the motion relative to the air (`in_gusts`).
+Components u, v and w are velocities of the air forward, to the right and down, in level axes along
+the heading. p, q and r are added to the aircraft's rates relative to the air.
+
+A component enters a model through a disturbance of the model. If the states of the model have the
+usual names and units, it may also enter through the still-air equations, evaluated at the motion
+relative to the air (`in_gusts`).
 """
 
 from __future__ import annotations
@@ -69,8 +71,10 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor; unsupported
-    components are omitted."""
+    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor.
+
+    Unsupported components are omitted.
+    """
     taken = own_disturbances(model, heading)
     for name in ADDED:
         if name not in taken and not missing_states(model, name):
@@ -89,13 +93,13 @@ def missing_states(model: Model, component: str) -> list[str]:
 
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
-    """Return the model with a disturbance of `ADDED` for each component that its equations support
-    and that it does not declare.
+    """Return the model with a disturbance of `ADDED` for each component that it does not declare.
 
-    The states stay those over the ground, as in still air. With v the velocity and ω the rates of
-    the aircraft, v_a = v - (u, v, w) and ω_a = ω + (p, q, r) are those relative to the air. Forces
-    and moments are those of the model at v_a, ω_a. From its v' = a(v_a, ω_a) - ω_a x v_a follows
-    v' = a(v_a, ω_a) - ω x v. Angles and position move by v and ω.
+    Only components that its equations support are added. The states stay those over the ground, as
+    in still air. With v the velocity and ω the rates of the aircraft, v_a = v - (u, v, w) and ω_a =
+    ω + (p, q, r) are relative to the air. Forces and moments are those of the model at v_a, ω_a.
+    Its equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a, ω_a) - ω x v. Angles and position
+    move by v and ω.
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """

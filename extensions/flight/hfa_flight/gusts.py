@@ -48,16 +48,17 @@ class Gust:
 
 @dataclass(frozen=True)
 class OneMinusCosine(Gust):
-    """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)) for 0 <= V (t - begin) <=
-    length, else 0.
+    """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)).
+
+    The formula holds for 0 <= V (t - begin) <= length. Otherwise w is 0.
 
     length: ft, length of the whole gust, twice the gust gradient distance H
     peak: ft/s, negative for a downdraft
     speed: V, ft/s, at which the gust is met
     begin: s
 
-    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
-    Raises BadInputError when a number is not positive or not finite.
+    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak. Raises
+    BadInputError when a number is not positive or not finite.
 
     >>> from hfa_flight import OneMinusCosine
     >>> OneMinusCosine(length=400.0, peak=5.0, speed=100.0, begin=1.0).until

@@ -75,7 +75,8 @@ class Decay(NamedTuple):
 
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
     """Return the largest oscillation in the second half of a flight that does not decay, or
-    None."""
+    None.
+    """
     found = oscillation(model, flight, driven_until)
     return found if isinstance(found, LimitCycle) else None
 
@@ -119,7 +120,8 @@ class _Swings(NamedTuple):
 
     amplitude: half of peak to peak, mean
     frequency: rad/s, between the first and the last crossing of the line
-    rate: 1/s, at which the amplitude decays, by least squares of its logarithm; negative: it grows
+    rate: 1/s, at which the amplitude decays, by least squares of its logarithm; negative where it
+        grows
     """
 
     amplitude: float
@@ -128,8 +130,9 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """Return the oscillation about its least-squares line, or None for fewer than `CROSSINGS`
-    crossings."""
+    """Return the oscillation about its least-squares line, or None with fewer than `CROSSINGS`
+    crossings.
+    """
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
     for _ in range(_ROUNDS):

@@ -104,11 +104,14 @@ class MonteCarlo(StatesAndInputs, Reported):
         self.loop()  # what cannot be flown is refused here rather than in a worker
 
     def member(self, number: int) -> Scenario:
-        """Return the scenario of one member; turbulence at the trimmed speed."""
+        """Return the scenario of one member. Its turbulence is that at the trimmed speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
-        """Return the loop of member 0; the parameters of the aircraft differ between members."""
+        """Return the loop of member 0.
+
+        The loops of other members differ from it only in the parameters of the aircraft.
+        """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
 

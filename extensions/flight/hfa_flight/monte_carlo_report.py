@@ -115,7 +115,8 @@ def _listed(counts: Mapping[str, float]) -> str:
 
 def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
     """Return quantity -> variable -> its `QUANTILES` over the members inside, or None without
-    any."""
+    any.
+    """
     quantities = {
         "rms_error": (read("rms_error"), model.linear),
         "peak_error": (read("peak_error"), model.linear),
@@ -135,8 +136,10 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 
 
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
-    """Return a table with one row for each variable of each quantity; in moving air alpha is the
-    angle through the air."""
+    """Return a table with one row for each variable of each quantity.
+
+    In moving air alpha is the angle through the air.
+    """
     shown: dict[str, Any] = {
         "rms error": found.rms_error,
         "peak error": found.peak_error,

@@ -33,11 +33,12 @@ def chunk_of(plan: MonteCarlo) -> int:
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
-    """Return the stored results of every member (`KEPT`), in memory: name -> an array, one row for
-    each member.
+    """Return the stored results of every member (`KEPT`), in memory.
 
-    workers: see `open_workers`; the results do not depend on it.
-    progress: called with (chunks done, chunks in all), first at the start.
+    They are name -> an array, one row for each member.
+
+    workers: as for `open_workers`; the results do not depend on it
+    progress: called with (chunks done, chunks in all), first at the start
     """
     starts = range(0, plan.members, chunk_of(plan))
     ends = (*starts[1:], plan.members)
@@ -55,8 +56,10 @@ def run_monte_carlo(
 
 
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
-    """Compute every member of the plan in the store at `path` and return it as `xarray.Dataset`;
-    arguments as of `fill_store`."""
+    """Compute every member of the plan in the store at `path` and return it as `xarray.Dataset`.
+
+    The arguments are those of `fill_store`.
+    """
 
     def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
         return plan, start, stop

@@ -130,8 +130,10 @@ def fly(
 
 
 def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
-    """Return the scenario of a flight of a model, with its duration and initial condition. Raises
-    BadInputError if part of it is still to be drawn or an initial state is unknown."""
+    """Return the scenario of a flight of a model, with its duration and initial condition.
+
+    Raises BadInputError if part of it is still to be drawn or an initial state is unknown.
+    """
     if given.uncertainty != Uncertainty():
         raise BadInputError(
             "part of the scenario is still to be drawn;"
@@ -155,14 +157,15 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> Flight:
-    """Simulate a nonlinear loop about its trim, without a prediction of the linear model, up to the
-    first tick outside the envelope.
+    """Simulate a nonlinear loop about its trim, up to the first tick outside the envelope.
+
+    There is no prediction of the linear model.
 
     compiled: the loop
     envelope: limits of the states, absolute
     scenario: replaces the loop's own; `CompiledLoop.fly` lists the values that may differ
     parameters: parameters of the simulated aircraft, as in `CompiledLoop.fly`, or None for the
-    loop's own
+        loop's own
     progress: as in `CompiledLoop.fly`
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
@@ -252,7 +255,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def times(self) -> np.ndarray:
-        """`time`, by its name of 0.3, for one version."""
+        """`time`, under its name in version 0.3."""
         return self.flight.times
 
     @property
@@ -273,9 +276,11 @@ class Flight(StatesAndInputs, Result, Reported):
         return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A state, an input or an output over time, absolute, (N,), in the units of the model.
+        """Return a state, an input or an output over time, absolute, (N,), in the units of the
+        model.
 
-        Raises BadInputError when the model has no such name."""
+        Raises BadInputError when the model has no such name.
+        """
         from hfa_flight.flight_tables import series
 
         flown = getattr(self.loop.plant, "model", self.model)
@@ -296,7 +301,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def within_limits(self) -> bool:
-        """`ok`, by its name of 0.3, for one version."""
+        """`ok`, under its name in version 0.3."""
         return self.ok
 
     def __bool__(self) -> bool:
@@ -397,7 +402,9 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
 
     def title(self) -> str:
-        """Return the first lines of the report: the verdict, the flight, each further finding."""
+        """Return the first lines of the report: the verdict, the flight, and each further
+        finding.
+        """
         flight = f"Flight, {self.point.model.title}"
         scheduled = self.point.at_scheduled.removeprefix("at ")
         if scheduled:
@@ -555,10 +562,10 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """Return one row for each commanded output: its rms and largest error over the flight, with
-    their unit.
+    """Return one row for each commanded output: its rms and largest error over the flight, and its
+    unit.
 
-    commanded: the result of `Policy.tracking_errors`.
+    commanded: the result of `Policy.tracking_errors`
     """
     rows = []
     for name, errors in commanded.items():

@@ -186,8 +186,10 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
-    """Return the linear model for the design of a gain; its notes on kinks become notes of the
-    command."""
+    """Return the linear model for the design of a gain.
+
+    Its notes on kinks become notes of the command.
+    """
     linear = linearize(model, point)
     for note in linear.kinks:
         warnings.warn(note, stacklevel=2)
@@ -302,8 +304,10 @@ def gust_option() -> Any:
 def gust_at(
     typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
 ) -> OneMinusCosine | None:
-    """Return the gust met at the speed of a trim, or None without one. Raises BadInputError if it
-    begins outside the duration, s."""
+    """Return the gust met at the speed of a trim, or None without one.
+
+    Raises BadInputError if it begins outside the duration, s.
+    """
     if typed is None:
         return None
     length, peak, begin = typed
@@ -379,10 +383,11 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
 
     def scenario(self, point: OperatingPoint) -> Scenario:
-        """Return the scenario of the options about a trim; for members, with their random
-        quantities.
+        """Return the scenario of the options about a trim.
 
-        The tick is 0.01 s, or the longest shorter one of which the delay is a whole number."""
+        The scenario of members includes their random quantities. The tick is 0.01 s, or the longest
+        shorter one of which the delay is a whole number.
+        """
         duration = self.duration
         delay = self.delay
         model = point.model
@@ -413,7 +418,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """Return the gust, or the turbulence of one flight; that of members is drawn later."""
+        """Return the gust, or the turbulence of one flight. The turbulence of members is drawn
+        later.
+        """
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
         if self.turbulence is not None and self.members is None:
@@ -460,8 +467,10 @@ class FlightOptions(ScenarioOptions):
         return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
-        """Return the flight to simulate: trim, policy, scenario and limits; the commands are the
-        reference."""
+        """Return the flight to simulate: trim, policy, scenario and limits.
+
+        The commands are the reference.
+        """
         from hfa_flight.policies import open_loop
 
         self.check_policy()
@@ -540,8 +549,10 @@ def _constant(values: list[float]) -> Waveform:
 def actuators_of(
     model: Model, typed: tuple[float, ...] | None, fault: tuple[float, ...] | None = None
 ) -> ActuatorBank | None:
-    """Return the actuators of the surfaces, which are inputs in rad or deg, from --actuators and
-    --fault, or None."""
+    """Return the actuators of the surfaces from --actuators and --fault, or None.
+
+    The surfaces are the inputs in rad or deg.
+    """
     if typed is None:
         if fault is not None:
             raise BadInputError("--fault belongs to --actuators; give both")

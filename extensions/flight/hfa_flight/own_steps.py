@@ -54,11 +54,10 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
 
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
-    """Return the loop of a JSBSim aircraft, whose plant advances by JSBSim's frames of the
-    scenario's step.
+    """Return the loop of a JSBSim aircraft, whose plant advances by frames of the scenario's step.
 
-    Raises BadInputError for another aircraft, and for a scenario that these frames do not support:
-    actuators, policies with states, gusts, delays, disturbances.
+    Raises BadInputError for another aircraft. Raises BadInputError for a scenario that these frames
+    do not support: actuators, policies with states, gusts, delays, disturbances.
     """
     model: Model = loop.plant.point.model
     make = getattr(model.equations, "jsbsim_steps", None)
@@ -93,8 +92,10 @@ class _OwnTick:
     """Advance of a loop by the frames of a tick."""
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """Create the simulation from `make`: step in s -> stepper of the aircraft, with `begin` and
-        `advance`."""
+        """Create the simulation from `make`.
+
+        make: step in s -> stepper of the aircraft, with `begin` and `advance`
+        """
         plant = loop.loop.plant
         assert isinstance(plant, NonlinearPlant)
         scenario = loop.loop.scenario
@@ -115,7 +116,7 @@ class _OwnTick:
         )
 
     def __call__(self) -> None:
-        """Advance the flight by a tick; the first call begins it."""
+        """Advance the flight by a tick. The first call begins the flight."""
         now, held = self.inputs
         rows = self.results[0].reshape(self._count, -1)
         observed = self.results[1].reshape(self._count, -1)

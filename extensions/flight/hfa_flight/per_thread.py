@@ -13,11 +13,11 @@ Made = TypeVar("Made")
 
 
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """Return a `functools.lru_cache` with one cache per thread, for a `BoundFunction`, whose calls
-    overwrite its memory.
+    """Return a `functools.lru_cache` with one cache for each thread.
 
-    CasADi releases Python's lock while it evaluates, and a cluster worker has several threads by
-    default."""
+    It is for a `BoundFunction`, whose calls overwrite its memory. CasADi releases Python's lock
+    while it evaluates, and a cluster worker has several threads by default.
+    """
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:
         own = threading.local()

@@ -40,8 +40,9 @@ class Measurements(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Reported):
-    """Policy u = control(t, measurements, memory, held), memory' = memory_rate(t, measurements,
-    memory, held, applied).
+    """Policy u = control(t, measurements, memory, held), optionally with a memory.
+
+    memory' = memory_rate(t, measurements, memory, held, applied)
 
     name: its name in reports
     held: (N, h), its held inputs: row k during tick k (zero-order hold), then the last row
@@ -114,7 +115,7 @@ class Policy(Reported):
 class GainPolicy(Policy):
     """Policy u = -K z.
 
-    gains: K (m, k), or one for each tick, (N, m, k); stored as (N, m, k)
+    gains: K (m, k), or one for each tick, (N, m, k). It is stored as (N, m, k).
 
     Raises BadInputError for another shape or a number that is not finite.
     """
@@ -173,7 +174,7 @@ class FunctionPolicy(Policy):
 
     @cached_property
     def limited(self) -> ca.Function:
-        """Function z -> u, which is called instead of expanded, because a network is large."""
+        """Function z -> u. It is called and not expanded, because a network is large."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
@@ -209,10 +210,10 @@ class OpenLoop(Policy):
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
-    """Return steps of inputs relative to trim, unfiltered, each from the first tick at or after its
-    time.
+    """Return steps of inputs relative to trim, unfiltered.
 
-    Raises BadInputError for a name that is not an input.
+    Each step begins at the first tick at or after its time. Raises BadInputError for a name that is
+    not an input.
     """
     for name in commands.names:
         refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)

@@ -44,11 +44,11 @@ class Uncertainty:
         and held
     turbulence: `Turbulence`, or None
 
-    Raises BadInputError if a deviation is negative or the turbulence is another object;
+    Raises BadInputError if a deviation is negative or the turbulence is another object.
     `Scenario.on` checks the names.
 
     The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
-    `SeedSequence`: adding one kind of randomness does not change the draws of the others.
+    `SeedSequence`. Adding one kind of randomness does not change the draws of the others.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -67,8 +67,9 @@ class Uncertainty:
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Return the ratios of parameters to nominal, (E,), in the order of `errors`: exp(σ ξ -
-        σ²/2), ξ ~ N(0, 1), σ² = ln(1 + s²).
+        """Return the ratios of parameters to nominal, (E,), in the order of `errors`.
+
+            exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
 
         They are positive, with the exact mean 1 and standard deviation s.
         """
@@ -80,7 +81,8 @@ class Uncertainty:
         self, seed: int, member: int, ticks: int, names: tuple[str, ...]
     ) -> np.ndarray | None:
         """Return noise N(0, s²) of each tick, (ticks, k), on the states `names`, or None without
-        any."""
+        any.
+        """
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
             return None
@@ -95,8 +97,9 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scenario(Reported):
-    """Initial condition, reference, disturbances, noise, gusts and timing of a flight; each is off
-    by default.
+    """Initial condition, reference, disturbances, noise, gusts and timing of a flight.
+
+    Each is off by default.
 
     duration: s
     step: s, of the integration
@@ -135,8 +138,9 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for times that do not fit each other, and for factors and a delay
-        out of range."""
+        """Raise BadInputError for times that do not fit each other, and for factors and a delay out
+        of range.
+        """
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
         for name, value in times.items():
             refuse_unless_positive(name, value, " s")
@@ -177,14 +181,16 @@ class Scenario(Reported):
 
     @property
     def moving_air(self) -> bool:
-        """True if the air moves: a gust, another disturbance of the model, or turbulence that is
-        still to be drawn."""
+        """True if the air moves: a gust, another disturbance of the model, or turbulence still to
+        be drawn.
+        """
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
 
     @property
     def driven_until(self) -> float:
         """Time at which the last signal, gust or noise ends, s, or inf. The later motion is
-        free."""
+        free.
+        """
         if self.samples is not None:
             return math.inf
         sources = (self.reference, self.disturbance, self.noise, self.gust, *self.air.values())
@@ -232,8 +238,10 @@ class Scenario(Reported):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """Return a scenario with drawn random quantities, determined by seed and member. point:
-        trim at whose speed gusts are met."""
+        """Return a scenario with drawn random quantities, determined by seed and member.
+
+        point: trim at whose speed gusts are met
+        """
         uncertain = self.uncertainty
         errors = dict(self.errors)
         factors = uncertain.factors(seed, member).tolist()

@@ -27,8 +27,9 @@ _TRIMS = 41
 
 @dataclass(frozen=True, eq=False)
 class TrimPath(Result):
-    """Reference x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model, with r
-    the commanded scheduling variable.
+    """Reference x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model.
+
+    r is the commanded scheduling variable.
 
     base: the initial trim of the flight
     states: X0 over the scheduling variable, linear between trims
@@ -79,12 +80,13 @@ class TrimPath(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledGainPolicy(Policy):
-    """Policy u = U0(r(t)) - U_base - K(η) z, with r the commanded and η the measured scheduling
-    variable, and z = x - x_d of the path.
+    """Policy u = U0(r(t)) - U_base - K(η) z.
 
-    The trims follow the commanded value and the gain the measured one. So, linearized about a trim,
-    the policy is u = -K z with the K of that trim: U0 of the measured η would add the gain ∂U0/∂η,
-    and z is 0 at a trim, so that ∂K/∂η adds nothing.
+    r is the commanded and η the measured scheduling variable, and z = x - x_d of the path.
+
+    The trims follow the commanded value and the gain the measured one. Linearized about a trim, the
+    policy is therefore u = -K z with the K of that trim. U0 of the measured η would add the gain
+    ∂U0/∂η. ∂K/∂η adds nothing, because z is 0 at a trim.
     """
 
     schedule: GainSchedule

@@ -100,10 +100,9 @@ def zero(size: int) -> Waveform:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
-    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' with r = r' = 0 at first, so that
-    r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0.
+    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' with r = r' = 0 at first.
 
-    s(t) is the step response of the filter.
+    r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0, where s(t) is the step response of the filter.
 
     names: outputs, as deviations from trim
     times: t_i, (S,), s, increasing, from 0 on
@@ -156,7 +155,7 @@ class CommandSteps(Reported):
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
-        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,); the response to a future step is 0."""
+        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,). The response to a future step is 0."""
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
@@ -164,9 +163,11 @@ class CommandSteps(Reported):
         return total
 
     def _response(self, late: Any) -> tuple[Any, Any]:
-        """Return s and s' at the time τ >= 0 after a step: 1 - e c - ζω e σ and ω² e σ with e =
-        exp(-ζωτ), c =
-        cosh(vτ), σ = sinh(vτ)/v and v² = ω² (ζ² - 1)."""
+        """Return s and s' at the time τ >= 0 after a step.
+
+        s = 1 - e c - ζω e σ,  s' = ω² e σ,
+        e = exp(-ζωτ),  c = cosh(vτ),  σ = sinh(vτ)/v,  v² = ω² (ζ² - 1)
+        """
         middle = self.damping * self.bandwidth
         tau = ca.fmax(late, 0.0)
         v = self.bandwidth * math.sqrt(abs(self.damping**2 - 1))

@@ -49,9 +49,10 @@ class CompiledLoop:
     flights: expected number of flights, which decides whether machine code pays.
     tick: the function that advances the loop by a tick; the classical Runge-Kutta method of order 4
         unless given. The fastest mode of the policy then divides each step into as many parts as it
-        needs. Raises BadInputError when these are too many.
+        needs.
 
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2.
+    Raises BadInputError when these parts are too many. Source: Hairer, Norsett, Wanner, Solving
+    Ordinary Differential Equations I, Table II.1.2.
     """
 
     def __init__(
@@ -167,8 +168,10 @@ class CompiledLoop:
         done: int,
         stop: Callable[[Deviations], np.ndarray] | None,
     ) -> np.ndarray:
-        """Return the mask of the steps begin ... done that end the flight. Raises NoSolutionError
-        like `fly`."""
+        """Return the mask of the steps begin ... done that end the flight.
+
+        Raises NoSolutionError like `fly`.
+        """
         if stop is not None:
             return stop(self._flight(rows, columns, begin, done))
         lost = ~np.isfinite(self.loop.parts(rows[begin : done + 1]).plant).all(axis=1)
@@ -182,7 +185,10 @@ class CompiledLoop:
 
     def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
         """Return [time; command before the delay; the next one], between which the loop
-        interpolates: 0, the trim, before the delay has passed."""
+        interpolates.
+
+        The command is 0, the trim, before the delay has passed.
+        """
         due = tick - self.loop.scenario.delayed_ticks
         if due < 0:
             return np.concatenate([[time], np.zeros(2 * commands[0].size)])
@@ -202,8 +208,10 @@ class CompiledLoop:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the number of parts of a step that the fastest mode of the policy requires. Raises
-    BadInputError when it is too large."""
+    """Return the number of parts of a step that the fastest mode of the policy requires.
+
+    Raises BadInputError when it is too large.
+    """
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
     if parts > _MOST_PARTS:
@@ -217,8 +225,12 @@ def _parts_of_a_step(loop: ClosedLoop) -> int:
 def _tick(
     rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
 ) -> ca.Function:
-    """Return ([t; y], held) -> [t; y] after each of the `count` steps of a tick, and the
-    observations at the beginning of each. parts: divisions of a step."""
+    """Return the function ([t; y], held) -> [t; y] after each of the `count` steps of a tick.
+
+    It also returns the observations at the beginning of each step.
+
+    parts: divisions of a step
+    """
     now = ca.SX.sym("now", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
     later = _runge_kutta(rate, now, held, step / parts)

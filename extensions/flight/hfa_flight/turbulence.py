@@ -1,9 +1,8 @@
-"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude or by intensity and
-scale.
+"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude or by intensity.
 
 Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: spectra of Dryden
 and von Karman and of the rates, scale lengths and intensities (Figure 7; at low altitude Figures 10
-and 11). MIL-STD-1797A writes the same spectra with L_v and L_w half as long.
+and 11). MIL-STD-1797A defines the same spectra with L_v and L_w half as long.
 """
 
 from __future__ import annotations
@@ -45,7 +44,8 @@ _LENGTH = {"dryden": 1750.0, "karman": 2500.0}
 
 class Shape(NamedTuple):
     """Transfer function Π (1 + z s) / Π (1 + p s), s in units of V/L, by its time constants z and
-    p."""
+    p.
+    """
 
     zeros: tuple[float, ...]
     poles: tuple[float, ...]
@@ -178,8 +178,10 @@ class Turbulence:
 
 
 def _feet(model: Model) -> float:
-    """Return the length of a foot in the model's unit of length. Raises BadInputError if its speed
-    is neither in ft/s nor in m/s."""
+    """Return the length of a foot in the model's unit of length.
+
+    Raises BadInputError if its speed is neither in ft/s nor in m/s.
+    """
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
         raise BadInputError(
@@ -189,7 +191,11 @@ def _feet(model: Model) -> float:
 
 
 class Scales(NamedTuple):
-    """Scale lengths and intensities. lengths: L_u, L_v, L_w, ft. intensities: of u, v, w, ft/s."""
+    """Scale lengths and intensities.
+
+    lengths: L_u, L_v, L_w, ft
+    intensities: of u, v, w, ft/s
+    """
 
     lengths: tuple[float, float, float]
     intensities: tuple[float, float, float]
@@ -229,18 +235,27 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 
 @dataclass(frozen=True)
 class TurbulentAir(Gust):
-    """Turbulence u, v, w, p, q, r of a flight: filtered white noise, exact at the ticks and linear
-    between them. It is stationary from the start of the flight.
+    """Turbulence u, v, w, p, q, r of a flight, stationary from the start of the flight.
 
-    p: filter σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s) of an independent noise. q =
-        w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s), of the frozen gust along the
-        body.
+    It is filtered white noise, exact at the ticks and linear between them. p is an independent
+    noise behind the filter
 
-    turbulence: its parameters. lengths, intensities: as in `Scales`.
+        σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
+
+    q and r follow from the frozen gust along the body:
+
+        q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s).
+
+    turbulence: its parameters.
+    lengths, intensities: as in `Scales`.
     altitude: ft, or None for a given intensity.
-    feet: length of a foot in the model's unit. speed: V, ft/s. interval: duration of a tick, s.
-    ticks: number of ticks. seed: seed of the noise.
-    taken: component -> disturbance of the model -> factor. trimmed_at: altitude of the trim, ft.
+    feet: length of a foot in the model's unit.
+    speed: V, ft/s.
+    interval: duration of a tick, s.
+    ticks: number of ticks.
+    seed: seed of the noise.
+    taken: component -> disturbance of the model -> factor.
+    trimmed_at: altitude of the trim, ft.
     """
 
     turbulence: Turbulence
@@ -326,8 +341,9 @@ class TurbulentAir(Gust):
 
 @dataclass(frozen=True)
 class AirFilter:
-    """Filter x' = A x + B n, (u, v, w, p, q, r) = C x, with n white noise of unit one-sided power
-    per rad/s.
+    """Filter x' = A x + B n, (u, v, w, p, q, r) = C x.
+
+    n is white noise of unit one-sided power per rad/s.
 
     A: (n, n)
     B: (n, 4)
@@ -380,9 +396,10 @@ class AirFilter:
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Φ and a root G of the noise of a tick, x⁺ = Φ x + G ξ, by the discretization of C. Van
-        Loan,
-        IEEE Transactions on Automatic Control 23 (1978) 395."""
+        """Φ and a root G of the noise of a tick, x⁺ = Φ x + G ξ.
+
+        Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
+        """
         from scipy.linalg import expm
 
         n = len(self.A)
@@ -399,7 +416,8 @@ class AirFilter:
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
         """Return the components at `count` ticks, (count, 6), starting from the stationary
-        distribution."""
+        distribution.
+        """
         random = np.random.default_rng(seed)
         Phi, G = self.step
         x = self.root @ random.standard_normal(len(Phi))

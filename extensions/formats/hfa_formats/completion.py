@@ -31,7 +31,7 @@ def candidates(words: list[str]) -> list[str]:
 
 
 def main() -> int:
-    """Print the possible last words of the command line in COMP_LINE, one a line."""
+    """Print the possible last words of the command line in COMP_LINE, one word on each line."""
     typed = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "10000"))]
     words = typed.split()[1:]
     if not typed or typed[-1].isspace():

@@ -26,8 +26,10 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the results that commands write, and the keys that options add, each as in
-    `CommandEntry.results`."""
+    """Return the results that commands write, and the keys that options add.
+
+    Each has the form of `CommandEntry.results`.
+    """
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
     of_parts = [entry for name, entry in offered(PARTS).items() if name.startswith("results.")]
@@ -36,14 +38,17 @@ def written() -> tuple[str, ...]:
 
 def classes_of(text: str) -> list[type[Result]]:
     """Return the classes of "module:Class module:Class?", without the format that they are added
-    to."""
+    to.
+    """
     places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
 
 
 @cache
 def formats() -> dict[str, Any]:
-    """Return the schema of all outputs: every output is one of its `oneOf`, by the key `schema`."""
+    """Return the schema of all outputs. Its `oneOf` has one schema for each value of the key
+    `schema`.
+    """
     results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
     for text in written():
         if not _is_whole(text):
@@ -66,7 +71,7 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a text declares a result, not an addition to one."""
+    """Return whether a text declares a result and not an addition to one."""
     return ":" in text.split()[0]
 
 
@@ -76,8 +81,10 @@ def _name(result: type[Result]) -> str:
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a result within another result; its title states that it is not an
-    output there."""
+    """Return the schema of a result within another result.
+
+    Its title states that it is not an output there.
+    """
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 

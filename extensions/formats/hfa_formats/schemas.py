@@ -30,8 +30,11 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 
 
 def meaning(kind: Any, path: tuple[str, ...]) -> str:
-    """Return the meaning of an entry: the line "name: meaning" of the docstring of its class or of
-    a base, or the docstring of the property. Raises KeyError if both are missing."""
+    """Return the meaning of an entry.
+
+    It is the line "name: meaning" of the docstring of its class or of a base, or the docstring of
+    the property. Raises KeyError if both are missing.
+    """
     kind = _without_none(annotation(kind, path[:-1]))
     name = path[-1]
     for ancestor in kind.__mro__:
@@ -46,8 +49,10 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:
-    """Return the annotation of the field or property that a path leads to, or the class where the
-    path is empty."""
+    """Return the annotation of the field or property to which a path leads.
+
+    An empty path leads to the class itself.
+    """
     none = types.NoneType
     is_optional = False
     for name in path:
@@ -57,8 +62,10 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the annotation of a property or field of a class or of its nearest base. Raises
-    KeyError without one."""
+    """Return the annotation of a property or field of a class or of its nearest base.
+
+    Raises KeyError without one.
+    """
     for ancestor in kind.__mro__:
         value = vars(ancestor).get(name)
         function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
@@ -95,8 +102,7 @@ def _modules_for_type_checkers(module: types.ModuleType) -> dict[str, str]:
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
-    """Return the JSON Schema of a class of results; parts are referred to by "#/$defs/" and their
-    name."""
+    """Return the JSON Schema of a class of results, with its parts as references "#/$defs/NAME"."""
     properties: dict[str, Any] = {}
     required = []
     if kind.schema:

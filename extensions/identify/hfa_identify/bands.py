@@ -59,12 +59,12 @@ def _unknowns(fit: Fit) -> int:
 
 
 def covariance(fit: Fit) -> np.ndarray:
-    """Return the (p, p) covariance of the parameters with the residuals' own autocorrelation:
+    """Return the (p, p) covariance of the parameters with the residuals' own autocorrelation.
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S: the sensitivities without the part that another initial condition explains. R_vv: the
-    autocovariance of the noise (`noise_of`); for white residuals C = D.
+    S are the sensitivities without the part that another initial condition explains. R_vv is the
+    autocovariance of the noise (`noise_of`). For white residuals C = D.
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
@@ -84,8 +84,12 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
-    """Return for each record, or for both halves of each: Σ S' R⁻¹ S, the covariance of the score
-    with the noise's autocovariance, and the score Σ S' R⁻¹ v."""
+    """Return the information, the covariance of the score, and the score of each record.
+
+    They are Σ S' R⁻¹ S, the covariance with the noise's autocovariance, and Σ S' R⁻¹ v.
+
+    halves: whether each record is divided into two halves, with separate results
+    """
     parts = []
     for residual, present, projected, noise in zip(
         fit.residuals, fit.present, fit.projected, noise_of(fit), strict=True
@@ -169,8 +173,11 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
 
 def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity. S: sensitivities of consecutive samples.
-    covariance: r at lags 0, 1, ..., 0 beyond."""
+    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity.
+
+    S: sensitivities of consecutive samples
+    covariance: r at lags 0, 1, ..., 0 beyond
+    """
     r = covariance[: len(S)]
     if len(r) == 1:
         return np.asarray(r[0] * S.T @ S)
@@ -181,9 +188,10 @@ def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:
-    """Return the autocorrelation of the noise at lags 0, 1, ..., until it is gone: that of an
-    autoregressive process of order 0 to 4, or of white noise and slow noise of order 1 together,
-    whichever has the least BIC.
+    """Return the autocorrelation of the noise at lags 0, 1, ..., up to the lag at which it is gone.
+
+    It is that of an autoregressive process of order 0 to 4, or of white noise together with slow
+    noise of order 1. The process of least BIC is chosen.
 
     fitted: number of unknowns that were fitted to this quantity. They take a part of the slow noise
         out of its residuals. The sum a of the coefficients is corrected by the first-order bias of
@@ -218,8 +226,11 @@ def _unbiased(total: float, fitted: float, count: int) -> float:
 
 
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
-    """Return BIC, pole and share of the variance of the slow noise that, with white noise, explains
-    an autocorrelation best, by the likelihood of Whittle."""
+    """Return BIC, pole and share of the variance of the slow noise that explains an autocorrelation
+    best.
+
+    The noise is the sum of white and slow noise. The criterion is the likelihood of Whittle.
+    """
     lags = np.arange(len(seen))
     decreasing = seen * (1.0 - lags / len(seen))
     power = np.maximum(2.0 * np.fft.rfft(decreasing, 2 * len(seen)).real - decreasing[0], 0.0)
@@ -232,8 +243,10 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=4)
 def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return for spectra of white noise with slow noise the means of their logarithms, (poles,
-    shares), and their inverses, (poles, shares, count)."""
+    """Return means of logarithms and inverses of the spectra of white noise with slow noise.
+
+    The means are (poles, shares), the inverses (poles, shares, count).
+    """
     turns = np.cos(np.pi * np.arange(count) / (count - 1))
     poles = np.array(_POLES)[:, None, None]
     shares = np.array(_SHARES)[:, None]
@@ -291,8 +304,10 @@ def explained(fit: Fit) -> np.ndarray:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """Return (k,) flags of quantities whose simulated motion contradicts the measured one: their
-    residuals would be smaller without it. Large noise alone sets no flag."""
+    """Return flags of quantities whose simulated motion contradicts the measured one, (k,).
+
+    Their residuals would be smaller without the motion. Large noise alone sets no flag.
+    """
     motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
     return np.asarray(fit.noise > _WORSE * np.array(motions))
 

@@ -60,14 +60,18 @@ class ColumnError(Result):
 
 
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
-    """Return name of an error, such as bias_alpha -> its estimate. An error without an effect on
-    the measured quantities is left out.
+    """Return name of an error, such as bias_alpha -> its estimate.
+
+    An error without an effect on the measured quantities is left out.
 
     half: (p,) half-widths of the bands of white residuals
 
-    With information M and score g of the parameters θ and of one error c:
-    c = s / m, s = g_c - M_cθ M_θθ⁻¹ g_θ, m = M_cc - M_cθ M_θθ⁻¹ M_θc. The variance of s is computed
-    from residuals without the error and their autocorrelation, because a bias is not slow noise.
+    With information M and score g of the parameters θ and of one error c,
+
+        c = s / m,  s = g_c - M_cθ M_θθ⁻¹ g_θ,  m = M_cc - M_cθ M_θθ⁻¹ M_θc.
+
+    The variance of s is computed from residuals without the error and their autocorrelation,
+    because a bias is not slow noise.
     """
     responses = search.responses
     known = _estimated(search)
@@ -182,8 +186,10 @@ def _variance(
 ) -> float:
     """Return the variance of the score of one error, without the residuals that it explains.
 
-    effects: (N, k) of each record, of the error with the parameters moved along. value: its
-    estimate. noises: of the quantities of each record."""
+    effects: (N, k) of each record, of the error with the parameters moved along
+    value: its estimate
+    noises: noise of the quantities of each record
+    """
     total = 0.0
     for effect, residual, present, noise in zip(
         effects, fit.residuals, fit.present, noises, strict=True

@@ -193,8 +193,10 @@ def _free_names(
 
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Return Theil's inequality coefficient by quantity on records that were not fitted, except for
-    their initial conditions: rms(z - y) / (rms(z) + rms(y))."""
+    """Return Theil's inequality coefficient by quantity, rms(z - y) / (rms(z) + rms(y)).
+
+    It is computed on records that were not fitted, except for their initial conditions.
+    """
     if not records:
         return {}
     responses = search.responses.calm
@@ -295,8 +297,10 @@ def _identified(
 
 
 def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
-    """Return state that turbulence moves -> standard deviation of its random change in 1 s, if the
-    records determine it."""
+    """Return state that turbulence moves -> standard deviation of its random change in 1 s.
+
+    States whose turbulence the records do not determine are omitted.
+    """
     if not isinstance(responses, Predictions):
         return {}
     known = np.diag(fit.information) > 1.0
@@ -326,8 +330,10 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
 def _quantities(
     responses: Responses, fit: Fit, theils: Mapping[str, float]
 ) -> dict[str, FittedQuantity]:
-    """Return the fit of each measured quantity. theils: coefficients on records that were not
-    fitted."""
+    """Return the fit of each measured quantity.
+
+    theils: coefficients on records that were not fitted
+    """
     parts = explained(fit)
     found = {}
     for place, name in enumerate(responses.measured):

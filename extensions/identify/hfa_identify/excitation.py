@@ -1,5 +1,7 @@
-"""Detection of records without motion, and of parameters that the records do not determine because
-the state or input they multiply did not move."""
+"""Detection of records without motion, and of parameters that the records do not determine.
+
+Such a parameter multiplies a state or an input that did not move.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,12 @@ _EXPLAINED = 0.5
 
 
 def refuse_still(search: Search, fit: Fit | None) -> None:
-    """Raise NoSolutionError where the fit explains no measured quantity, and inputs are constant or
-    measured quantities are white noise about constants.
+    """Raise NoSolutionError where the fit explains no measured quantity and nothing moves.
 
-    fit: None where the simulation diverges"""
+    Nothing moves where inputs are constant or measured quantities are white noise about constants.
+
+    fit: None where the simulation diverges
+    """
     if fit is not None and (explained(fit) > _EXPLAINED).any():
         return
     if search.moving_inputs() and not all(map(_is_noise, search.records)):
@@ -47,14 +51,17 @@ def _is_noise(record: Record) -> bool:
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
-    """Return undetermined parameter -> the state or input that it multiplies if that did not move,
-    else ""."""
+    """Return undetermined parameter -> the state or input that it multiplies, if that did not move.
+
+    Otherwise the value is "".
+    """
     return {name: _still(search, name) for name in parameters}
 
 
 def _still(search: Search, name: str) -> str:
     """Return the state or input of largest ∂²f/∂θ∂(x, u) if it did not move in any record, else
-    ""."""
+    "".
+    """
     model = search.responses.calm.model
     x, u, p = model.layout.symbols("x", "u", "p")
     vectors = [components(x), components(u), components(p)]
@@ -72,8 +79,11 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Return whether a state or input moved in a record. A state without a sensor counts as moved
-    where the model at the start of the search moves it, or diverges."""
+    """Return whether a state or input moved in a record.
+
+    A state without a sensor counts as moved where the model at the start of the search moves it, or
+    diverges.
+    """
     calm = search.responses.calm
     model = calm.model
     begin = search.begin[search.responses.turbulent :]

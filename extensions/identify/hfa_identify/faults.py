@@ -1,5 +1,7 @@
-"""Search for faults of records that explain residuals: outliers, delayed or scaled sensors, wrong
-signs and units of columns."""
+"""Search for faults of records that explain residuals.
+
+The faults are outliers, delayed or scaled sensors, and wrong signs and units of columns.
+"""
 
 from __future__ import annotations
 
@@ -108,8 +110,10 @@ def faults_of(
 
 
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
-    """Yield the outliers: single samples far from the residuals before and after, in quantities
-    that the model explains."""
+    """Yield the outliers: single samples far from the residuals before and after.
+
+    Only quantities that the model explains are searched.
+    """
     explained = ~unexplained(fit)
     for place in np.flatnonzero(explained):
         name = search.responses.measured[place]
@@ -147,10 +151,12 @@ class _Freed:
 def sensor_fault(
     search: Search, fit: Fit, errors: Mapping[str, ColumnError], freed: Mapping[str, _Freed]
 ) -> str:
-    """Return a sentence on the given parameter, or the bias, scale or delay of a column, that
-    explains residuals, or "". An error of a column is obvious or shifts an estimate by a third of
-    its band. Others that explain residuals equally well are named too. Another interpolation of the
-    inputs is not reported as a delay.
+    """Return a sentence on a given parameter or an error of a column that explains residuals, or
+    "".
+
+    The error is a bias, a scale or a delay. It is reported where it is obvious or shifts an
+    estimate by a third of its band. The sentence also names others that explain residuals equally
+    well. Another interpolation of the inputs is not reported as a delay.
 
     errors: errors of the columns, by one step from 0
     freed: given parameters that the records contradict
@@ -190,8 +196,10 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with the other interpolation of inputs (steps or linear), or the original fit
-    if this diverges."""
+    """Return the fit with the other interpolation of inputs (steps or linear).
+
+    The original fit is returned if this fit diverges.
+    """
     records = [replace(record, has_steps=not record.has_steps) for record in search.records]
     try:
         found = Search(search.responses, records, search.held).whole(fit.theta, fit.starts)
@@ -208,8 +216,11 @@ def _with_value(search: Search, name: str, value: float) -> str:
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether an error is smaller than the range of its column. A larger bias, or a scale
-    that more than halves or doubles, indicates motion that the model lacks."""
+    """Return whether an error is smaller than the range of its column.
+
+    A larger bias, or a scale that more than halves or doubles, indicates motion that the model
+    lacks.
+    """
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
         return -0.5 < value < 1.0
@@ -224,9 +235,12 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
 def _clear(
     search: Search, fit: Fit, names: Sequence[str], tests: int
 ) -> Iterator[tuple[str, _Freed]]:
-    """Yield names of unknowns, and the fits with them, whose estimates differ from their values in
-    the fit by so many standard deviations that chance does so, for any of the tests, less often
-    than `_CHANCE`."""
+    """Yield names of unknowns, and the fits with them, whose estimates differ clearly from the
+    fit's values.
+
+    The difference is so many standard deviations that chance causes it, in any of the tests, less
+    often than `_CHANCE`.
+    """
     from scipy.special import ndtri
 
     least = -float(ndtri(0.5 * _CHANCE / max(tests, 1)))
@@ -249,8 +263,11 @@ def _clear(
 
 @dataclass(frozen=True)
 class _Undone:
-    """The correction of a faulty column: the column times `factor`, about its first value where
-    `is_about_first`, or exchanged with the column `other`."""
+    """The correction of a faulty column.
+
+    The column is multiplied by `factor`, about its first value where `is_about_first`, or exchanged
+    with the column `other`.
+    """
 
     column: str
     factor: float
@@ -279,9 +296,11 @@ def fault_of_columns(
     errors: Mapping[str, ColumnError],
     progress: Callable[[float, float], None] | None,
 ) -> str:
-    """Return the wrong sign or unit of a column, or the exchange of two, whose correction explains
-    the records and leaves parameters closer to their initial values, or "" without one. Faults that
-    explain them alike are joined by "or".
+    """Return the wrong sign or unit of a column, or the exchange of two, that explains the records,
+    or "".
+
+    With the correction the parameters are closer to their initial values. Faults that explain the
+    records equally well are joined by "or".
 
     fit: None where the simulation diverges
     errors: errors of the columns, by one step from 0
@@ -312,8 +331,10 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """Return the faults whose correction fits best after a few steps in some short windows, each
-    with the search on the corrected records and its initial unknowns (p,)."""
+    """Return the faults whose correction fits best after a few steps in some short windows.
+
+    Each fault has the search on the corrected records and its initial unknowns (p,).
+    """
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
     candidates: list[tuple[_Undone, Search]] = []
@@ -338,8 +359,10 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return L with the change of the parameters, the fault, the search and the unknowns in calm
-    air of each fault that is undone, by a few steps in some windows, the least L first."""
+    """Return each undone fault with its L, search and unknowns in calm air, the least L first.
+
+    They are the result of a few steps in some windows. L includes the change of the parameters.
+    """
     tried = []
     for number, (undone, corrected) in enumerate(candidates, start=1):
         if progress is not None:
@@ -354,8 +377,11 @@ def _tried(
 
 
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
-    """Return whether a fit is poor, moves parameters far from their initial values, or leaves an
-    error of scale too large for a sensor."""
+    """Return whether a fit may be due to a fault of the records.
+
+    Such a fit is poor, moves parameters far from their initial values, or leaves an error of scale
+    too large for a sensor.
+    """
     half = BAND * np.sqrt(np.diag(white_covariance(fit)))
     nearest = np.clip(search.begin, fit.theta - half, fit.theta + half)
     far = _change(search, nearest, _USUAL_CHANGE) > _LARGE_CHANGE**2
@@ -366,8 +392,10 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 
 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
-    """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values; a
-    change of sign counts as a ratio of 100."""
+    """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values.
+
+    A change of sign counts as a ratio of 100.
+    """
     total = 0.0
     # Turbulence and noise of sensors come first, where they are unknowns.
     names, begin = search.responses.free[-len(theta) :], search.begin[-len(theta) :]
@@ -389,8 +417,10 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Yield the changes of a record to try: another sign or unit of a column that moves, and the
-    exchange of two columns."""
+    """Yield the changes of a record to try.
+
+    They are another sign or unit of a column that moves, and the exchange of two columns.
+    """
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():
         yield _Undone("time", 1.0 / factor, False, text)

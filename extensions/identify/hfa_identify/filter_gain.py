@@ -1,13 +1,13 @@
 """Steady Kalman gain of a model in turbulence, with its derivatives by the unknowns.
 
-Between samples the covariance of the predicted states follows P⁺ = Φ P Φ' + Q, Φ = exp(A Δt),
-Q = ∫ exp(A s) W exp(A s)' ds, at a sample it falls by K C P, with
+Between samples the covariance of the predicted states follows P⁺ = Φ P Φ' + Q, Φ = exp(A Δt), Q = ∫
+exp(A s) W exp(A s)' ds. At a sample it decreases by K C P, with
 
-    S = C P C' + R,   K = P C' S⁻¹,   S = T D T',
+    S = C P C' + R,   K = P C' S⁻¹,   S = T D T'.
 
-T unit lower triangular and D diagonal: v = T⁻¹ (z - y) are the innovations of the measured
-quantities taken one after the other, uncorrelated and of variances D. W is the power of the
-turbulence in the states that it moves, R the diagonal variance of the sensors.
+T is unit lower triangular and D diagonal. v = T⁻¹ (z - y) are the innovations of the measured
+quantities, one after the other, uncorrelated and of variances D. W is the power of the turbulence
+in the states that it moves, R the diagonal variance of the sensors.
 
 Sources: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 5; B. D.
 O. Anderson, International Journal of Control 28 (1978) 295-306 (doubling).
@@ -45,8 +45,11 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class GainSlopes:
-    """Derivatives of a gain by the unknowns. K: (n, k, p). whiten: (k, k, p). logarithms: (k, p),
-    derivatives of ln D.
+    """Derivatives of a gain by the unknowns.
+
+    K: (n, k, p)
+    whiten: (k, k, p)
+    logarithms: (k, p), derivatives of ln D
     """
 
     K: np.ndarray
@@ -61,8 +64,11 @@ Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 def gain_with_slopes(
     matrices: Matrices, theta: np.ndarray, sizes: np.ndarray, interval: float
 ) -> tuple[Gain, GainSlopes]:
-    """Return the gain and its derivatives, by central differences. theta: (p,) unknowns. sizes:
-    (p,) their sizes. interval: time between samples, s.
+    """Return the gain and its derivatives, by central differences.
+
+    theta: (p,) unknowns
+    sizes: (p,) their sizes
+    interval: time between samples, s
 
     Raises FloatingPointError where the gain is not a number.
     """

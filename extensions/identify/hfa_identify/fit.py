@@ -5,11 +5,12 @@ largest where
 
     L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
 
-is least; the sum over quantities, r = Σ v² / N. Where the unknowns state r (turbulence), the first
-term is ½ Σ (N ln r + Σ v² / r - N). The second term, here for measured states, keeps initial states
-that no sample determines near their guess. Gauss-Newton steps with the exact
-sensitivities are damped by Levenberg's rule where they do not lower L. The starts of each record
-are eliminated from the normal equations.
+is least. The sums are over quantities, with r = Σ v² / N. Where the unknowns include r
+(turbulence), the first term is ½ Σ (N ln r + Σ v² / r - N). The second term, here for measured
+states, keeps initial states that no sample determines near their guess.
+
+Gauss-Newton steps with the exact sensitivities are damped by Levenberg's rule where they do not
+lower L. The starts of each record are eliminated from the normal equations.
 
 Source: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 4.
 """
@@ -57,7 +58,8 @@ class Normal:
     M: (p, p)
     B: (p, n)
     A: (n, n)
-    g: (p,) and h: (n,), the right-hand sides
+    g: (p,), right-hand side of the parameters
+    h: (n,), right-hand side of the initial state
     """
 
     M: np.ndarray
@@ -109,7 +111,8 @@ class Fit:
     def responses(self) -> tuple[Response, ...]:
         """The simulated records with their sensitivities.
 
-        Raises FloatingPointError where these leave the finite numbers."""
+        Raises FloatingPointError where the sensitivities are not finite.
+        """
         slopes = self.search.responses.slopes
         return tuple(Response(each.y, slopes(each)) for each in self.simulated)
 
@@ -117,7 +120,8 @@ class Fit:
     def normals(self) -> tuple[Normal, ...]:
         """The normal equations of each record.
 
-        Raises FloatingPointError where these leave the finite numbers."""
+        Raises FloatingPointError where they are not finite.
+        """
         return self.search.normals(self)
 
     @cached_property
@@ -133,8 +137,9 @@ class Fit:
         return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
 
     def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """Return for each record sensitivities (N, k, c) without the part that another initial
-        condition explains."""
+        """Return sensitivities (N, k, c) of each record without the part that another start
+        explains.
+        """
         p = len(self.theta)
         beyond = []
         for total, response, normal, present in zip(
@@ -148,7 +153,7 @@ class Fit:
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """(k,) numbers of measured samples."""
+        """Numbers of measured samples, (k,)."""
         return np.asarray(sum(flags.sum(axis=0) for flags in self.present))
 
 
@@ -196,13 +201,15 @@ class OutputError:
         small: float = SMALL,
         most_steps: int = MOST_STEPS,
     ) -> Fit:
-        """Return the fit with the parameters and initial states of least L, searched from the given
-        ones.
+        """Return the fit with the parameters and initial states of least L.
+
+        The search begins at the given ones.
 
         small: the search ends when a step is below this fraction of the standard deviations
         most_steps: largest number of steps
 
-        Raises FloatingPointError if the simulation diverges from the given ones."""
+        Raises FloatingPointError if the simulation diverges from the given ones.
+        """
         found = self.at(theta, tuple(starts))
         level = 0
         for step in range(1, most_steps + 1):
@@ -225,11 +232,13 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the number of the first trial whose step does not raise L, and the fit after it,
-        or None if every step does.
+        """Return the number of the first trial whose step does not raise L, and the fit after it.
+
+        The result is None if every step raises L.
 
         undamped: the step without damping
-        is_last: whether no sensitivities are needed after the step"""
+        is_last: whether no sensitivities are needed after the step
+        """
         for level in range(first, len(_TRIALS)):
             damping, part = _TRIALS[level]
             try:
@@ -280,8 +289,9 @@ class OutputError:
         return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
 
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """Return (k,) noise variances: fixed, given by the unknowns, or estimated from the
-        residuals."""
+        """Return noise variances (k,): fixed, given by the unknowns, or estimated from the
+        residuals.
+        """
         if self._fixed is not None:
             return self._fixed
         known = self.responses.variances(theta)
@@ -340,10 +350,12 @@ class OutputError:
         noise: np.ndarray,
         pull: np.ndarray,
     ) -> Normal:
-        """Return the normal equations of a record. pull: (n,) gradient that draws its initial state
-        to the guess.
+        """Return the normal equations of a record.
 
-        Raises FloatingPointError if they are not finite."""
+        pull: (n,) gradient that draws its initial state to the guess
+
+        Raises FloatingPointError if they are not finite.
+        """
         p = len(self.responses.free)
         weights = np.where(self._present[number], 1.0 / np.sqrt(noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
@@ -436,7 +448,7 @@ _TOGETHER = 64
 
 
 def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return oneᵀ other for tables with many rows and few columns, by one thread."""
+    """Return one' other for tables with many rows and few columns, by one thread."""
     whole = len(one) // _TOGETHER * _TOGETHER
     blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])
     others = other[:whole].reshape(-1, _TOGETHER, other.shape[1])

@@ -162,8 +162,10 @@ class Identified(Result, Reported):
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
 
     def _not_determined(self) -> str:
-        """Finding on the first parameter that the records do not determine, with the reason and the
-        number of others."""
+        """Finding on the first parameter that the records do not determine.
+
+        It states the reason and the number of others.
+        """
         name, still = next(iter(self.undetermined.items()))
         why = f" ({still} did not move)" if still else ""
         more = len(self.undetermined) - 1
@@ -171,7 +173,8 @@ class Identified(Result, Reported):
 
     def _farthest(self) -> tuple[str, float]:
         """Return the estimate that differs most at the other minimum, relative to its band, and its
-        value there."""
+        value.
+        """
 
         def moved(name: str) -> float:
             each = self.parameters[name]
@@ -198,9 +201,11 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings of the first line: the two worst, or one if the line is too long. Only
-        faults of the records are named if there are any, because other findings follow from
-        them."""
+        """The findings of the first line: the two worst, or one if the line is too long.
+
+        If there are faults of the records, only these are named, because other findings follow from
+        them.
+        """
         findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"{self._subject}: FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]

@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 def identified_figure(
     identified: Identified, make: Callable[[float, float], Figure] = new_figure
 ) -> Figure:
-    """Draw one row for each quantity: measured samples and the fitted response at the left, their
-    difference at the right; records follow one another.
+    """Draw one row for each quantity, with the records one after the other.
 
-    make: width and height, inches -> an empty figure"""
+    Measured samples and the fitted response are at the left, and their difference at the right.
+
+    make: width and height, inches -> an empty figure
+    """
     names = list(identified.quantities)
     figure = make(10.0, 1.2 + 1.6 * len(names))
     axes = figure.subplots(len(names), 2, sharex=True, squeeze=False)

@@ -25,8 +25,10 @@ _CHANCE = 1e-4
 
 
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
-    """Return another minimum that explains the records at least as well as the fit, or None if no
-    search from distant values finds one."""
+    """Return another minimum that explains the records at least as well as the fit.
+
+    The result is None if no search from distant values finds one.
+    """
     if not fit.converged:
         return None
     others = (_searched(search, fit, *begin) for begin in _far_begins(search, fit))
@@ -55,9 +57,11 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return (p,) estimates with another value of one parameter near which a second minimum may
-    lie, the likeliest first: where the rates along the fit are similar, or else with the opposite
-    sign if L decreases from the value 0 to it."""
+    """Return sets of estimates (p,) near which a second minimum may lie, the likeliest first.
+
+    In each set one parameter has another value: one at which the rates along the fit are similar,
+    or else the opposite value if L decreases from the value 0 to it.
+    """
     least = search.level(fit.theta, fit.starts)
     flown = [
         search.responses.simulated(record, start, fit.theta)
@@ -89,8 +93,12 @@ def _with(fit: Fit, place: int, value: float) -> np.ndarray:
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield each multiple of an estimate, other than 1, at which the difference has a minimum after
-    a larger value, with the ratio of the two."""
+    """Yield each multiple of an estimate, other than 1, at which the difference has a local
+    minimum.
+
+    The difference is clearly larger between it and 1. The ratio of the two differences is yielded
+    too.
+    """
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
     found = int(np.argmin(np.abs(multiples - 1.0)))
@@ -103,8 +111,9 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
 def _searched(
     search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
 ) -> Fit | None:
-    """Return the fit from far unknowns where it explains the records as well and is apart, else
-    None."""
+    """Return the fit from far unknowns if it explains the records as well and is apart, else
+    None.
+    """
     try:
         other = search.whole(theta, starts)
     except FloatingPointError:
@@ -115,18 +124,21 @@ def _searched(
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Return whether the estimates of two fits of the same samples, from unknown number `first` on,
-    differ by many standard deviations."""
+    """Return whether the estimates of two fits of the same samples differ by many standard
+    deviations.
+
+    Only unknowns from number `first` on are compared.
+    """
     deviations = np.sqrt(np.diag(white_covariance(other)))
     return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
 
 
 def parts_disagree(search: Search, fit: Fit) -> str:
-    """Return the unknown on which parts of the records disagree most, or "" if they agree within
-    their bands, corrected for colored residuals.
+    """Return the unknown on which parts of the records disagree most beyond their bands, or "".
 
-    Parts are the records, or the halves of one record. With scores g of a part and of the others,
-    informations M, M' and the covariances V, V' of the scores, the difference
+    The bands are corrected for colored residuals. Parts are the records, or the halves of one
+    record. With scores g of a part and g' of the others, informations M, M' and the covariances V,
+    V' of the scores, the difference
 
         g - M (M + M')⁻¹ (g + g')
 

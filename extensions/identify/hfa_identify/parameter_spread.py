@@ -16,7 +16,8 @@ class ParameterSpread:
 
     values: name -> p_i.
     covariance: (n, n) C, in their order and units.
-    of_logarithms: draw p_i exp(z_i) with z of covariance C_ij / (p_i p_j), instead of p_i + z_i.
+    of_logarithms: whether draws are p_i exp(z_i) with z of covariance C_ij / (p_i p_j), instead of
+        p_i + z_i.
     """
 
     values: Mapping[str, float]

@@ -1,5 +1,8 @@
-"""Planning of the next maneuver: the doublet, 3-2-1-1 or multisine on one input that narrows the
-widest band most, by the Fisher information of the model."""
+"""Planning of the next maneuver: the one on one input that narrows the widest band most.
+
+Candidates are doublets, 3-2-1-1 maneuvers and multisines. They are compared by the Fisher
+information of the model.
+"""
 
 from __future__ import annotations
 

@@ -100,7 +100,8 @@ class Prediction(Simulation):
 
     y: (N, k) measured quantities, each predicted from all earlier samples and from preceding
         columns at the same time.
-    innovations: (N, k) measured minus predicted from earlier samples, 0 where none is measured.
+    innovations: (N, k) measured minus predicted from earlier samples, 0 where no sample is
+        measured.
     present: (N, k) 1 where a sample is measured, else 0.
     """
 
@@ -187,7 +188,7 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the gain and its slopes by the unknowns; the last result is cached."""
+        """Return the gain and its slopes by the unknowns. The last result is cached."""
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
@@ -199,8 +200,11 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return A (N, n, n), C (N, k, n), turbulence power (N, n) and sensor variances (N, k) for
-        rows of unknowns (N, p)."""
+        """Return the linear model for rows of unknowns (N, p).
+
+        It consists of A (N, n, n), C (N, k, n), turbulence power (N, n) and sensor variances (N,
+        k).
+        """
         n, p, k = self.sizes
         count = len(theta)
         states = np.zeros((count, n))
@@ -233,9 +237,11 @@ class Predictions(Responses):
         return ca.Function("correction", arguments, [ca.densify(corrected), ca.densify(innovation)])
 
     def _advance_samples(self, count: int, intervals: int) -> ca.Function:
-        """Return a function of intervals between samples, of `count` steps of integration each: (x,
-        inputs at the start of the steps, at their end, steps, θ, z, present, K) -> x at the next
-        sample, x at the start of the steps, z - y."""
+        """Return a function of intervals between samples, of `count` steps of integration each.
+
+        Its arguments are x, the inputs at the start of the steps and at their end, the steps, θ, z,
+        present and K. Its results are x at the next sample, x at the start of the steps, and z - y.
+        """
         n, _, k = self.sizes
         m = self._step.numel_in(1)
         x = ca.MX.sym("x", n)
@@ -342,8 +348,10 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """Return an (s, n) table of 1 for each state that a white noise moves: the state of its name
-    and the rotation of the air that follows."""
+    """Return an (s, n) table of 1 for each state that a white noise moves, else 0.
+
+    A noise moves the state of its name and the rotation of the air that follows it.
+    """
     states = list(model.states)
     moves = np.zeros((len(sources), len(states)))
     for row, name in zip(moves, sources, strict=True):

@@ -50,13 +50,14 @@ class Record:
     has_steps: bool = False
 
     def table(self, names: Sequence[str]) -> np.ndarray:
-        """Return (N, k), the samples of measured quantities, NaN where one is missing."""
+        """Return the samples of measured quantities, (N, k), NaN where one is missing."""
         none = np.full(len(self.time), np.nan)
         return np.column_stack([self.measured.get(name, none) for name in names])
 
     def windows(self, seconds: float) -> list[Record]:
-        """Divide the record into parts of at least this duration, s, that share their end
-        samples."""
+        """Divide the record into parts of at least this duration, s, which share their end
+        samples.
+        """
         step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         samples = max(FEWEST, round(seconds / step))
         starts = range(0, max(1, len(self.time) - samples), samples)
@@ -90,7 +91,10 @@ def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
 
 
 def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]) -> Record:
-    """Return the record with other values of some columns. changed: name -> (N,)."""
+    """Return the record with other values of some columns.
+
+    changed: name -> (N,)
+    """
     columns = {**columns_of(model, record), **changed}
     return replace(
         record,
@@ -108,10 +112,9 @@ def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
 def record_of(
     model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
 ) -> Record:
-    """Return a record from arrays by name in the model's units: "time" (s), every input, and at
-    least one state or output.
+    """Return a record from arrays by name in the model's units.
 
-    columns: name -> (N,)
+    columns: name -> (N,): "time" (s), every input, and at least one state or output
     held: input without a column -> its constant value
 
     Raises BadInputError with the column and its fault.
@@ -152,10 +155,11 @@ def read_record(
 ) -> Record:
     """Return the record of a CSV, .npz, .mat or .ulg file.
 
-    A CSV file has a first row of names, each with or without its unit: "alpha [deg]"; an empty cell
+    A CSV file has a first row of names, each with or without its unit: "alpha [deg]". An empty cell
     is a missing sample. A column without a unit is in the model's unit, angles in radians.
-    held: input without a column -> its constant value. table: TOML file of the columns of a .ulg
-        file.
+
+    held: input without a column -> its constant value
+    table: TOML file of the columns of a .ulg file
 
     Raises BadInputError with the file and its fault.
     """
@@ -277,8 +281,10 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
 def _check_measured(
     name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
 ) -> None:
-    """Raise BadInputError where a sensor is infinite, did not move over the whole record, or
-    repeats a value while another column moves."""
+    """Raise BadInputError where a sensor is infinite or did not move over the whole record.
+
+    A sensor that repeats a value while another column moves is refused too.
+    """
     if np.isinf(values).any():
         raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
     seen = values[np.isfinite(values)]
@@ -321,8 +327,9 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
 
 
 def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return (N,) flags of values so far beyond the limits of a signal that their unit must be
-    wrong."""
+    """Return flags of values so far beyond the limits of a signal that their unit must be wrong,
+    (N,).
+    """
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)
     if not 0.0 < half < math.inf:

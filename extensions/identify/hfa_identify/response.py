@@ -47,7 +47,7 @@ class Simulation:
     record: the record with the times and the inputs.
     theta: (p,) the unknowns θ.
     y: (N, k) the measured quantities.
-    at_samples: (N, n) states.
+    at_samples: (N, n) states at the samples.
     begins: (steps, n) states at the start of the integration steps.
     inputs: (steps, m) at the start and at the end of the steps.
     durations: (steps,) durations of the steps, s.
@@ -159,8 +159,10 @@ class Responses:
         return True
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the (k,) variances of the residuals and (k, p) slopes of their logarithms, or None
-        if unknown."""
+        """Return the (k,) variances of the residuals and the (k, p) slopes of their logarithms.
+
+        The result is None if they are unknown.
+        """
         return None
 
     @cached_property
@@ -212,7 +214,10 @@ class Responses:
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inputs of a record, (N, m), shifted by their delays, and θ without these
-        delays. If one has a delay the slopes of the inputs follow, (N, 2m)."""
+        delays.
+
+        If one has a delay the slopes of the inputs follow, (N, 2m).
+        """
         if not self._late_inputs:
             return record.inputs, theta
         inputs = record.inputs.copy()
@@ -226,8 +231,10 @@ class Responses:
         return np.hstack([inputs, slopes]), rest
 
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
-        """Return the (N,) slopes of an input over one interval between samples, around or before
-        times (N,)."""
+        """Return the slopes of an input over one interval between samples, (N,).
+
+        The interval is around or before times (N,).
+        """
         interval = float(np.median(np.diff(record.time)))
         ends = times + 0.5 * interval if self._looks_ahead else times
         recorded = record.inputs[:, column]
@@ -263,8 +270,7 @@ class Responses:
     # The simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raise BadInputError where samples are so far apart that the time cannot be in
-        seconds."""
+        """Raise BadInputError where samples are so far apart that the time cannot be in seconds."""
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)
         if longest * fastest > _FAR_TOO_LONG:
@@ -293,7 +299,8 @@ class Responses:
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
         """Return the largest magnitude of an eigenvalue at the start, 1/s, or 0 if it is not a
-        number."""
+        number.
+        """
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])
         slope = slopes[0, :, : len(start)]
@@ -308,7 +315,8 @@ class Responses:
 
         step: largest step of integration, in time constants of the fastest mode
 
-        Raises FloatingPointError where the simulation leaves the finite numbers."""
+        Raises FloatingPointError where the simulation is not finite.
+        """
         count = self.steps_between(record, start, theta, step)
         driven, rest = self._driven(record, theta)
         before, after, durations = grid(record, driven, count)
@@ -324,7 +332,8 @@ class Responses:
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """Return the (N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
 
-        Raises FloatingPointError where they leave the finite numbers."""
+        Raises FloatingPointError where they are not finite.
+        """
         n, p, k = self.sizes
         record, theta, count = simulated.record, simulated.theta, simulated.count
         driven, rest = self._driven(record, theta)
@@ -353,7 +362,8 @@ class Responses:
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
         """Return the response from a start (n,) with unknowns (p,).
 
-        Raises FloatingPointError where the simulation leaves the finite numbers."""
+        Raises FloatingPointError where the simulation is not finite.
+        """
         simulated = self.simulated(record, start, theta)
         return Response(simulated.y, self.slopes(simulated))
 
@@ -381,8 +391,10 @@ class Responses:
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the (steps, n, n + p) slopes of the states after each of some steps by those
-        before it and by θ."""
+        """Return the slopes of the states after each of some steps, (steps, n, n + p).
+
+        They are slopes by the states before the step and by θ.
+        """
         n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
         durations = simulated.durations[part]
@@ -418,8 +430,10 @@ class Responses:
         return rates, slopes.reshape(-1, n, n + p)
 
     def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:
-        """Return (V,) sums of squared changes of rates and measured quantities, in nominal sizes,
-        at some states of a simulation, for other values (V,) of an unknown."""
+        """Return sums of squared changes of rates and measured quantities, in nominal sizes, (V,).
+
+        The changes are those for other values (V,) of an unknown, at some states of a simulation.
+        """
         driven, rest = self._driven(simulated.record, simulated.theta)
         rows = np.linspace(0, len(driven) - 1, _LOOKED_AT).astype(int)
         thetas = np.tile(rest, (len(values) + 1, 1))
@@ -456,7 +470,7 @@ class Responses:
 
 
 def _earlier(record: Record, delay: float) -> np.ndarray:
-    """Return (N,) times of a record minus a delay, limited to the record."""
+    """Return times of a record minus a delay, limited to the record, (N,)."""
     return np.clip(record.time - delay, record.time[0], record.time[-1])
 
 
@@ -475,8 +489,13 @@ def _runge_kutta(
 def grid(
     record: Record, driven: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inputs (steps, m) at the start and at the end of the integration steps, and the
-    durations (steps,), s. count: steps between two samples. driven: (N, m) inputs."""
+    """Return the inputs (steps, m) at the start and at the end of the integration steps.
+
+    The durations (steps,), s, follow.
+
+    count: steps between two samples
+    driven: (N, m) inputs
+    """
     durations = np.repeat(np.diff(record.time) / count, count)
     if record.has_steps:
         held = np.repeat(driven[:-1], count, axis=0)
@@ -489,8 +508,9 @@ def grid(
 
 
 def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
-    """Return the (N + 1, n, p + n) sensitivities of the states to θ and x₀ before a sequence of
-    steps and after every `count`-th step.
+    """Return sensitivities of the states to θ and x₀, (N + 1, n, p + n).
+
+    They are those before a sequence of steps and after every `count`-th step.
 
     change: (steps, n, n + p), slopes of the states after a step by those before it and by θ
     S: (n, p + n), sensitivities before the sequence
@@ -504,12 +524,12 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
 
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
-    """Return (N, n, p + n), S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I).
+    """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n).
 
     by_state: (steps, n, n) Φ_x
     by_theta: (steps, n, p) Φ_θ
 
-    The steps are cut into blocks of equal length. All blocks advance together from (0, I); then
+    The steps are cut into blocks of equal length. All blocks advance together from (0, I). Then
     each is continued from the end of the one before.
     """
     steps, n, p = by_theta.shape

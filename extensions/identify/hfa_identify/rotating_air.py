@@ -3,9 +3,9 @@
 A gust that differs between nose and tail, or between the wing tips, turns the air about the
 aircraft. With the white noise n that moves alpha, the pitch rate relative to the air is
 
-    q - z / τ,   z' = -z / τ + n,   τ = 4 b / (π V)
+    q - z / τ,   z' = -z / τ + n,   τ = 4 b / (π V).
 
-where b is the wing span: the gust's rate of change through a lag. The yaw rate follows likewise
+b is the wing span. z / τ is the gust's rate of change through a lag. The yaw rate follows likewise
 from beta, r + z / τ with 3 b / (π V). The roll rate of the air has an independent noise. Angular
 accelerations depend on these rates. The lift due to the pitch rate of the air is neglected.
 

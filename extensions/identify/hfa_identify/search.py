@@ -113,8 +113,10 @@ class Search:
 
     @cached_property
     def _thin(self) -> OutputError:
-        """The search in thinned records. In turbulence the whole records are fitted, because the
-        gain belongs to their samples."""
+        """The search in thinned records.
+
+        In turbulence the whole records are fitted, because the gain belongs to their samples.
+        """
         if self.responses.turbulent:
             return self._whole
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
@@ -145,8 +147,10 @@ class Search:
 
 
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
-    """Return the guess of a record's initial condition, (n,): measured, given by `held`, or from
-    the model's trims."""
+    """Return the guess of a record's initial condition, (n,).
+
+    Its entries are measured, given by `held`, or from the model's trims.
+    """
     start = []
     for name, signal in model.states.items():
         values = record.measured.get(name)

@@ -22,7 +22,11 @@ _DELAY = 1.0
 
 @dataclass(frozen=True)
 class SensorError:
-    """An error of a column. kind: one of `KINDS`. column: name of an input, state or output."""
+    """An error of a column.
+
+    kind: one of `KINDS`
+    column: name of an input, state or output
+    """
 
     kind: str
     column: str
@@ -33,7 +37,7 @@ class SensorError:
         return f"{self.kind}_{self.column}"
 
     def signal(self, model: Model) -> Signal:
-        """Return its unit, typical size and limits; the search begins at 0."""
+        """Return its unit, typical size and limits, with the initial value 0 of the search."""
         if self.kind == "bias":
             declared = model.signals[self.column]
             return Signal(declared.unit, declared.nominal)

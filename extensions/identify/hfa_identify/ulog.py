@@ -1,6 +1,6 @@
 """Reader of PX4 logs (.ulg), by pyulog and a table of columns.
 
-A table states for each column of the record the message and field of the log, and its conversion:
+The table defines each column of the record by a message and field of the log, and a conversion:
 
     [columns]
     pitch_rate = "vehicle_angular_velocity.xyz[1]"
@@ -12,9 +12,9 @@ A table states for each column of the record the message and field of the log, a
     begin = 100.0
     end = 130.0
 
-column = offset + scale field, in the unit of the model. `roll`, `pitch` and `yaw` of a message with
-a quaternion q[0] to q[3] are computed, rad. [flight] selects a part of the log, in seconds from its
-start. Source of the format: PX4 user guide, "ULog file format".
+column = offset + scale field, in the unit of the model. `roll`, `pitch` and `yaw`, rad, of a
+message with a quaternion q[0] to q[3] are computed. [flight] selects a part of the log, in seconds
+from its start. Source of the format: PX4 user guide, "ULog file format".
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """Return the columns of a log at the times of the measured message with the most samples; other
-    measured samples are moved to the nearest time, inputs are held.
+    """Return the columns of a log at the times of the measured message with the most samples.
+
+    Other measured samples are moved to the nearest time. Inputs are held.
 
     table: TOML file of the columns
 
@@ -167,13 +168,13 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
 
 
 def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return (N,) the last value before each time, NaN before the first."""
+    """Return the last value before each time, NaN before the first, (N,)."""
     place = np.searchsorted(stamps, time, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return (N,) each sample at the nearest time, NaN at all other times."""
+    """Return each sample at the nearest time, NaN at all other times, (N,)."""
     edges = 0.5 * (time[:-1] + time[1:])
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     inside = (stamps >= time[0] - half) & (stamps <= time[-1] + half)

@@ -137,7 +137,7 @@ class Aerodynamics:
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift, lb; in frames of JSBSim that of the previous frame."""
+        """Return the lift, lb. In frames of JSBSim it is that of the previous frame."""
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()

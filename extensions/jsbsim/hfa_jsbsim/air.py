@@ -65,8 +65,8 @@ def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
 class Winds:
     """Velocity of the air over ground, ft/s, along north, east and down: (3,) each.
 
-    steady: steady wind, to which the states are relative. gusts: motion of the air at the aircraft,
-    relative to that.
+    steady: steady wind, to which the states are relative
+    gusts: motion of the air at the aircraft, relative to the steady wind
     """
 
     steady: Any
@@ -77,8 +77,9 @@ class Winds:
 class Motion:
     """State of motion with the quantities derived from it.
 
-    speed, alpha, beta, air_velocity: through the air at the aircraft; with gusts not the states.
-    velocity: the states' own, relative to the steady wind, body axes, ft/s.
+    speed, alpha, beta, air_velocity: through the air at the aircraft; in gusts they differ from the
+        states.
+    velocity: velocity of the states, relative to the steady wind, body axes, ft/s.
     over_ground, ned: velocity over ground in body axes, and along north, east, down.
     rates: rates of rotation, rad/s.
     to_body: (3, 3), body axes from north, east, down.
@@ -148,7 +149,7 @@ def motion_of(x: Any, winds: Winds) -> Motion:
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
-    """Return name -> value of the properties that a state sets; the ground is at sea level."""
+    """Return name -> value of the properties that a state sets. The ground is at sea level."""
     u, v, w = ca.vertsplit(motion.air_velocity)
     inertial = ca.vertsplit(motion.over_ground)
     north, east, down = ca.vertsplit(motion.ned)

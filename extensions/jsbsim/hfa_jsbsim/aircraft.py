@@ -72,11 +72,15 @@ _LEVERS = {
 class Equations:
     """Equations x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
 
-    states, parameters, gusts: name -> symbol. inputs: name -> `PilotInput`.
-    rates: by state. outputs: by name. notes: for the user.
-    cut_throttles: inputs that are positions of throttles.
-    starts: values of parameters in the files. properties: all properties of JSBSim.
-    mass: for the current contents of tanks and weights of point masses.
+    states, parameters, gusts: name -> symbol
+    inputs: name -> `PilotInput`
+    rates: rates by state
+    outputs: outputs by name
+    notes: notes for the user
+    cut_throttles: inputs that are positions of throttles
+    starts: values of parameters in the files
+    properties: all properties of JSBSim
+    mass: mass for the current contents of tanks and weights of point masses
     """
 
     def __init__(self, parts: Parts, gusty: bool = False) -> None:
@@ -195,7 +199,7 @@ class Equations:
         return ca.vertcat(*map(ca.SX, point))
 
     def _winds(self, gusty: bool) -> Winds:
-        """Return the air over ground and the gusts in it, of their symbols."""
+        """Return the symbols of the air over ground and of the gusts in it."""
         gusts = None
         if gusty:
             north, east, up = (self.gusts[name] for name in GUSTS)
@@ -323,8 +327,11 @@ class Equations:
                 self._define_function(part, number, self._order_of(section, part))
 
     def _order_of(self, section: Element, function: Element) -> int:
-        """Return the place of a function in the order of evaluation: of the control system before
-        its components, of the air outside the axes before these."""
+        """Return the place of a function in the order of evaluation.
+
+        Functions of the control system precede its components. Functions of the air outside the
+        axes precede those of the axes.
+        """
         if not self.properties.step:
             return AFTER_ALL
         if section.name in SYSTEMS:
@@ -416,7 +423,7 @@ class Equations:
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
         """Set the rates of all states, and the outputs.
 
-        outside: force and moment of external reactions.
+        outside: force and moment of external reactions
         """
         motion = self.motion
         mass = self.mass
@@ -466,10 +473,10 @@ class Equations:
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Solve for alphadot and betadot, on which aerodynamic forces depend, and substitute
-        them.
+        """Solve for alphadot and betadot, on which aerodynamic forces depend, and substitute them.
 
-        One Newton step solves the linear equations for them; two more those that are quadratic.
+        One Newton step solves the equations where they are linear in both rates. Two more solve
+        quadratic equations.
         """
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
@@ -489,8 +496,10 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Substitute a wind set by the files for its parameter. Raises BadInputError if it depends
-        on the flight, because the states are relative to a steady wind.
+        """Substitute a wind set by the files for its parameter.
+
+        Raises BadInputError if it depends on the flight, because the states are relative to a
+        steady wind.
         """
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             total = ca.SX(0.0)

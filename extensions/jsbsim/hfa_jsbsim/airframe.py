@@ -36,7 +36,7 @@ class Metrics:
 
 
 def read_metrics(element: Element) -> Metrics:
-    """Metrics of an aircraft."""
+    """Return the metrics of an aircraft."""
     points = {
         child.attributes.get("name", ""): child.vector("IN") for child in element.all("location")
     }
@@ -74,8 +74,8 @@ class Tank:
 
     kind: FUEL or OXIDIZER.
     unusable: the part of its contents that cannot be used.
-    priority: 0 is closed; engines take from the lowest number first.
-    full, drain: where its contents are when it is full, and when it is empty.
+    priority: 0 for a closed tank; engines use the lowest number first.
+    full, drain: location of its contents when it is full, and when it is empty.
     inertia: contents, lb -> (3,) moments of inertia about itself, slug ft^2.
     """
 
@@ -105,7 +105,7 @@ class Tank:
 class PointMass:
     """A <pointmass>: lb, inches, inertia about itself in slug ft^2.
 
-    has_form: whether its inertia is in proportion to its weight; else it stays.
+    has_form: whether its inertia is in proportion to its weight; otherwise it is constant.
     """
 
     weight: float
@@ -141,7 +141,8 @@ class Mass:
 
     def arm(self, location: Any) -> Any:
         """Return the vector from the center of gravity to a place, ft, in body axes (x forward, z
-        down)."""
+        down).
+        """
         return structural_to_body(location - self.center)
 
 

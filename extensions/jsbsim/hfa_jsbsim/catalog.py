@@ -1,7 +1,7 @@
 """Catalog of JSBSim's own properties, from `properties.json`.
 
-`python -m hfa_jsbsim.catalog` writes that file from the installed package jsbsim: the
-catalog of small aircraft with engines of all kinds, whose files name no property of their own.
+`python -m hfa_jsbsim.catalog` writes that file from the installed package jsbsim. The properties
+are those of small aircraft with engines of all kinds, whose files define no property of their own.
 """
 
 from __future__ import annotations
@@ -96,8 +96,11 @@ def _properties() -> dict[str, str]:
 
 
 def access(name: str) -> str:
-    """Return the access of JSBSim to one of its properties, "R", "RW" or "W", or "" for another
-    property. Engines, tanks and wheels of all numbers are alike."""
+    """Return the access of JSBSim to one of its properties: "R", "RW" or "W", or "" for another
+    property.
+
+    Engines, tanks and wheels of all numbers have equal access.
+    """
     if of_component(name):
         return "RW"
     return _properties().get(without_numbers(name), "")

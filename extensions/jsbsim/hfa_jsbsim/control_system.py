@@ -44,7 +44,8 @@ def add_control_systems(
 ) -> None:
     """Define the properties of all components of these sections.
 
-    commands: the pilot's, as symbols: an integrator that they reach has no steady value.
+    commands: symbols of the pilot's commands. An integrator that depends on them has no steady
+        value.
     """
     order = 0
     switched: list[tuple[Element, list[Writer]]] = []
@@ -166,7 +167,7 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
 
 
 def _clipped(component: Element, properties: Properties, value: Any) -> Any:
-    """Return the value within the limits of <clipto>; JSBSim ignores an incomplete <clipto>."""
+    """Return the value within the limits of <clipto>. JSBSim ignores an incomplete <clipto>."""
     limits = component.find("clipto")
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
@@ -193,8 +194,10 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 
 
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
-    """Return the input mapped from domain to range; centered at zero, with a slope for each
-    side."""
+    """Return the input mapped from domain to range, centered at zero.
+
+    Each side has its own slope.
+    """
     domain = component.find("domain")
     lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
     out_lowest, out_highest = ends_of(component.need("range"))
@@ -224,7 +227,7 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the input after its lag; rate limits have no effect in steady state."""
+    """Return the input after its lag. Rate limits have no effect in steady state."""
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its limit of rate", is_never=True)
@@ -394,8 +397,8 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
     """Return kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
 
-    The integral is 0 unless filters are states. Raises LoopError where the pilot reaches it. A
-    derivative of the input is 0, as for a steady one.
+    The integral is 0 unless filters are states. The derivative of the input is 0, as for a steady
+    input. Raises LoopError where the integral depends on the pilot's commands.
     """
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")

@@ -45,8 +45,10 @@ class EngineFile:
     """Engine with its thruster, as described in the files.
 
     number: index of the engine, from 0.
-    mount: <engine> of the aircraft. engine: turbine_engine, ... thruster: propeller, direct,
-        nozzle. location: of the thruster, inches.
+    mount: <engine> of the aircraft.
+    engine: turbine_engine, ...
+    thruster: propeller, direct, nozzle.
+    location: of the thruster, inches.
     feeds: numbers of the tanks that feed it.
     dry_of: the kind of tank that is empty in the file.
     """
@@ -127,7 +129,7 @@ class Effect:
     moment: about the center of gravity, ft lb.
     thrust: lb along its axis.
     power: hp at the propeller, or None for a jet.
-    rates: of its states, by name.
+    rates: rates of its states, by name.
     properties: further properties that it sets, by the last part of the name.
     """
 
@@ -142,9 +144,9 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """Return the engine of an <engine>, or the element where it is not supported (a rotor, ...).
+    """Return the engine of an <engine>, or the element of an unsupported one (a rotor, ...).
 
-    opened: gives the root of the file that an element names.
+    opened: returns the root of the file that an element names
     """
     thruster_mount = mount.need("thruster")
     engine = opened(mount)
@@ -177,10 +179,10 @@ def read_engine(
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Data that an engine depends on: properties, motion, mass, states, tanks and parameters of the
-    aircraft.
+    """Data on which an engine depends.
 
-    JSBSim's step is in s, the rotation of the earth in rad/s, in body axes.
+    They are properties, motion, mass, states, tanks and parameters of the aircraft, JSBSim's step,
+    s, and the rotation of the earth in body axes, rad/s.
     """
 
     properties: Properties
@@ -290,8 +292,10 @@ def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
 
 
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
-    """Return how far the speed of a turbine's shaft is below that of its throttle, or of the air
-    where it does not run, %."""
+    """Return how far the speed of a turbine's shaft is below its steady value, %.
+
+    The steady value is that of the throttle, or of the air where the turbine does not run.
+    """
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
     wanted = ca.if_else(running(file, around), on, _windmilling(file, around, "n2"))
@@ -352,8 +356,10 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Omit the functions of a turbine's spools with these first words, because no force depends on
-    them."""
+    """Omit the functions of a turbine's spools with these first words.
+
+    No force depends on them.
+    """
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
             function.taken = False
@@ -443,7 +449,8 @@ def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0
 
 def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
     """Return the thrust of a rocket in vacuum, lb: Isp times the flow. Solid rockets are not
-    lit."""
+    lit.
+    """
     engine = file.engine
     if engine.find("thrust_table") is not None:
         return ca.SX(0.0)
@@ -520,7 +527,9 @@ def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
     """Define the properties of an engine, computed when one of them is read.
 
-    compute: gives its `Effect`. Returns the writer whose value is the effect.
+    The writer whose value is the engine's effect is returned.
+
+    compute: returns its `Effect`
     """
     properties = around.properties
     writer = Writer(compute, file.mount.where)
@@ -557,7 +566,7 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
-    """Speeds of a turbine's shafts, percent."""
+    """Define the speeds of a turbine's shafts, percent."""
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:

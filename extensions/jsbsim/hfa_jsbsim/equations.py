@@ -14,9 +14,9 @@ from hfa_jsbsim.properties import is_constant
 class EquationsOfMotion:
     """Equations (x, u, p, w) -> (rates by state, outputs by name), for numbers or expressions.
 
-    still: (x, u, p) -> both as columns, without gusts. gusty: makes (x, u, p, w) -> both, when they
-    are first needed in moving air.
-    jsbsim_steps: step, s -> flights of the model in JSBSim's own steps (`frame.Frames`).
+    still: (x, u, p) -> both as columns, without gusts
+    gusty: makes (x, u, p, w) -> both, when first needed in moving air
+    jsbsim_steps: step, s -> flights of the model in JSBSim's own steps (`frame.Frames`)
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class EquationsOfMotion:
         return self._make_gusty()
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates and outputs."""
+        """Return the rates by state and the outputs by name."""
         is_still = all(is_constant(gust) and float(gust) == 0.0 for gust in w)
         vectors = (x, u, p) if is_still else (x, u, p, w)
         columns = [ca.vertcat(*vector) if len(vector) else ca.DM(0, 1) for vector in vectors]

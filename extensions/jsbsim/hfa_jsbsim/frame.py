@@ -97,7 +97,10 @@ class _FrameEquations(Equations):
 
 
 class Frames:
-    """Flights of an aircraft in frames of JSBSim: `begin`, then `advance` once a frame."""
+    """Flights of an aircraft in frames of JSBSim.
+
+    `begin` starts a flight, and `advance` computes one frame.
+    """
 
     def __init__(
         self,
@@ -186,7 +189,8 @@ class Frames:
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
         """Return the motion at a state, (_SIZE,), over the equator, with accelerations of 0.
 
-        values: values of the states, by name. wind: north, east and down, ft/s
+        values: values of the states, by name
+        wind: north, east and down, ft/s
         """
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])
@@ -243,10 +247,10 @@ class Frames:
         )
 
     def _loads(self, x: ca.SX, u: ca.SX, p: ca.SX, *others: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Loads, and engines and memories at the end of the frame.
+        """Return the loads, and engines and memories at the end of the frame.
 
-        x: states, those of engines of the frame before. others: alphadot and betadot, the rotation
-        of the earth in body axes, memories
+        x: states, those of engines from the previous frame
+        others: alphadot and betadot, the rotation of the earth in body axes, memories
         """
         equations = self._equations
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -268,7 +272,8 @@ class Frames:
         return values
 
     def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Loads, engines and memories at the end of a frame, in the symbols of the equations.
+        """Return loads, engines and memories at the end of a frame, in the symbols of the
+        equations.
 
         Shafts and blades move before the thrust is computed, the speeds of propellers after it.
         """
@@ -298,8 +303,10 @@ class Frames:
 
 
 def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
-    """Raise BadInputError for an input that is not a command of the pilot but a surface or, with
-    is_position, the position of a throttle."""
+    """Raise BadInputError for an input that is not a command of the pilot.
+
+    Such an input is a surface or, with is_position, the position of a throttle.
+    """
     if is_position or pilot_input.unit != "1":
         part = "the position of a throttle" if is_position else "a surface itself"
         raise BadInputError(
@@ -312,14 +319,14 @@ class _View(NamedTuple):
     """Motion as used by the later models of a frame.
 
     to_earth: (3, 3), axes of the earth from inertial ones.
-    to_body: (3, 3), body axes from these.
+    to_body: (3, 3), body axes from inertial ones.
     place: position in axes of the earth, ft.
-    drift: velocity of the earth there, inertial, ft/s.
+    drift: velocity of the earth at that position, inertial, ft/s.
     velocity: over the ground, in body axes, ft/s.
     rates: over the ground, rad/s.
     planet_rates: rotation of the earth in body axes, rad/s.
     states: in the order of `STATES`.
-    angle_rates: of alpha and beta, rad/s.
+    angle_rates: rates of alpha and beta, rad/s.
     """
 
     to_earth: Any
@@ -416,8 +423,11 @@ def _split(motion: Any) -> dict[str, Any]:
 
 
 def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str, Any]:
-    """Return the states after `FGPropagate`: attitude and rotation by Euler's rule, the velocity by
-    the rule of Adams and Bashforth of order 2, the position by that of order 3."""
+    """Return the states after `FGPropagate`.
+
+    Attitude and rotation follow Euler's rule, the velocity the rule of Adams and Bashforth of order
+    2, the position that of order 3.
+    """
     q0, q1, q2, q3 = ca.vertsplit(parts["attitude"])
     p, q, r = ca.vertsplit(parts["rotation"])
     rate = 0.5 * ca.vertcat(
@@ -530,7 +540,7 @@ def _flow(air: Any) -> tuple[Any, Any, Any]:
 
 
 def _angles(body_from_local: Any) -> tuple[Any, Any, Any]:
-    """Roll, pitch and yaw."""
+    """Return roll, pitch and yaw."""
     roll = ca.atan2(body_from_local[1, 2], body_from_local[2, 2])
     pitch = ca.asin(-body_from_local[0, 2])
     yaw = ca.atan2(body_from_local[0, 1], body_from_local[0, 0])

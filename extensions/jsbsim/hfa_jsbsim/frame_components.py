@@ -176,8 +176,7 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the position between detents, which moves at the rate of the interval that it is
-    in."""
+    """Return the position between detents, which moves at the rate of its interval."""
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]
@@ -236,7 +235,9 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """Return kp u + ki times the integral of u + kd u'; of a standard one kp times the sum."""
+    """Return kp u + ki times the integral of u + kd u'. For a standard one the sum is multiplied by
+    kp.
+    """
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
     trigger = ca.SX(parameter(component, "trigger", properties, 0.0))

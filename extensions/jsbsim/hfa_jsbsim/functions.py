@@ -45,7 +45,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index; beyond the ends, where JSBSim stops, nan."""
+    """Return the value at the rounded index, or nan beyond the ends, where JSBSim stops."""
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
         chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
@@ -56,7 +56,7 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
     """Return the linear interpolation between points (x1, y1, x2, y2, ...), constant beyond the
     ends.
 
-    The interval is found by bisection, as JSBSim does, also where the x do not increase.
+    The interval is found by bisection, as in JSBSim, also where the x do not increase.
     """
     points = list(zip(pairs[::2], pairs[1::2], strict=True))
 
@@ -102,7 +102,7 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Return whether a value counts as true: JSBSim takes less than 1e-9 for false."""
+    """Return whether a value counts as true. JSBSim regards less than 1e-9 as false."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 
@@ -235,8 +235,8 @@ class Table:
 
     values: (n1, ..., nd), one axis for each of rows, columns, tables.
     breakpoints: d arrays.
-    parts: where tables over the last axis have other breakpoints than each other, these tables;
-        values and the first of the breakpoints are then of the last axis alone.
+    parts: tables over the last axis where their other breakpoints differ, or (). values and the
+        first of the breakpoints are then of the last axis alone.
     """
 
     values: np.ndarray
@@ -298,8 +298,10 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Return rows of numbers: pairs, or breakpoints of the columns before rows with one number
-    more."""
+    """Return rows of numbers.
+
+    They are pairs, or the breakpoints of the columns followed by rows with one number more.
+    """
     rows = []
     for line, text in data.lines:
         if "_" in text:

@@ -31,7 +31,8 @@ class Note(NamedTuple):
 
 def grouped(notes: Iterable[Note]) -> list[str]:
     """Return a line for each statement, with its subjects by file and line, those on forces
-    first."""
+    first.
+    """
     by_statement: dict[tuple[int, str], list[Note]] = {}
     for note in notes:
         by_statement.setdefault((note.rank, note.statement), []).append(note)

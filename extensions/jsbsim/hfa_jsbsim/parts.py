@@ -31,12 +31,13 @@ LOADED = (
 class Choices:
     """Options for reading an aircraft.
 
-    partial: omit motors, rotors and gas cells, which are not supported; else they are refused.
-    filters: whether lags, washouts, integrators and other components with a memory are states; else
-        they are in their steady state.
+    partial: whether to omit motors, rotors and gas cells, which are not supported. Otherwise they
+        are refused.
+    filters: whether lags, washouts, integrators and other components with a memory are states.
+        Otherwise they are in their steady state.
     throttles: whether each engine has a separate throttle.
-    engines: whether the lags of engines are states; else they follow their throttles at once.
-    step: that of JSBSim's frame, s, where the equations are those of one frame; else 0.
+    engines: whether the lags of engines are states. Otherwise they follow their throttles at once.
+    step: duration of JSBSim's frame, s, where the equations are those of one frame; else 0.
     """
 
     partial: bool = False
@@ -50,8 +51,9 @@ class Parts:
     """The content of the files of an aircraft.
 
     sections: <metrics>, <aerodynamics>, ... with the additions of other files.
-    wings, empty, tanks, points, engines: read from them. mass: with the contents of the files.
-    notes: for the user.
+    wings, empty, tanks, points, engines: content of the sections.
+    mass: mass with the contents of the files.
+    notes: notes for the user.
     """
 
     def __init__(self, path: Path, folders: Folders, choices: Choices) -> None:

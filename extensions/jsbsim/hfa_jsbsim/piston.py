@@ -165,7 +165,8 @@ def _boosted(
     file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
     """Return the manifold pressure behind the supercharger, Pa, at the speed for the air
-    pressure."""
+    pressure.
+    """
     gears = _gears(file.engine)
     if not gears:
         return throttled
@@ -200,8 +201,11 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return for each speed of the supercharger: multiplier, rated rpm, rated pressure, and the air
-    pressure, Pa, below which the next speed is used. The first invalid speed ends the list."""
+    """Return the data of each speed of the supercharger.
+
+    They are multiplier, rated rpm, rated pressure, and the air pressure, Pa, below which the next
+    speed is used. The first invalid speed ends the list.
+    """
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[tuple[float, float, float, float]] = []
     last_altitude = 0.0

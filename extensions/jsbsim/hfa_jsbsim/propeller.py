@@ -26,8 +26,9 @@ _FEATHERING = 1.0 / 300.0
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
     """Return thrust, torque and moments of a propeller driven with a given power, ft lb/s.
 
-    A stopped propeller absorbs no power (`FGPiston::Calculate`). C_T and C_P are tables over J = V
-    / (n D) and the blade angle; thrust C_T rho n^2 D^4, power needed C_P rho n^3 D^5.
+    C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T rho n^2 D^4,
+    the absorbed power C_P rho n^3 D^5. A stopped propeller absorbs no power
+    (`FGPiston::Calculate`).
     """
     prop = file.thruster
     number = file.number
@@ -84,8 +85,8 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
     """Return the blade angle, deg, and the rate of its state if a governor moves it.
 
-    The governor turns the blades by the difference of speeds, rpm - wanted, in deg/s, and stops
-    them at their limits within a step of JSBSim, so that a limit is a steady state too.
+    The governor turns the blades in proportion to rpm - wanted, deg/s. It stops them at their
+    limits within a step of JSBSim, so that a limit is a steady state too.
     """
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)
@@ -137,7 +138,10 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches; the P-factor moves it with the flow angle."""
+    """Return the point where the thrust acts, inches.
+
+    The P-factor moves it with the flow angle.
+    """
     factor = file.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:
         return location

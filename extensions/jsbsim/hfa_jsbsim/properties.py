@@ -63,7 +63,7 @@ class LoopError(BadInputError):
 class Writer:
     """Component that sets a property.
 
-    compute: gives the value.
+    compute: returns the value.
     where: file and line.
     order: its number in the control system, whose components run one after the other.
     component: its element, if it is a component.
@@ -82,8 +82,8 @@ class Writer:
 class FilterState:
     """State of the control system, with its rate once that is known.
 
-    component: whose memory it is
-    writer: works out its rate in the component's place
+    component: component whose memory it is
+    writer: computes its rate in the component's place
     """
 
     symbol: ca.SX
@@ -93,8 +93,10 @@ class FilterState:
 
 @dataclass(eq=False)
 class Memory:
-    """Value that a component keeps from one frame to the next: its symbol, and the function of the
-    next one."""
+    """Value that a component keeps from one frame to the next.
+
+    It consists of its symbol and the function of its next value.
+    """
 
     symbol: ca.SX
     writer: Writer
@@ -103,16 +105,18 @@ class Memory:
 class Properties:
     """All properties of an aircraft.
 
-    unset: name of a property that is read but never set -> place of its first reading; its value is
+    unset: name of a property that is read but never set -> place of its first reading. Its value is
         0, as in JSBSim.
-    notes: for the user, on these values.
+    notes: notes for the user on these values.
     interpolate: returns values of tables.
-    centered: whether integrators that the pilot reaches are 0, in place of a LoopError.
+    centered: whether integrators that depend on the pilot's commands are 0, in place of a
+        LoopError.
     has_filter_states: whether components with a memory are states.
-    step: of JSBSim's frame, s, where values are those of a frame; else 0.
+    step: duration of JSBSim's frame, s, where values are those of a frame; else 0.
     memories: by name, the values kept for the next frame.
     travels: kinematics that take time, with their targets.
-    filters: these states. left_out: component -> the omitted part of its memory, without states.
+    filters: states of components with a memory.
+    left_out: component -> the omitted part of its memory, without states.
     """
 
     def __init__(self, has_filter_states: bool = False, step: float = 0.0) -> None:
@@ -145,7 +149,7 @@ class Properties:
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Remove a writer; properties that it alone sets stay 0."""
+        """Remove a writer. Properties that it alone sets stay 0."""
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)
@@ -154,7 +158,7 @@ class Properties:
                     self._initial.setdefault(name, 0.0)
 
     def is_known(self, name: str) -> bool:
-        """Return whether something sets a property, or it has a value from the beginning."""
+        """Return whether a property has a value from the beginning or from a writer."""
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
@@ -259,7 +263,7 @@ class Properties:
     def _is_late(self, key: str, before: list[Writer]) -> bool:
         """Return whether the current component reads the value of the previous frame.
 
-        before: component that has set the property in this frame.
+        before: component that has set the property in this frame
         """
         if self._order == BEFORE_AIR:
             return key in _SET_IN_AIR
@@ -292,8 +296,10 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """Return the value that a system sets, or the default where none does or the value depends
-        on its past."""
+        """Return the value that a system sets, or else the default.
+
+        The default is also returned where the value depends on its past.
+        """
         self.asked.add(plain(name))
         if self.writer(name) is None:
             return self._initial.get(plain(name), default)

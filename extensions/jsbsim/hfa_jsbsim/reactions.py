@@ -44,7 +44,7 @@ class Reactions:
                 self._properties.define_initial(name, value)
 
     def _define(self, element: Element, axes: str) -> None:
-        """The properties of a force's or a moment's magnitude and direction."""
+        """Define the properties of the magnitude and direction of a force or a moment."""
         element.attributes.get("frame")  # read: it is used only where the magnitude is not 0
         magnitude = f"{_base(element)}/{_magnitude(element)}"
         if not self._properties.is_known(magnitude):
@@ -54,7 +54,7 @@ class Reactions:
     def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
         """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes.
 
-        arm: a place in inches -> ft from the center of gravity, in body axes.
+        arm: a place in inches -> ft from the center of gravity, in body axes
         """
         total = ca.SX.zeros(3)
         moment = ca.SX.zeros(3)

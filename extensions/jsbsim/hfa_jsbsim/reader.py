@@ -1,5 +1,7 @@
-"""An aircraft of JSBSim as a `Model`: location of its files, names, limits, initial values of the
-trim search."""
+"""An aircraft of JSBSim as a `Model`.
+
+The module finds its files and defines names, limits and initial values of the trim search.
+"""
 
 from __future__ import annotations
 
@@ -84,11 +86,14 @@ _MODES = {
 
 
 def read_model(text: str, partial: bool = False) -> Model:
-    """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file, with or without choices
-    behind a question mark: "jsbsim:737?engines=states&throttles=each".
+    """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
-    partial: leave out motors, rotors and gas cells, which cannot be read, in place of refusing
-    them. BadInputError, with file and line, where an element cannot be read.
+    Choices may follow a question mark: "jsbsim:737?engines=states&throttles=each".
+
+    partial: whether to omit motors, rotors and gas cells, which cannot be read, and not to refuse
+        them
+
+    Raises BadInputError, with file and line, where an element cannot be read.
     """
     name, _, chosen = text.partition("?")
     path, folders = _find(name)
@@ -150,10 +155,10 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`:
-    $JSBSIM_ROOT, or that of the installed package jsbsim, which is not imported. None without both.
+    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`.
 
-    Raises BadInputError when $JSBSIM_ROOT contains no folder `aircraft`.
+    It is $JSBSIM_ROOT, or that of the installed package jsbsim, which is not imported. The result
+    is None without both. Raises BadInputError when $JSBSIM_ROOT contains no folder `aircraft`.
     """
     root = os.environ.get("JSBSIM_ROOT")
     if root:
@@ -191,7 +196,10 @@ class _Declaration:
         self.usual_speed = math.sqrt(2.0 * pressure / (SEA_LEVEL.density * 0.5))
 
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
-        """Return the model. notes: on the reading of the files."""
+        """Return the model.
+
+        notes: on the reading of the files
+        """
         states = self._states()
         outputs = self._outputs()
         moving = tuple(name for name in states if name not in ("yaw", "altitude"))
@@ -349,9 +357,11 @@ class _Declaration:
         return signals
 
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return the steady speed and blade angle of propellers of engines that are out or without
-        fuel, from high speed on: where the air drives them as much as friction brakes, or not at
-        all."""
+        """Return the steady speed and blade angle of propellers of dead engines.
+
+        Such engines are out or without fuel. The search begins at high speed. In the steady state
+        the air drives the propeller as much as friction brakes it, or not at all.
+        """
         dead = [
             file
             for file in self.parts.engines
@@ -370,8 +380,10 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest speed, rpm, at which a propeller does not get slower, or 0 without
-        one. A variable without a value has its declared start."""
+        """Return the highest speed, rpm, at which a propeller does not slow down, or 0 without one.
+
+        A variable without a value has its declared start.
+        """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, each[key].start) for key in each] for each in signals]
@@ -420,8 +432,10 @@ class _Declaration:
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
     ) -> ca.Function:
-        """Equations as one Function of states, inputs, parameters and gusts; inputs that move
-        nothing are 0."""
+        """Return the equations as one Function of states, inputs, parameters and gusts.
+
+        Inputs that move nothing are 0.
+        """
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -445,8 +459,10 @@ class _Declaration:
         return ca.Function("jsbsim", arguments, values)
 
     def _trim(self) -> dict[str, float]:
-        """Straight level flight; without a throttle the path is free, without two inputs across the
-        sideslip."""
+        """Return straight level flight as the default trim.
+
+        Without a throttle the path is free. Without two lateral inputs the sideslip is free.
+        """
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = [name for name in self.inputs if name.startswith("throttle")]
         if all(file.dry_of for file in self.parts.engines):
@@ -475,11 +491,12 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function that gives starting values of a trim from the imposed ones.
+        """Return a function that computes the initial values of a trim from the imposed ones.
 
-        The speed is the true speed of kcas or mach, the angle of attack follows the lift
-        coefficient of level flight, propellers turn at a usual advance ratio. Values are numbers,
-        or arrays of one length."""
+        The speed is the true speed of kcas or mach. The angle of attack follows from the lift
+        coefficient of level flight. Propellers turn at a usual advance ratio. Values are numbers,
+        or arrays of one length.
+        """
         usual_speed = self.usual_speed
         propellers = [
             (
@@ -492,7 +509,8 @@ class _Declaration:
         ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
-            """Starting values by name; {} where no altitude or no positive speed is imposed.
+            """Return initial values by name, or {} where no altitude or no positive speed is
+            imposed.
 
             imposed: values by name: speed (ft/s), mach or kcas, altitude (ft), gamma (rad), and
                 parameters
@@ -538,8 +556,10 @@ def _lag(file: EngineFile) -> Signal:
 
 
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:
-    """Return the signal of a propeller's speed. is_alone: whether the engine is the only one;
-    others may be out."""
+    """Return the signal of a propeller's speed.
+
+    is_alone: whether the engine is the only one; others may be out
+    """
     prop = file.thruster
     ratio = file.gear_ratio
     usual = prop.value_of("maxrpm", 0.0)

@@ -21,8 +21,9 @@ _SOME = 1e-6
 
 
 def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
-    """Return one line on the missing equation or power, found by trims with other free variables,
-    or empty where none explains it.
+    """Return one line on the missing equation or power, or "" where none explains the missing trim.
+
+    They are found by trims with other free variables.
 
     parts: parts of the aircraft.
     steered: whether it has inputs.

@@ -14,8 +14,11 @@ from hfa_rigid.atmosphere import air_at
 
 
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
-    """True speed, ft/s, of an imposed speed, Mach number or calibrated airspeed, None without them,
-    and density, slug/ft^3: numbers, or arrays of one length."""
+    """Return the true speed, ft/s, and the density, slug/ft^3.
+
+    The speed follows from an imposed speed, Mach number or calibrated airspeed. It is None without
+    them. Values are numbers, or arrays of one length.
+    """
     calibrated = imposed.get("kcas", 0.0)
     subsonic, sound, density = _at("subsonic", calibrated, altitude)
     if "speed" in imposed:

@@ -27,7 +27,8 @@ class PilotInput:
 
 def names_read_by(element: Element) -> list[str]:
     """Return the properties that functions and tables of a section read, angles of surfaces
-    first."""
+    first.
+    """
     names: dict[str, None] = {}
     pending = [element]
     while pending:
@@ -43,9 +44,11 @@ def cut_surfaces(
 ) -> list[Note]:
     """Make a surface an input where the pilot acts through an integrator or a closed loop.
 
-    Other components that depend on these commands keep their values for a centered stick.
-    names: properties on which the forces of the air depend. inputs: receives the new inputs in
-        place of the commands of the same name. Returns notes for the user.
+    Other components that depend on these commands keep their values for a centered stick. Notes for
+    the user are returned.
+
+    names: properties on which the forces of the air depend
+    inputs: receives the new inputs in place of the commands of the same name
     """
     commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     cut: dict[str, PilotInput] = {}

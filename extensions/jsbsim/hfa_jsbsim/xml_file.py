@@ -137,7 +137,8 @@ class Element:
 
     def vector(self, unit: str) -> np.ndarray:
         """Return the children x, y, z (or roll, pitch, yaw) as (3,) numbers, 0 where one is
-        missing."""
+        missing.
+        """
         own_unit = self.attributes.get("unit", "") or unit
         factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
         numbers = []
@@ -190,8 +191,11 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """Return the root element of an XML text. Raises BadInputError where it is not XML, or declares
-    an entity other than a short text; no entity is expanded or fetched."""
+    """Return the root element of an XML text.
+
+    Raises BadInputError where it is not XML, or declares an entity other than a short text. No
+    entity is expanded or fetched.
+    """
     parser = xml.parsers.expat.ParserCreate()
     parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
     open_elements: list[Element] = []
@@ -237,8 +241,10 @@ def parsed(text: bytes, file: str) -> Element:
 
 
 def _strip(element: Element) -> None:
-    """Join the pieces of each line of text, drop empty lines, and white space around others, in an
-    element and below it."""
+    """Join the pieces of each line of text in an element and below it.
+
+    Empty lines are dropped, and white space around other lines.
+    """
     lines: dict[int, list[str]] = {}
     for number, text in element.lines:
         lines.setdefault(number, []).append(text)

@@ -1,5 +1,7 @@
-"""Translation of CasADi Functions to plain C functions of arrays, which need only math.h and no
-memory."""
+"""Translation of CasADi Functions to plain C functions of arrays.
+
+They need only math.h and no memory.
+"""
 
 from __future__ import annotations
 

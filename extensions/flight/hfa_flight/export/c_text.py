@@ -102,8 +102,10 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write text files, name -> text, in UTF-8 to a folder, which is created if necessary; all or
-    none."""
+    """Write text files, name -> text, in UTF-8 to a folder, all or none.
+
+    The folder is created if necessary.
+    """
     with all_or_none(folder):
         for name, text in texts.items():
             write_text(folder / name, text)

@@ -105,8 +105,10 @@ def given_inputs(model: Model, point: OperatingPoint) -> Steering:
 
 
 def following_a_reference(model: Model, policy: Policy) -> Steering:
-    """Return a steering by a policy of z = x - v without memory, with v the reference of the linear
-    model's states."""
+    """Return a steering by a policy of z = x - v without memory.
+
+    v is the reference of the linear model's states.
+    """
     v = ca.SX.sym("reference", len(model.linear))
     arguments = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear]
     return Steering(policy, arguments, v, Argument(v))
@@ -137,11 +139,10 @@ def exported_loop(
     steering: Steering | None = None,
     actuators: ActuatorBank | None = None,
 ) -> ExportedLoop:
-    """Return the loop of X' = f(X, U, w), with states [X; actuators; memory of the policy; filter]
-    and inputs [w; v].
+    """Return the loop X' = f(X, U, w) with states [X; actuators; memory of the policy; filter].
 
-    w are the disturbances of the model. The steering determines v and U; without one v = U.
-    Actuators and memory are deviations from trim.
+    Its inputs are [w; v]. w are the disturbances of the model. The steering determines v and U.
+    Without one v = U. Actuators and memory are deviations from trim.
 
     Raises BadInputError if an actuator cannot hold the trim, or the policy measures states that
     these actuators lack.
@@ -192,9 +193,11 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
 
 
 def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
-    """Return the loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep with v = [u; s], where s
-    are the variables of the sweep as inputs `scheduled_NAME`, initially in the middle of the
-    grid."""
+    """Return the loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep, with inputs v = [u; s].
+
+    s are the variables of the sweep as inputs `scheduled_NAME`, initially in the middle of the
+    grid.
+    """
     sweep = between.sweep
     model = sweep.model
     middle = {
@@ -219,8 +222,10 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Return channels of the model's signals at these values; rates: in the units of their
-    rates."""
+    """Return channels of the model's signals at these values.
+
+    rates: whether their units are those of the rates
+    """
     channels = []
     for name, value in zip(names, values, strict=True):
         rate_unit = model.rate_unit(name) if rates else None

@@ -52,8 +52,10 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
-    """Write the complete FMU or nothing. Raises NoSolutionError if there is no C compiler, or it
-    fails."""
+    """Write the complete FMU or nothing.
+
+    Raises NoSolutionError if there is no C compiler, or it fails.
+    """
     compiler = c_compiler()
     if compiler is None:
         raise NoSolutionError(

@@ -17,8 +17,9 @@ from trim.sweeps.sweep import Sweep
 
 
 class Interpolated(NamedTuple):
-    """Trims and linear models of the sweep's k states at N points; without the axis N for one
-    point.
+    """Trims and linear models of the sweep's k states at N points.
+
+    The arrays of a single point lack the axis N.
 
     states: X0, (N, n).
     inputs: U0, (N, m).
@@ -111,8 +112,10 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy's interpolator: points (..., variables) -> (..., entries), with the entries of X0,
-        U0, A and B in order, each row by row."""
+        """SciPy's interpolator: points (..., variables) -> (..., entries).
+
+        The entries are those of X0, U0, A and B in order, each row by row.
+        """
         from scipy.interpolate import RegularGridInterpolator
 
         sizes = tuple(len(axis) for axis in self.axes)
@@ -138,8 +141,10 @@ class InterpolatedModel:
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
-    """Return the weight of each value of an axis in linear interpolation at x, constant beyond its
-    ends."""
+    """Return the weight of each value of an axis in linear interpolation at x.
+
+    The weights are constant beyond the ends of the axis.
+    """
     held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
     rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
     before = [ca.SX(1), *rising]

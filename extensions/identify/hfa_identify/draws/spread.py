@@ -148,7 +148,10 @@ class DrawnAircraft:
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
         """Return the spread of the modes of a linear model, and of the largest real part of its
-        eigenvalues. A mode that some aircraft lack is listed with the number that have it."""
+        eigenvalues.
+
+        A mode that some aircraft lack is listed with the number that have it.
+        """
         points = self.points(progress)
         drawn = [linearize(point.model, point) for point in points]
         own = _abscissa(linear.A)
@@ -167,7 +170,7 @@ class DrawnAircraft:
         return self._alone(bands, drawn)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the spread of the stability and cost of a gain; u = -K z about the trim of each
+        """Return the spread of the stability and cost of a gain, u = -K z about the trim of each
         aircraft.
 
         game: game of the aircraft itself, whose weights the others share
@@ -188,16 +191,18 @@ class DrawnAircraft:
         return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)
 
     def loops(self, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the spread of the stability of a gain without a game, as `gain`."""
+        """Return the spread of the stability of a gain, as `gain` does, without a game."""
         drawn = [linearize(each.model, each) for each in self.points(progress)]
         itself = linearize(self.point.model, self.point)
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the stability of a gain on linear models, and the largest real part of the
-        eigenvalues of A - B K.
+        """Return the stability of a gain on linear models, and the largest real part of their
+        eigenvalues.
 
-        own: that of the aircraft itself
+        The eigenvalues are those of A - B K.
+
+        own: the largest real part of the aircraft itself
         """
         slowest = [_abscissa(each.A - each.B @ K) for each in drawn]
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}

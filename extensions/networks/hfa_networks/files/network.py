@@ -41,17 +41,18 @@ def from_network(
     """Return the critic of a network: a file read by `network_in`, or a CasADi Function of the
     state.
 
-    A network of the state and the input is a Q; its policy is judged, as `policy_of` finds it.
+    A network of the state and the input is a Q. Its policy, found by `policy_of`, is judged.
 
-    game: that the critic should solve
+    game: the game that the critic should solve
     source: the file, or the Function
     network: the parts of a file and their kinds, such as "value", "V=value" or
-        "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides.
-    activation: between the layers of a state dict.
-    scale: (n,), the network takes state i times scale[i].
-    features: a single layer on these functions (default: the quadratic basis) is a polynomial.
+        "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides
+    activation: activation between the layers of a state dict
+    scale: (n,), factors on the states at the inputs of the network
+    features: functions on which a single layer acts (default: the quadratic basis), so that the
+        critic is a polynomial
 
-    Raises BadInputError, one line, that names the file.
+    Raises a BadInputError of one line that names the file.
 
     >>> import casadi as ca
     >>> import hfa
@@ -193,8 +194,10 @@ def _on_basis(
 
 
 def _parts(network: str) -> dict[str, str]:
-    """Return the kind in `OUTPUTS` ("": not stated) -> the part of the file, from text such as
-    "value" or "V=value,policy=actor"."""
+    """Return kind in `OUTPUTS` -> the part of the file, from text such as "V=value,policy=actor".
+
+    The kind of a text without "=" is "".
+    """
     parts: dict[str, str] = {}
     for item in network.split(","):
         output, equals, part = item.strip().rpartition("=")
@@ -207,16 +210,19 @@ def _parts(network: str) -> dict[str, str]:
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
-    """Return whether a single output on a plant with one input is u, not V, where no option states
-    its kind."""
+    """Return whether a single output on a plant with one input is u and not V.
+
+    This applies where no option states its kind.
+    """
     return name not in OUTPUTS and size == m == 1
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return the kind of each output of a network, by its name where that is one of `OUTPUTS`, else
-    by its size.
+    """Return the kind of each output of a network, by its name or else by its size.
 
-    part: the requested part of the file.
+    The name decides where it is one of `OUTPUTS`.
+
+    part: the requested part of the file
     """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}

@@ -1,9 +1,9 @@
 """Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
 
-Nothing is guessed. A state dict does not state the order of its layers: that is the order of the
-file where the format keeps it (torch), else the only order that the numbers in the names and the
-widths allow. The network is returned as a chain, `6 -> tanh 64 -> 1`, to be compared with the
-trained one. Weights keep the digits of the file; all arithmetic is in doubles.
+Nothing is guessed. A state dict does not state the order of its layers. Where the format keeps the
+order of the file (torch), it is used. Otherwise the numbers in the names and the widths must allow
+a single order. The network is returned as a chain, `6 -> tanh 64 -> 1`, for comparison with the
+trained one. Weights keep the digits of the file. All arithmetic is in doubles.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def network_in(
     features: size of the basis; a single layer with this number of inputs acts on the basis.
     inputs: number of inputs of the plant, which follow the states in a Q.
 
-    Raises BadInputError, one line that names the file.
+    Raises a BadInputError of one line that names the file.
     """
     path = Path(path)
     parts = parts or {"": ""}
@@ -190,8 +190,8 @@ def _refuse_unread(
 def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
     """Return the layers in order of evaluation.
 
-    widths: how many inputs the first may have.
-    suffix: suffix of the file.
+    widths: permitted numbers of inputs of the first layer
+    suffix: suffix of the file
     """
     layers = []
     for name, array in tensors.items():
@@ -312,9 +312,9 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 
 
 def _activated(layers: list[Layer]) -> list[int]:
-    """Return the layers followed by the activation: once between two linear layers.
+    """Return the layers with one activation between each two linear layers.
 
-    Raises BadInputError where the names do not decide whether that is before or after a LayerNorm.
+    Raises BadInputError where the names leave open whether it is before or after a LayerNorm.
     """
     linear = [index for index, layer in enumerate(layers) if layer.is_linear]
     open_places = [
@@ -344,8 +344,10 @@ def _unknown_place(norm: Layer) -> BadInputError:
 
 
 def _follows(before: Layer, layer: Layer) -> bool:
-    """Return whether the numbers in the names are consecutive: in a torch.nn.Sequential an
-    activation has a number too."""
+    """Return whether the numbers in the names are consecutive.
+
+    In a torch.nn.Sequential an activation between two layers has a number too.
+    """
     numbers = _numbers(before)
     numbers[-1:] = [number + 1 for number in numbers[-1:]]
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)

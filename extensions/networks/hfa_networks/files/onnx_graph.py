@@ -314,7 +314,7 @@ class GraphFunctions(NamedTuple):
         inputs,).
     rows: name -> function of many x at once, where a product is large.
     precision: precision of its weights, "float32" or "float64".
-    operators: on x with the sizes of their results, as one line.
+    operators: operators on x with the sizes of their results, as one line.
     """
 
     functions: dict[str, ca.Function]
@@ -386,10 +386,10 @@ def _evaluate(
     operators: Mapping[str, Callable[..., Any]],
     arrays: dict[str, Any],
 ) -> tuple[list[str], str]:
-    """Add the results of all nodes to the arrays. Return the operators on symbols with the sizes of
-    their results, and the lowest precision of the nodes' constants.
+    """Add the results of all nodes to the arrays.
 
-    Raises BadInputError where the results have too many numbers.
+    Return the operators on symbols with the sizes of their results, and the lowest precision of the
+    nodes' constants. Raises BadInputError where the results have too many numbers.
     """
     steps = []
     precision = "float64"
@@ -418,10 +418,10 @@ def _evaluate(
 def _inputs_of(
     graph: Any, constants: set[str], states: int, inputs: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the name and the shape of each input: the state, or of a Q the state and the input of
-    the plant, in one row or in two.
+    """Return the name and the shape of each input.
 
-    Raises BadInputError for anything else.
+    The inputs are the state, or those of a Q: the state and the input of the plant, in one row or
+    in two. Raises BadInputError for anything else.
     """
     shapes = {}
     for item in graph.input:
@@ -450,8 +450,10 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless a network has as many inputs as the plant has states, or for a Q
-    states and inputs."""
+    """Raise BadInputError unless a network has as many inputs as the plant has states.
+
+    A Q must have as many inputs as states and inputs.
+    """
     if width == states:
         return
     if inputs == 0:
@@ -503,8 +505,10 @@ def _evaluated(
     node: Any,
     arrays: Mapping[str, Any],
 ) -> tuple[list[np.ndarray], str]:
-    """Return the outputs of a node (for most operators only the first), and the precision of its
-    constant, if any."""
+    """Return the outputs of a node, for most operators only the first.
+
+    The precision of its constant, if any, is returned too.
+    """
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
         name = f"{node.domain}.{name}"

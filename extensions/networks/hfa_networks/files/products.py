@@ -15,8 +15,8 @@ _SCALARS = 4096
 class Products:
     """Functions of x whose products with large matrices are not expanded.
 
-    A graph of scalars of a layer of 1024 x 1024 has two million operations. So the result of such a
-    product is new symbols, and `function` puts the graphs and the products together.
+    As a graph of scalars, a layer of 1024 x 1024 has two million operations. The result of such a
+    product is therefore represented by new symbols. `function` joins the graphs and the products.
     """
 
     def __init__(self, x: ca.SX) -> None:

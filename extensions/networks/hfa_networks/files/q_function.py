@@ -16,8 +16,9 @@ _ELSE = (
 
 
 def policy_of(Q: ca.Function, states: int) -> ca.Function:
-    """Return the function x (n,) -> u (m,) with ∂Q/∂u = 0, or nan where ∂²Q/∂u² is not definite as
-    at x = 0.
+    """Return the function x (n,) -> u (m,) with ∂Q/∂u = 0.
+
+    u is nan where ∂²Q/∂u² is not definite as at x = 0.
 
     Q: (x, u) (n + m,) -> 1.
     states: n.
@@ -50,8 +51,8 @@ def _degree(Q: ca.Function, states: int) -> float:
     """Return the largest degree in u of a graph of scalars, or inf where it may not be a polynomial
     in u.
 
-    The degree of a product is the sum of the degrees, that of a sum the larger one, so cancellation
-    is not detected.
+    The degree of a product is the sum of the degrees, and that of a sum is the larger one.
+    Cancellation is not detected.
     """
     degrees = np.zeros(Q.sz_w())
     largest = 0.0

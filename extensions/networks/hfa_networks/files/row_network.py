@@ -1,7 +1,8 @@
 """A chain of linear layers on many rows at once: products of matrices in NumPy.
 
-A row of a network of 256 x 256 costs some microseconds so, and a hundred one by one. Such a wide
-one is computed in single precision, as it was trained and as it flies; others in double.
+On many rows a network of 256 x 256 takes some microseconds for each row. One row alone takes a
+hundred. Such a wide network is computed in single precision, as it was trained and as it flies.
+Others are computed in double precision.
 """
 
 from __future__ import annotations

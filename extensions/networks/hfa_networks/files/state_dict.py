@@ -1,6 +1,6 @@
 """The tensors of a state dict by function: layers, a normalizer before them, a squash after them.
 
-Checkpoints of rsl_rl, rl_games, skrl and CleanRL hold more than layers. The names of the tensors
+Checkpoints of rsl_rl, rl_games, skrl and CleanRL contain more than layers. The names of the tensors
 identify the library. Any other tensor that may act on the network is refused by its name.
 """
 
@@ -57,10 +57,10 @@ class Parts(NamedTuple):
     """Network of a part of a state dict, with the remaining tensors.
 
     layers: tensors of its layers.
-    normalizer: before the first layer, or None for none.
-    squash: behind the last layer, or None for none.
-    others: tensors that belong to none of these, and to nothing that is known not to act.
-    unused: tensors that do not act on a policy by their names, but may do so by their sizes.
+    normalizer: normalizer before the first layer, or None.
+    squash: squash behind the last layer, or None.
+    others: tensors of unknown function.
+    unused: tensors that by their names do not act on a policy, but by their sizes may do so.
     """
 
     layers: dict[str, np.ndarray]
@@ -160,13 +160,13 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
     """Raise BadInputError for further tensors that may act on the inputs or outputs of a network.
 
-    others: tensors of a state dict that belong to none of the networks that are read.
-    unused: named as tensors of a critic or of the standard deviation of an action.
-    takes, gives: number of inputs and of outputs of the network.
+    others: tensors of a state dict that belong to none of the networks that are read
+    unused: tensors named as those of a critic or of the standard deviation of an action
+    takes, gives: number of inputs and of outputs of the network
 
-    Other linear layers are another network, unless their sizes fit before, after or in parallel to
-    this one. Of the unused tensors, layers with one output are a critic, and a standard deviation
-    has the size of the outputs.
+    Other linear layers belong to another network, unless their sizes fit before, after or in
+    parallel to this one. Of the unused tensors, layers with one output are a critic. A tensor of
+    the size of the outputs is a standard deviation.
     """
     chains: dict[str, list[tuple[str, np.ndarray]]] = {}
     tensors = {**others, **unused}
@@ -247,7 +247,7 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """Return the normalizer that a module is, or None for an unknown one."""
+    """Return the normalizer of a module, or None where the module is of an unknown kind."""
     for names, module, mean, divisor in _NORMALIZERS:
         if group.keys() == names and stem.endswith(module):
             deviation, clip = divisor(group)

@@ -131,9 +131,11 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 
 
 def refuse_pickle_bomb(content: bytes) -> None:
-    """Raise BadInputError where reading a pickle would take more memory than its bytes, because it
-    numbers more objects than it has bytes, or has more steps than a policy needs. Hashing tuples
-    nested so deeply would end the process."""
+    """Raise BadInputError where reading a pickle would take more memory than its bytes.
+
+    Such a pickle numbers more objects than it has bytes, or has more steps than a policy needs.
+    Hashing tuples nested so deeply would end the process.
+    """
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
             raise BadInputError("it is damaged: its pickle has more objects than bytes")
@@ -143,10 +145,12 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def _refuse_shared_tuples(content: bytes) -> None:
-    """Raise BadInputError where a tuple has more leaves than `_MOST_STEPS`, counting shared ones at
-    each use: as the key of a dictionary it is hashed while the pickle is read.
+    """Raise BadInputError where a tuple has more leaves than `_MOST_STEPS`, counting shared ones
+    repeatedly.
 
-    The leaves of everything on the stack of the pickle are followed, without making anything."""
+    Such a tuple, as the key of a dictionary, is hashed while the pickle is read. The leaves of
+    everything on the stack of the pickle are counted without creating an object.
+    """
     stack: list[int] = []
     marks: list[int] = []
     memory: dict[Any, int] = {}
@@ -174,8 +178,10 @@ def _refuse_shared_tuples(content: bytes) -> None:
 
 
 def refuse_shared(stored: Any) -> None:
-    """Raise BadInputError where the content of a pickle has more leaves than `_MOST_STEPS`,
-    counting shared ones at each use: 32 lists that each contain the next one twice have 2^32."""
+    """Raise BadInputError where the content of a pickle has more leaves than `_MOST_STEPS`.
+
+    Shared leaves count at each use: 32 lists that each contain the next one twice have 2^32 leaves.
+    """
     counts: dict[int, int] = {}
     waiting = [stored]
     while waiting:
@@ -229,7 +235,7 @@ class _Restricted(pickle.Unpickler):
 
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
-    """Raise BadInputError where the members are larger together than a file may be."""
+    """Raise BadInputError where the members together are larger than a file may be."""
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
         raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
 

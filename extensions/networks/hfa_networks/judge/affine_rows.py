@@ -47,10 +47,12 @@ class Node(NamedTuple):
 def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
     """Return the row of each output of x -> y, and the nodes in these rows.
 
-    Products of polynomials of the inputs, up to a degree, are combinations of monomials, each a
-    node: common terms of two polynomials cancel. Raises NotReadError where the function has
-    operations other than +, -, *, division by a constant, powers, tanh, min, max, |t|, sign and
-    comparisons. The expression is that which CasADi has simplified when it was built.
+    Products of polynomials of the inputs, up to a degree, are combinations of monomials. Each
+    monomial is a node, so that common terms of two polynomials cancel. The expression is the one
+    that CasADi has simplified when it was built.
+
+    Raises NotReadError where the function has operations other than +, -, *, division by a
+    constant, powers, tanh, min, max, |t|, sign and comparisons.
     """
     if function.n_instructions() > _INSTRUCTIONS:
         raise NotReadError
@@ -141,7 +143,7 @@ class _Reader:
         return {self._node("step", row): _ONE}
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
-        """Return whether a row is the step of some t, and another that and the step of -t."""
+        """Return whether one row is the step of some t, and another the step of -t."""
         others = _plus(total, step, -_ONE)
         arguments = []
         for row in (step, others):

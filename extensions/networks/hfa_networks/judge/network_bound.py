@@ -21,8 +21,9 @@ class Proof(NamedTuple):
     """Proved bound on the errors of a network.
 
     what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
-    error: proved upper bound, relative as searched, ...
-    fraction: ... at any state |z_i| <= fraction b_i of the box, or 0 where nothing is proved.
+    error: proved upper bound of the relative error.
+    fraction: factor on the half-widths b_i of the box in which the bound holds, or 0 where nothing
+        is proved.
     boxes: number of boxes in the subdivision.
     beyond: a state (n,) with a larger error, which ended the proof, or None without one.
     is_of_all: whether it covers all errors that are compared.
@@ -37,7 +38,7 @@ class Proof(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Part of the box on which it is proved, in words, never too large."""
+        """Part of the box on which the bound is proved, in words. It is never too large."""
         if self.fraction == 1.0:
             return "in the box"
         return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
@@ -51,11 +52,11 @@ def prove(
     seconds: float,
     progress: Progress | None = None,
 ) -> Proof | None:
-    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`, or None
-    where the function has operations without a bound.
+    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`.
 
     A box that is not bounded by the limit is halved across the input that contributes most to the
-    width of its bound. Boxes nearest to z = 0 come first, so the fraction grows.
+    width of its bound. Boxes nearest to z = 0 come first, so the fraction grows. The result is None
+    where the function has operations without a bound.
     """
     y = ca.SX.sym("y", len(b))
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
@@ -96,8 +97,10 @@ def prove(
 def _halves(
     centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return both halves of each box, across the input with the largest gap, the widest where all
-    are equal."""
+    """Return both halves of each box, across the input with the largest gap.
+
+    Where all gaps are equal the widest input is chosen.
+    """
     boxes = np.arange(len(centres))
     # where nothing is known of the gaps, as without a bound, the widest input
     known = np.all(np.isfinite(gaps), axis=1) & np.any(gaps > 0.0, axis=1)

@@ -46,11 +46,11 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class Flown(NamedTuple):
-    """Results of flights of a network from the box; the names are those of the JSON.
+    """Results of flights of a network from the box, with the names of the JSON.
 
     flights: number of initial conditions, or 0 where the linear loop is unstable.
-    cost_lost_flown_percent: beyond V*, at most.
-    cost_lost_flown_mean_percent: on average.
+    cost_lost_flown_percent: largest cost beyond V*.
+    cost_lost_flown_mean_percent: mean cost beyond V*.
     rest_point: (n,), the equilibrium of the linear loop, or None without one.
     reach: the largest multiple of the box from which it converges, on the linear plant.
     reach_nonlinear: that multiple on the nonlinear plant, or None without one.
@@ -152,8 +152,10 @@ class InTime:
 
 
 class InSteps:
-    """Plant x⁺ = A x + B u + E w in discrete time, with J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u -
-    u*)."""
+    """Plant x⁺ = A x + B u + E w in discrete time.
+
+    J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*).
+    """
 
     def __init__(self, exact: DiscreteSolution) -> None:
         step = exact.game
@@ -218,10 +220,11 @@ def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.nda
 
 
 class _FlowLoop:
-    """Loop z' = rates(z), cost' = running(z), with CasADi expressions of z (n,), integrated by
-    LSODA.
+    """Loop z' = rates(z), cost' = running(z), integrated by LSODA.
 
-    rest: its equilibrium near z = 0, or None without one.
+    rates and running are CasADi expressions of z (n,).
+
+    rest: its equilibrium near z = 0, or None without one
     """
 
     def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
@@ -233,7 +236,7 @@ class _FlowLoop:
         self._bound = self._slopes_of(0.0)
 
     def with_cost(self, running: Expression) -> _FlowLoop:
-        """Return the loop with a cost; running(z) is 0 at the equilibrium."""
+        """Return the loop with a cost. running(z) is 0 at the equilibrium."""
         self._bound = self._slopes_of(running(self._z))
         return self
 
@@ -279,11 +282,11 @@ class _FlowLoop:
 class _StepLoop:
     """Loop x⁺ = after(x) with the cost αᵏ paid(x) of step k.
 
-    expressions: x, after and paid, of CasADi.
+    expressions: CasADi expressions of x, after and paid.
     P: (n, n), of V*.
     sums: α, and the steps of a flight.
     rest: its equilibrium near x = 0, or None without one.
-    by_exact: (n, n), where the exact loop is after as many steps.
+    by_exact: (n, n), matrix from the initial state to that of the exact loop after as many steps.
     """
 
     def __init__(
@@ -307,8 +310,10 @@ class _StepLoop:
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """Return the end state minus the equilibrium, and the cost, or None if the flight does not
-        converge. It converges if V* about the equilibrium decreases to `RETURNED`, or to twice the
-        remainder of the exact policy after as many steps.
+        converge.
+
+        It converges if V* about the equilibrium decreases to `RETURNED`, or to twice the remainder
+        of the exact policy after as many steps.
         """
         if self.rest is None:
             return None
@@ -325,8 +330,10 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return z (n,) with rates(z) = 0 near 0, by Newton's method, or None where none is found
-    within `_FARTHEST_REST` boxes."""
+    """Return z (n,) with rates(z) = 0 near 0, by Newton's method.
+
+    The result is None where none is found within `_FARTHEST_REST` boxes.
+    """
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
     point = np.zeros(len(b))
     for _ in range(_NEWTON_STEPS):
@@ -362,10 +369,11 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> Flown:
-    """Simulate flights of a network from the box |z_i| <= b_i, if its numbers are finite and its
-    linear loop is stable.
+    """Simulate flights of a network from the box |z_i| <= b_i.
 
-    plant: nonlinear plant of a critic in continuous time, for further flights.
+    No flight is simulated if its numbers are not finite or its linear loop is unstable.
+
+    plant: nonlinear plant of a critic in continuous time, for further flights
     """
     if not critic.finite or not axis.is_stable(critic.K):
         return Flown()
@@ -387,12 +395,13 @@ def fly(
 def flown_losses(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
 ) -> np.ndarray:
-    """Return the cost of u(z) above that of u*, percent of V*, from each initial condition in the
-    box: (flights,); all inf where one does not converge.
+    """Return the cost of u(z) above that of u*, percent of V*, from each initial condition,
+    (flights,).
 
-    The flights are simulated under the worst disturbance of the exact policies (`TimeAxis`). The
-    cost after the end is that of the linear loop. A policy with an equilibrium off the trim is
-    judged by its flight to this equilibrium, where its u - u* is subtracted.
+    All are inf where one flight does not converge. The flights are simulated under the worst
+    disturbance of the exact policies (`TimeAxis`). The cost after the end is that of the linear
+    loop. A policy with an equilibrium off the trim is judged by its flight to this equilibrium,
+    where its u - u* is subtracted.
     """
     remaining = axis.remaining_cost(critic.K)
     if remaining is None:
@@ -409,8 +418,9 @@ def flown_losses(
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-    """Return initial conditions in the box |z_i| <= b_i, (count, n); every other one is a
-    corner."""
+    """Return initial conditions in the box |z_i| <= b_i, (count, n). Every other one is a
+    corner.
+    """
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
     return starts * b

@@ -1,8 +1,8 @@
-"""A critic that is a nonlinear function of the state: its errors searched and proved over a box of
-states, and simulated from there.
+"""Errors of a critic that is a nonlinear function of the state, searched and proved over a box.
 
-The search returns a lower bound of the largest error, the proof an upper bound. Errors over a box
-of states are the same in continuous time and in steps; a `TimeAxis` simulates it.
+The search returns a lower bound of the largest error, the proof an upper bound. The critic is also
+flown from states of the box. Errors over a box of states are equal in continuous time and in steps.
+A `TimeAxis` simulates the critic.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Findings(NamedTuple):
 class Comparison(NamedTuple):
     """Comparison of a network with the exact solution over a box of states.
 
-    weights: (m,), of the inputs relative to each other: the roots of their prices.
+    weights: (m,), roots of the prices of the inputs, by which they are compared with each other.
     box: b (n,), of the states |z_i| <= b_i.
     """
 
@@ -89,7 +89,8 @@ class Comparison(NamedTuple):
     @property
     def functions(self) -> dict[str, ca.Function]:
         """Return the functions that are compared: the available ones of "value", "gradient" and
-        "policy"."""
+        "policy".
+        """
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
             functions = {"gradient": self.critic.gradient} | functions
@@ -100,8 +101,8 @@ class Comparison(NamedTuple):
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
         """Return the kind of each error, and the errors, of the symbols z.
 
-        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box; V without its
-        constant, on which no policy depends.
+        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box. V is compared
+        without its constant, on which no policy depends.
         """
         P = ca.DM(self.exact.P)
         names = []
@@ -137,8 +138,9 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Search for the errors of a network over the box |z_i| <= b_i, prove a bound, and, if its
-    linear loop is stable, simulate flights from the box.
+    """Search for the errors of a network over the box |z_i| <= b_i, and prove a bound.
+
+    If its linear loop is stable, flights from the box are simulated.
     """
     about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
     origin, worst, proof = _searched_and_proved(about, limit, scope)
@@ -157,11 +159,12 @@ def findings(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Return the result of `search`, and a proof: of the limit for all errors where no larger one
-    is found, else of `_MARGIN` times the error of the policy.
+    """Return the result of `search`, and a proof.
 
-    A larger error found by the proof begins another search. Only functions that are graphs of
-    scalars are proved, whose operations are bounded one by one.
+    The proof is of the limit for all errors where no larger one is found. Otherwise it is of
+    `_MARGIN` times the error of the policy. A larger error found by the proof begins another
+    search. Only functions that are graphs of scalars are proved, because their operations are
+    bounded one by one.
     """
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
@@ -215,8 +218,8 @@ def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tu
     """Return the largest error at the origin, and those found over the box |z_i| <= b_i.
 
     L-BFGS-B climbs each error from the `CLIMBS` worst corners and the `CLIMBS` worst others of
-    `STARTS` states, of a wide network from the worst state alone, and from the state `also` (n,).
-    All errors are compared at all states that any climb reaches.
+    `STARTS` states, and from the state `also` (n,). For a wide network it climbs from the worst
+    state alone. All errors are compared at all states that any climb reaches.
     """
     b = about.box
     z = about.critic.symbols
@@ -256,8 +259,9 @@ def _sizes(values: ca.DM) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function (weights, y) -> local maximum of weights'errors(b y), |y_i| <= 1, uphill
-    from y."""
+    """Return the function (weights, y) -> local maximum of weights'errors(b y), |y_i| <= 1,
+    from y.
+    """
     from scipy.optimize import minimize
 
     w = type(z).sym("w", errors.numel())
@@ -284,8 +288,10 @@ def _climber(
 def network_section(
     critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
 ) -> Section:
-    """Return the section on a network: its layers, one value for comparison, and the errors found
-    and proved."""
+    """Return the section on a network: its layers, one value for comparison, and its errors.
+
+    The errors are those found and those proved.
+    """
     outputs = [name for name in FUNCTIONS if name in critic.network]
     if "V" in outputs:
         outputs.remove("gradient")  # its derivative

@@ -1,15 +1,16 @@
 """Bounds of a function over boxes of its inputs by linear relaxation, rounding included.
 
-Over a box each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, t the
-rows of its arguments. Put in from the last node to the first, they leave each output as a row of
-the inputs, e = l'y + l0 ± r (DeepZ: Singh et al., NeurIPS 2018; CROWN: Zhang et al., NeurIPS 2018).
+Over a box each node v of `affine_rows` lies between two parallel lines, v = Σ α t + c ± ρ, with t
+the rows of its arguments. When these are substituted from the last node to the first, each output
+becomes a row of the inputs, e = l'y + l0 ± r (DeepZ: Singh et al., NeurIPS 2018; CROWN: Zhang et
+al., NeurIPS 2018).
 
-Rounding. In doubles, a sum of N products in any order is off by at most γ_N = N u / (1 - N u) times
-the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms, Section
-3.1); the double of a coefficient is within u of the rational. The contribution of a node with the
-coefficient M to a row is at most |M| (Σ |α| S + |c|) in size, S = Σ |w_j| max |v_j| over the row w
-of its argument. So ρ is taken larger by γ (Σ |α| S + |c|), every row begins with r = γ S of its
-own, and γ is that of four times as many terms and nodes as there are.
+Rounding. In doubles, the error of a sum of N products in any order is at most γ_N = N u / (1 - N u)
+times the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms,
+Section 3.1). The double of a coefficient is within u of the rational. The contribution of a node
+with the coefficient M to a row is at most |M| (Σ |α| S + |c|) in size, S = Σ |w_j| max |v_j| over
+the row w of its argument. Therefore ρ is enlarged by γ (Σ |α| S + |c|), and every row begins with
+its own r = γ S. γ is that of four times the number of terms and nodes.
 """
 
 from __future__ import annotations
@@ -113,15 +114,20 @@ def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return bounds of the step: 1 for t > 0, 0 for t < 0, and any number between where 0 is in the
-    range."""
+    """Return bounds of the step, which is 1 for t > 0 and 0 for t < 0.
+
+    Where 0 is in the range, the step is any number between 0 and 1.
+    """
     is_open = (low <= 0.0) & (high >= 0.0)
     constant = np.where(is_open, 0.5, low > 0.0)
     return Lines((np.zeros_like(low),), constant, 0.5 * is_open, np.ones_like(low))
 
 
 def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return linear bounds of the squares t² from t² = 2 m t - m² + (t - m)², for any m."""
+    """Return linear bounds of the squares t².
+
+    They follow from t² = 2 m t - m² + (t - m)², for any m.
+    """
     middle = 0.5 * (low + high)
     width = np.maximum(high - middle, middle - low)
     half = 0.5 * width * width
@@ -133,8 +139,10 @@ def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _product_lines(
     low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray
 ) -> Lines:
-    """Return linear bounds of the products s t from s t = n s + m t - m n + (s - m) (t - n), for
-    any m and n."""
+    """Return linear bounds of the products s t.
+
+    They follow from s t = n s + m t - m n + (s - m) (t - n), for any m and n.
+    """
     m = 0.5 * (low + high)
     n = 0.5 * (other_low + other_high)
     rest = np.maximum(high - m, m - low) * np.maximum(other_high - n, n - other_low)
@@ -168,8 +176,8 @@ class _Group(NamedTuple):
 class _Affine(NamedTuple):
     """Rows in terms of the inputs, (boxes, rows, ...).
 
-    spreads: of each group, which part of the radius each node is; those that are in no row are
-        missing.
+    spreads: for each group, the contribution of each node to the radius; nodes that are in no row
+        are missing.
     """
 
     slopes: np.ndarray
@@ -194,7 +202,10 @@ class Bounds(NamedTuple):
 
 
 class Relaxation:
-    """Bounds of the outputs of a function y (n,) -> e. Raises the errors of `affine_rows`."""
+    """Bounds of the outputs of a function y (n,) -> e.
+
+    Raises the errors of `affine_rows`.
+    """
 
     def __init__(self, function: ca.Function) -> None:
         rows, nodes = affine_rows(function)
