@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -31,3 +33,33 @@ def noisy_columns(
         states = flight.states[::every, list(model.states).index(name)]
         columns[name] = states + size * generator.standard_normal(len(states))
     return columns
+
+
+#: States of motion in the plane of symmetry, and the inputs that move them.
+_STATES = ("speed", "alpha", "pitch_rate", "pitch")
+_INPUTS = ("thrust", "elevator")
+
+
+def longitudinal(aircraft: Model) -> Model:
+    """Return the motion of a rigid aircraft in its plane of symmetry at constant altitude, which
+    is simulated in a fraction of the time."""
+    states, inputs = list(aircraft.states), list(aircraft.inputs)
+    held = {name: aircraft.trim.get(name, 0.0) for name in (*states, *inputs)}
+
+    def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
+        at = held | {name: getattr(x, name) for name in _STATES}
+        at |= {name: getattr(u, name) for name in _INPUTS}
+        full_x = SimpleNamespace(**{name: at[name] for name in states})
+        full_u = SimpleNamespace(**{name: at[name] for name in inputs})
+        rates, outputs = aircraft.equations(full_x, full_u, p, w)
+        return {name: rates[name] for name in _STATES}, {"gamma": outputs["gamma"]}
+
+    return Model(
+        name=aircraft.name,
+        states={name: aircraft.states[name] for name in _STATES},
+        inputs={name: aircraft.inputs[name] for name in _INPUTS},
+        equations=equations,
+        parameters=aircraft.parameters,
+        outputs={"gamma": aircraft.outputs["gamma"]},
+        trim={name: aircraft.trim[name] for name in ("speed", "gamma")},
+    )
