@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -111,12 +112,18 @@ def lower_bound(
     """
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(f"{path} bounds flights in which all inputs move; leave inputs out")
-    verified = check_cost_certificate(path, progress, problem.model)
     given = given_of(problem, "this command", {})
     for name in ("Q", "R"):
         given[name] = Given(getattr(problem, name), weights_from or f"--{name}")
+    agrees = partial(refuse_other, path, given)
+    return check_cost_certificate(path, progress, problem.model, agrees).statement
+
+
+def refuse_other(
+    path: Path, given: Mapping[str, Given], statement: CostStatement, advice: str = ""
+) -> None:
+    """Raise BadInputError where the statement of a certificate differs from the given values."""
     try:
-        compare(verified.statement.content(), COST_FIELDS, given)
+        compare(statement.content(), COST_FIELDS, given)
     except NoSolutionError as error:
-        raise BadInputError(f"{path}: {error}") from error
-    return verified.statement
+        raise BadInputError(f"{path}: {error}{advice}") from error

@@ -103,7 +103,7 @@ def within(widths: Mapping[str, float]) -> Callable[[Any, Any], bool]:
 def compare(content: Mapping[str, Any], table: FieldTable, given: Mapping[str, Given]) -> list[str]:
     """Return the subjects that the user did not give, in the order of the table.
 
-    content: content of a statement that was proved
+    content: content of a statement
     table: every field of its kind
     given: path -> the user's value
 

@@ -5,6 +5,7 @@ states and inputs at the equilibrium, and the number of boxes after which it giv
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -86,13 +87,17 @@ def check_cost(
 
 
 def check_cost_certificate(
-    path: Path, progress: Progress | None = None, model: Model | None = None
+    path: Path,
+    progress: Progress | None = None,
+    model: Model | None = None,
+    agrees: Callable[[CostStatement], object] | None = None,
 ) -> VerifiedCost:
     """Return the lower bound that a file proves.
 
     path: the certificate
     progress: called with the number of boxes
     model: the user's aircraft, for a certificate about it
+    agrees: called before the proof; raises where the statement is about other data than the user's
 
     Raises BadInputError when the file is not a certificate, was edited, or is about another model.
     Raises Rejected when entries are not understood or do not prove the statement.
@@ -100,6 +105,9 @@ def check_cost_certificate(
     content, written = read_sealed(path)
     with naming(path):
         statement, witness = read_cost(content, model)
+    if agrees is not None:
+        agrees(statement)
+    with naming(path):
         boxes = check_cost(statement, witness, progress)
     return VerifiedCost(statement, witness, boxes, written)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -13,13 +14,14 @@ from hfa.options.games import WeightOptions
 from hfa.options.request import OfModel, option
 from hfa.options.trims import AircraftOptions, OutputOptions, TrimOptions
 from hfa.output import ProgressLine, print_report, show
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import BadInputError
 from hfa_support.files import forget_read
 from trim.point.linearize import linearize
 
 if TYPE_CHECKING:
     from hfa.options.games import PlantOptions
     from hfa_boxes.check.cost_checker import VerifiedCost
+    from hfa_boxes.check.cost_statement import CostStatement
     from hfa_boxes.search.cost import CostBound
     from hfa_optimal.problem import FlightProblem
     from hfa_proof.commands.check import CheckRequest
@@ -119,7 +121,6 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
     request.refuse(("weights", "basis", "design"), "does not apply to a bound; leave it out")
     own = request.model if request.own else None
-    verified = check_cost_certificate(certificate, ProgressLine("check"), own)
     typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}
     given = {name: Given(value, f"--{name}") for name, value in typed.items()}
     if names_aircraft(cast("PlantOptions", request)):
@@ -129,7 +130,12 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
         limits = getattr(request, "limits", None)
         problem = flight_problem(aircraft, point, limits=limits)
         given |= given_of(problem, option_named, {})
-    not_given = compare(verified.statement.content(), COST_FIELDS, given)
+    not_given: list[str] = []
+
+    def agrees(statement: CostStatement) -> None:
+        not_given.extend(compare(statement.content(), COST_FIELDS, given))
+
+    verified = check_cost_certificate(certificate, ProgressLine("check"), own, agrees)
     show(checked_bound_report(verified, not_given), request)
     return 0
 
@@ -165,18 +171,14 @@ def _prove(request: CostRequest) -> int:
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
     """Return the verified bound of an earlier run. Raises BadInputError for other flights."""
     from hfa_boxes.check.cost_checker import check_cost_certificate
-    from hfa_boxes.fields import COST_FIELDS
-    from hfa_optimal.bound import given_of
-    from hfa_proof.subject import compare
+    from hfa_optimal.bound import given_of, refuse_other
 
     if not request.resume:
         return None
     assert request.output is not None
-    verified = check_cost_certificate(request.output, ProgressLine("check"), problem.model)
-    forget_read(request.output)
+    path = request.output
     given = given_of(problem, "this command", {"Q": problem.Q, "R": problem.R})
-    try:
-        compare(verified.statement.content(), COST_FIELDS, given)
-    except NoSolutionError as error:
-        raise BadInputError(f"{request.output}: {error}; write to another file") from error
+    agrees = partial(refuse_other, path, given, advice="; write to another file")
+    verified = check_cost_certificate(path, ProgressLine("check"), problem.model, agrees)
+    forget_read(path)
     return verified
