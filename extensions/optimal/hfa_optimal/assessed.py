@@ -31,12 +31,16 @@ def best_costs(
     certificate: Path | None = None,
 ) -> BestCosts:
     """Return the costs of the deployed policy and of the linear optimum relative to the best
-    flights found, from `count` seeded initial conditions in the box of an assessed trim.
+    flights.
+
+    The flights begin at `count` seeded initial conditions in the box of an assessed trim. The best
+    are those that were found.
 
     deployed: the policy with the cost that it was trained for
     certificate: file of a lower bound of the cost of these flights
 
-    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound`."""
+    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound`.
+    """
     point = assessed.point
     model = point.model
     Q, R = weights_at(deployed, point)

@@ -66,8 +66,10 @@ class PolicyFlight(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
-    """The best flight found from an initial condition to a trim within limits. It was simulated, so
-    that its cost is an upper bound of the least cost. It is not proved that no flight costs less.
+    """The best flight found from an initial condition to a trim within limits.
+
+    It was simulated, so that its cost is an upper bound of the least cost. It is not proved that no
+    flight costs less.
 
     problem: aircraft, trim, weights and limits.
     found: the flight and the proposal that it follows.
@@ -170,8 +172,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def over_bound(self) -> float | None:
-        """Cost divided by the lower bound, an upper bound of the ratio to the least cost; None
-        without a positive bound."""
+        """Cost divided by the lower bound, an upper bound of the ratio to the least cost.
+
+        It is None without a positive bound.
+        """
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
         return self.cost / self.lower_bound
@@ -182,8 +186,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return (self.found.linear, *self.others)
 
     def report(self) -> Report:
-        """Return the report: costs of the flight and of the policies, difference from the
-        optimizer's proposal, and limits."""
+        """Return the report of the costs of the flight and of the policies, and of the limits.
+
+        It states the difference from the optimizer's proposal.
+        """
         rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated("best flight found", self.saturated)]
         for flown, policy in zip(self.compared, self.policies, strict=True):
@@ -330,13 +336,16 @@ def best_flight(
     bound: str | Path | None = None,
 ) -> BestFlight:
     """Return the flight of least ∫ z'Qz + v'Rv dt that was found from an initial condition to a
-    trim, z and v the deviations from it: proposed by collocation, accepted after simulation.
+    trim.
+
+    z and v are the deviations from the trim. The flight is proposed by collocation and accepted
+    after simulation.
 
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
-    Q, R: as `hfa.game` takes them; R of the inputs that move
-    seconds: the horizon; default: so long that the end costs less than .1 %
-    inputs: the inputs that move, the others held at the trim; default: all
+    Q, R: as `hfa.game` accepts them; R of the inputs that move
+    seconds: the horizon; by default so long that the end costs less than .1 %
+    inputs: the inputs that move, the others held at the trim; by default all
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     start: the earlier name of `initial`, for one version
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound

@@ -58,8 +58,11 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """Return indices of the unknowns of the equilibrium: states, or states and inputs, in which the
-    linear model is well conditioned."""
+    """Return indices of the unknowns of the equilibrium, in which the linear model is well
+    conditioned.
+
+    They are states, or states and inputs.
+    """
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])
     scaled = both / plant.nominal[:n, None] * plant.nominal[None, : both.shape[1]]

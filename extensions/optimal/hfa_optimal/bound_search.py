@@ -23,10 +23,12 @@ def bound_search(
     progress: Progress | None = None,
     save: Callable[[CostBound], None] | None = None,
 ) -> CostSearch:
-    """Return the search for a lower bound of the cost of the flights of a problem, for initial
-    conditions in the usual box.
+    """Return the search for a lower bound of the cost of the flights of a problem.
 
-    degree, margin: degree of W, and share of the cost that W gives away
+    The initial conditions are in the usual box.
+
+    degree: degree of W
+    margin: share of the cost by which W may be lower
     seconds: processor time
     save: called with the bound after each proved piece
     """

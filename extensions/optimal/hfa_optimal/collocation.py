@@ -77,8 +77,10 @@ class Proposal(NamedTuple):
 
     @property
     def nodes(self) -> np.ndarray:
-        """Followed states (N, 1 + DEGREE, followed) at the start and the collocation points of each
-        interval."""
+        """Followed states at the start and the collocation points of each interval.
+
+        Their shape is (N, 1 + DEGREE, followed).
+        """
         start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
         before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
@@ -112,11 +114,12 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
-    """Return (N,), lengths of intervals that grow geometrically and add up to a time.
+    """Return lengths of intervals that grow geometrically and add up to a time, (N,).
 
-    fastest: 1/s, fastest mode of the linear loop; the first interval resolves it if the growth
+    fastest: 1/s, fastest mode of the linear loop. The first interval resolves it if the growth
         permits.
-    step: as in `_on_steps`."""
+    step: as in `_on_steps`.
+    """
     equal = seconds / intervals
     growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
     lengths = growth ** np.linspace(0.0, 1.0, intervals)
@@ -124,10 +127,13 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """Return (N,), lengths of the intervals between these ends, each rounded to steps of the
-    simulator, which then applies the proposed inputs; at least one step each.
+    """Return lengths of the intervals between these ends, each rounded to steps of the simulator,
+    (N,).
 
-    step: s; the last end is a whole number of steps."""
+    Each has at least one step. The simulator then applies the proposed inputs exactly.
+
+    step: s; the last end is a whole number of steps
+    """
     whole = np.round(ends / step).astype(int)
     number = np.arange(len(whole))
     whole = np.maximum.accumulate(whole - number) + number
@@ -138,8 +144,9 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 def adapted_mesh(
     proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """Return (N,), lengths of intervals in which a proposal is about equally smooth, measured by
-    the leading terms of its polynomials.
+    """Return lengths of intervals in which a proposal is about equally smooth, (N,).
+
+    Smoothness is measured by the leading terms of its polynomials.
 
     step: as in `_on_steps`
     weights: of a unit of each z, (k,), and v, (m,)
@@ -165,8 +172,9 @@ def _leading(points: np.ndarray) -> np.ndarray:
 
 
 def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the unknowns of a program in order: v at the start, then for each interval z at its
-    points and v at its end.
+    """Return the unknowns of a program in order.
+
+    v at the start is first. For each interval z at its points and v at its end follow.
 
     z: (N DEGREE, k)
     v: (N + 1, m)
@@ -214,8 +222,10 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
 
 
 class Equations(NamedTuple):
-    """Equations of an aircraft at one point and their derivatives, from a `FlightProblem`, in
-    CasADi's virtual machine or as machine code."""
+    """Equations of an aircraft at one point and their derivatives, from a `FlightProblem`.
+
+    They run in CasADi's virtual machine or as machine code.
+    """
 
     rates: ca.Function
     slopes: ca.Function
@@ -223,9 +233,11 @@ class Equations(NamedTuple):
 
     @staticmethod
     def of(problem: FlightProblem, starts: int = 1) -> Equations:
-        """Return the equations of a problem, with derivatives as machine code if it pays for a
-        number of initial conditions. The rates stay in CasADi, which cannot differentiate machine
-        code."""
+        """Return the equations of a problem, with derivatives as machine code if it pays.
+
+        The number of initial conditions decides. The rates stay in CasADi, which cannot
+        differentiate machine code.
+        """
         slopes, curvature = problem.slopes, problem.curvature
         if starts >= _MACHINE_CODE_STARTS:
             slopes, curvature = machine_code(slopes), machine_code(curvature)

@@ -211,8 +211,10 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """Return the half-widths (k,) of the initial-condition box, inside the limits: usual deviations
-    for the HFA, the box of `hfa assess` for other aircraft."""
+    """Return the half-widths (k,) of the initial-condition box, inside the limits.
+
+    They are usual deviations for the HFA, and the box of `hfa assess` for other aircraft.
+    """
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
     half = start_box(problem.model, problem.point) if box is None else box.half_widths
@@ -228,9 +230,12 @@ def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
 def drawn_starts(
     problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return (count, k), initial conditions in a box; the first are the same whatever the count.
+    """Return initial conditions in a box, (count, k).
 
-    box: (k,), half-widths, reduced to the limits; default: the usual box"""
+    The first ones do not depend on the count.
+
+    box: (k,), half-widths, reduced to the limits; by default the usual box
+    """
     rng = np.random.default_rng(seed)
     half = usual_box(problem) if box is None else _inside(problem, box)
     return half * rng.uniform(-1.0, 1.0, (count, len(problem.states)))
@@ -243,8 +248,10 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """Return the best flights from initial conditions (N, k), and those of policies. After Ctrl-C
-    only the finished ones are returned."""
+    """Return the best flights from initial conditions (N, k), and those of policies.
+
+    After Ctrl-C only the finished ones are returned.
+    """
     done: list[StartFlights] = []
     with interruption() as asked:
         for start in starts:
@@ -261,8 +268,10 @@ def starts_table(
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
-    """Return the best flight from an initial condition z, (k,), and the flights of policies, also
-    where no best flight was found."""
+    """Return the best flight from an initial condition z, (k,), and the flights of policies.
+
+    The flights of policies are also returned where no best flight was found.
+    """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))
     linear_cost = float(start @ problem.P @ start)

@@ -56,7 +56,7 @@ def drawn(
 
 
 def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
-    """Draw a signal in all flights, with its limits; the view fits the flights that converge."""
+    """Draw a signal in all flights, with its limits. The view fits the flights that converge."""
     model = problem.model
     unit = model.unit(name)
     limits = model.limits[name]

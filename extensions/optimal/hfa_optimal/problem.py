@@ -38,8 +38,9 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FlightProblem:
-    """Problem of the least ∫ z'Qz + v'Rv dt of flights to a trim within limits, with z and v the
-    deviations of linear-model states and moved inputs from the trim.
+    """Problem of the least ∫ z'Qz + v'Rv dt of flights to a trim within limits.
+
+    z and v are the deviations of linear-model states and moved inputs from the trim.
 
     linear: the linear model at the trim, with the moved inputs alone.
     Q: (k, k).
@@ -110,8 +111,10 @@ class FlightProblem:
         return [names.index(name) for name in self.followed]
 
     def padded(self, z: np.ndarray) -> np.ndarray:
-        """Return the followed states: z (..., k) with the carried states at their trim, others
-        unchanged."""
+        """Return the followed states of z (..., k), with the carried states at their trim.
+
+        Followed states are returned unchanged.
+        """
         missing = len(self.followed) - z.shape[-1]
         return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
 
@@ -143,18 +146,23 @@ class FlightProblem:
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lowest and highest deviations of the followed states in a proposal: the limits
-        of a flight, moved toward the trim by the fraction `margin` unless the start is beyond.
+        """Return the lowest and highest deviations of the followed states in a proposal.
 
-        start: initial deviations of the followed states"""
+        They are the limits of a flight, moved toward the trim by the fraction `margin` unless the
+        start is beyond.
+
+        start: initial deviations of the followed states
+        """
         lowest, highest = self.state_limits
         lowest = np.minimum((1.0 - margin) * lowest, start)
         return lowest, np.maximum((1.0 - margin) * highest, start)
 
     @cached_property
     def rates(self) -> ca.Function:
-        """Function (followed states, v) -> rates of the followed states, all in nominal sizes;
-        inputs that do not move are held at the trim."""
+        """Function (followed states, v) -> rates of the followed states, all in nominal sizes.
+
+        Inputs that do not move are held at the trim.
+        """
         of_states, of_inputs = self.sizes
         both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
         X = [ca.SX(value) for value in self.point.states]
@@ -175,8 +183,9 @@ class FlightProblem:
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """Function `rates` for the optimizer, a smooth copy for an aircraft with tables or
-        kinks."""
+        """Function `rates` for the optimizer: a smooth copy for an aircraft with tables or
+        kinks.
+        """
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -207,7 +216,7 @@ class FlightProblem:
         return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Q, R and P of the followed states and v in nominal sizes; carried states cost nothing."""
+        """Q, R and P of the followed states and v in nominal sizes. Carried states cost nothing."""
         of_states, of_inputs = self.sizes
         of_both = np.outer(of_states, of_states)
         carried = [(0, len(self.carried))] * 2
@@ -215,9 +224,12 @@ class FlightProblem:
         return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """Return an initial condition by name, or another trim, as z, (k,). Raises BadInputError
-        for an unknown name, for a number that is not finite, outside the limits, at the trim
-        itself, and for a trim that no flight reaches."""
+        """Return an initial condition by name, or another trim, as z, (k,).
+
+        Raises BadInputError for an unknown name and for a number that is not finite. Raises
+        BadInputError for a point outside the limits, for the trim itself, and for a trim that no
+        flight reaches.
+        """
         z = self._deviations_of(start)
         if not z.any():
             raise BadInputError("the initial condition is the final trim; give one off the trim")
@@ -300,12 +312,13 @@ def flight_problem(
 ) -> FlightProblem:
     """Return the problem of flights of a model to a trim.
 
-    Q, R: as `hfa.game` takes them, R of the moved inputs.
-    inputs: the inputs that move, the others held at their trim; default: all.
+    Q, R: as `hfa.game` accepts them, R of the moved inputs.
+    inputs: the inputs that move, the others held at their trim; by default all.
     limits: state -> (lowest, highest) in place of the flight envelope's.
 
     Raises BadInputError for names and weights that do not fit. Raises NoSolutionError where the
-    linear model at the trim cannot be stabilized at a finite cost."""
+    linear model at the trim cannot be stabilized at a finite cost.
+    """
     point.refuse_other(model)
     linear = linearize(model, point)
     if inputs is not None:
@@ -322,8 +335,10 @@ def named_initial(
     initial: Mapping[str, float] | OperatingPoint | None,
     start: Mapping[str, float] | OperatingPoint | None,
 ) -> Mapping[str, float] | OperatingPoint:
-    """Return the argument `initial`, or `start` of earlier versions. Raises BadInputError unless
-    exactly one is given."""
+    """Return the argument `initial`, or `start` of earlier versions.
+
+    Raises BadInputError unless exactly one is given.
+    """
     if (initial is None) == (start is None):
         raise BadInputError(
             "give one initial condition: initial={state: deviation from the trim}, or another trim"

@@ -57,8 +57,10 @@ _HELD = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
-    """The quickest flight found from an initial condition to a trim within limits. It was
-    simulated; its time is an upper bound of the least time. It is not proved that none is quicker.
+    """The quickest flight found from an initial condition to a trim within limits.
+
+    It was simulated, so that its time is an upper bound of the least time. It is not proved that no
+    flight is quicker.
 
     problem: aircraft, target and limits.
     proposal: the flight of the optimizer, which is followed.
@@ -233,17 +235,18 @@ def quickest_flight(
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, Any] | None = None,
 ) -> QuickestFlight:
-    """Return the quickest flight that was found from an initial condition to a trim: proposed by
-    collocation, accepted if the simulated flight arrives too.
+    """Return the quickest flight that was found from an initial condition to a trim.
+
+    The flight is proposed by collocation. It is accepted if the simulated flight arrives too.
 
     initial: another trim, or state of the linear model -> deviation from the trim
-    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` takes them
-    inputs: the inputs that move, the others held at the trim; default: all
+    Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them
+    inputs: the inputs that move, the others held at the trim; by default all
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     start: the earlier name of `initial`, for one version
 
-    Raises BadInputError for unknown names and an initial condition outside the limits.
-    Raises NoSolutionError with the reason if no flight was found or the simulation refutes it.
+    Raises BadInputError for unknown names and an initial condition outside the limits. Raises
+    NoSolutionError with the reason if no flight was found or the simulation refutes it.
 
     >>> import hfa
     >>> cart = hfa.Model(
@@ -305,8 +308,10 @@ def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> 
 
 
 def _from_guesses(program: TimeProgram, z: np.ndarray, v: np.ndarray, horizon: float) -> Proposal:
-    """Return the quickest proposal from straight lines to the trim. Raises NoSolutionError if none
-    is feasible."""
+    """Return the quickest proposal from straight lines to the trim.
+
+    Raises NoSolutionError if none is feasible.
+    """
     count = program.intervals
     inside = ((np.arange(count)[:, None] + collocation_points()[1:]) / count).ravel()
     states = program.problem.padded((1.0 - inside)[:, None] * z).reshape(count, DEGREE, -1)

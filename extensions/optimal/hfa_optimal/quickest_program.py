@@ -82,8 +82,10 @@ class TimeProgram:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver (guess, parameters, bounds) -> solution; the last unknown is the time
-        relative to that of the guess."""
+        """IPOPT solver (guess, parameters, bounds) -> solution.
+
+        The last unknown is the time relative to that of the guess.
+        """
         problem = self.problem
         k, m, N = len(problem.followed), len(problem.inputs), self.intervals
         points = N * DEGREE

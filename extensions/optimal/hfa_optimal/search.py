@@ -170,8 +170,10 @@ class BestFlights:
         return ""
 
     def horizon(self, start: np.ndarray) -> float:
-        """Return the time, s, after which the remaining cost of the linear loop is negligible, with
-        a margin."""
+        """Return the time, s, after which the remaining cost of the linear loop is negligible.
+
+        It includes a margin.
+        """
         P = self.problem.P
         slowest = -float(np.linalg.eigvals(self._loop).real.max())
         step = 0.25 / slowest
@@ -187,8 +189,11 @@ class BestFlights:
         return 1.2 * count * step
 
     def _refined(self, seconds: float, linear: Flown, proposals: Mapping[str, Proposal]) -> Found:
-        """Return the best simulated flight of a horizon: the cheapest proposals are refined on
-        twice as many intervals, and the cheapest that the simulation confirms is returned."""
+        """Return the best simulated flight of a horizon.
+
+        The cheapest proposals are refined on twice as many intervals. The cheapest that the
+        simulation confirms is returned.
+        """
         finer = {}
         for name in _distinct(proposals):
             proposal = self._finer(2 * INTERVALS, proposals[name], MARGIN)
@@ -209,12 +214,14 @@ class BestFlights:
     def _confirmed(
         self, seconds: float, meshes: dict[int, float], best: Proposal
     ) -> tuple[Flown, Proposal, dict[int, float]]:
-        """Return the flight of a proposal, the followed proposal, and its meshes. The mesh is
-        refined until the costs of two meshes and of the flight agree.
+        """Return the flight of a proposal, the followed proposal, and its meshes.
+
+        The mesh is refined until the costs of two meshes and of the flight agree.
 
         meshes: intervals -> cost so far
 
-        Raises NoSolutionError with the reason if the last ones do not agree."""
+        Raises NoSolutionError with the reason if the last ones do not agree.
+        """
         agreed = None
         intervals = len(best.lengths)
         for _ in range(_DIVISIONS):
@@ -259,8 +266,10 @@ class BestFlights:
         return "".join(texts)
 
     def _flown(self, best: Proposal, seconds: float, factor: float) -> tuple[Flown, Proposal]:
-        """Return the flight of a proposal, or, if it leaves the limits, of a proposal farther
-        inside them by a factor, and the followed proposal."""
+        """Return the flight of a proposal and the followed proposal.
+
+        If the flight leaves the limits, a proposal farther inside them by a factor is followed.
+        """
         flown = self.flights.follow(best, (1.0 + AFTER) * seconds)
         if flown.departure is None:
             return flown, best
@@ -272,9 +281,11 @@ class BestFlights:
     def _from_guesses(
         self, start: np.ndarray, seconds: float, linear: Flown
     ) -> dict[str, Proposal]:
-        """Return guess -> proposal on the coarsest mesh for the guesses that IPOPT solves, with
-        more guesses if the first ones lead to different optima. Raises NoSolutionError if it solves
-        none."""
+        """Return guess -> proposal on the coarsest mesh for the guesses that IPOPT solves.
+
+        More guesses are used if the first ones lead to different optima. Raises NoSolutionError if
+        IPOPT solves none.
+        """
         first = {
             "linear loop": self._linear_guess(start),
             "slow decay": self._decay(start, 3.0 / seconds),
@@ -329,8 +340,10 @@ class BestFlights:
         return proposals
 
     def _finer(self, intervals: int, guess: Proposal, margin: float) -> Proposal:
-        """Return the proposal on a finer mesh that begins from a coarser one, or on an unadapted
-        mesh if IPOPT does not solve it."""
+        """Return the proposal on a finer mesh that begins from a coarser one.
+
+        If IPOPT does not solve it, the proposal is on an unadapted mesh.
+        """
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = _sampled(guess.at, lengths)
@@ -355,7 +368,7 @@ class BestFlights:
         return mesh(seconds, intervals, fastest, self.flights.step)
 
     def _linear_guess(self, start: np.ndarray) -> Guess:
-        """Return the guess of the linear loop without limits, its inputs clipped."""
+        """Return the guess of the linear loop without limits. Its inputs are clipped."""
 
         def guess(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             z = exponentials(self._loop * times[:, None, None]) @ start

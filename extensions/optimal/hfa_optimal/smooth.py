@@ -44,7 +44,7 @@ class _Kink:
     """Smoothing of a kink at argument 0.
 
     width: half-width, or 0 where it stays sharp.
-    levels: the two values of an argument that has no others; None of one that varies.
+    levels: the two values of an argument that has no others, or None for an argument that varies.
     """
 
     width: float
@@ -67,10 +67,13 @@ class _Kink:
         return _Kink(width)
 
     def step(self, argument: ca.SX, otherwise: ca.SX) -> tuple[ca.SX, bool]:
-        """Return 1 where the argument is positive, 0 where it is negative, a blend within the
-        width, and whether the result is smooth.
+        """Return 1 where the argument is positive, 0 where it is negative, and a blend within the
+        width.
 
-        otherwise: result of the comparison, for a sharp kink"""
+        Whether the result is smooth is returned too.
+
+        otherwise: result of the comparison, for a sharp kink
+        """
         if self.levels is not None:
             low, high = self.levels
             if low < 0.0 < high:
@@ -82,8 +85,10 @@ class _Kink:
         return 0.5 + t * (15.0 - t**2 * (10.0 - 3.0 * t**2)) / 16.0, True
 
     def size(self, argument: ca.SX) -> ca.SX:
-        """Return the absolute value of the argument, a twice differentiable polynomial within the
-        width."""
+        """Return the absolute value of the argument.
+
+        Within the width it is a twice differentiable polynomial.
+        """
         sharp = ca.fabs(argument)
         if self.width == 0.0:
             return sharp
@@ -160,8 +165,10 @@ class _Replay:
         return middle + half if code == ca.OP_FMAX else middle - half
 
     def _chosen(self, code: int, places: list[int], operands: list[ca.SX]) -> tuple[ca.SX, bool]:
-        """Return logical operations of smooth numbers: 1 - a, a b, a + b - a b, or the branch that
-        a selects."""
+        """Return logical operations of smooth numbers.
+
+        They are 1 - a, a b, a + b - a b, or the branch that a selects.
+        """
         is_soft = [place in self.soft for place in places]
         if not any(is_soft) or (code == ca.OP_IF_ELSE_ZERO and not is_soft[0]):
             return _applied(code, operands), False

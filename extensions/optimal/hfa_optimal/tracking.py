@@ -22,8 +22,9 @@ STEPS = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingPolicy(Policy):
-    """Policy v = v*(t) - K(t) (z - z*(t)) within the input limits; z* and v* are interpolated in
-    each integration step.
+    """Policy v = v*(t) - K(t) (z - z*(t)) within the input limits.
+
+    z* and v* are interpolated in each integration step.
 
     held: rows [begin, s; (z*, v*) at the ends of the steps; K column by column].
     tick: s.
@@ -79,8 +80,10 @@ def held_size(problem: FlightProblem) -> int:
 
 
 def tracking_gains(problem: FlightProblem, proposal: Proposal) -> np.ndarray:
-    """Return K (N, m, k) of the time-varying LQR about a proposal, with the linear cost at its end
-    and the slopes in the middle of each interval."""
+    """Return K (N, m, k) of the time-varying LQR about a proposal.
+
+    The cost at its end is the linear cost. The slopes are those in the middle of each interval.
+    """
     A, B = _slopes(problem, proposal)
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     k = A.shape[1]

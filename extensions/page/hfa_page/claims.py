@@ -113,8 +113,9 @@ def load_claims(path: Path) -> Claims:
 
 
 def claims_table(claims: Sequence[dict[str, Any]]) -> Table:
-    """Return a row for each claim: its verdict, its criterion, the numbers of its law and of other
-    laws."""
+    """Return a row for each claim: its verdict, its criterion, and the numbers of its law and of
+    others.
+    """
     rows = []
     for claim in claims:
         findings = claim["findings"]

@@ -92,7 +92,8 @@ def load_flights(path: Path) -> StoredFlights:
 
 def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
     """Return a row for each angle and set of limits: the cost of each flight, also above the
-    best."""
+    best.
+    """
     header = ("dihedral, assumed limits", *_POLICIES, "best flight found")
     rows = [
         (
@@ -116,7 +117,9 @@ def _policy(flight: Mapping[str, Any]) -> Cell:
 
 
 def limits_in_words(limits: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Return each set of limits in words, all but the first by their differences from it."""
+    """Return each set of limits in words. All but the first are described by their differences from
+    it.
+    """
     sentences = []
     first: Mapping[str, Sequence[float]] = {}
     for name, pairs in limits.items():

@@ -57,7 +57,7 @@ _POLICY = (
 
 
 def main_report(job: MainJob) -> Report:
-    """Return the report below the page's slider; its data contain every number."""
+    """Return the report below the page's slider. Its data contain every number."""
     regeneration = job.regeneration.report()
     swept = job.sweep.report()
     angles = [angle_report(job, angle) for angle in job.angles]
@@ -191,8 +191,11 @@ def _model_report(job: MainJob, angle: Angle, model: LinearModel) -> Report:
 
 
 def page(job: MainJob, report: Report, origin: Provenance) -> str:
-    """Return the page as HTML: the verdict in one sentence, the aircraft with its slider and the
-    verdicts, then the folded sections of the report."""
+    """Return the page as HTML.
+
+    The verdict in one sentence comes first. The aircraft with its slider and the verdicts follow,
+    then the folded sections of the report.
+    """
     names = html.escape(json.dumps(sorted(picture.name for picture in report.pictures())))
     first, *parts = (part for part in report.parts if isinstance(part, Report))
     parts.append(Report("Provenance", (f"{origin.command}\n{origin.text()}",)))

@@ -49,7 +49,7 @@ class Angle:
     A requested angle also has the exact solution of the paper's game, and a critic learned with the
     default law and compared with it.
 
-    model, solution, check: None if not computed; `reason` says why.
+    model, solution, check: None if not computed; `reason` states why.
     """
 
     dihedral: float
@@ -77,7 +77,7 @@ def trimmed_angle(
     flight: TrimCondition,
     start: OperatingPoint | None,
 ) -> Angle:
-    """Trim and linearize at a dihedral angle, rad; without a trim the reason is kept."""
+    """Trim and linearize at a dihedral angle, rad. Without a trim the reason is kept."""
     condition = flight.at(dihedral, {"dihedral": dihedral})
     try:
         point = find_operating_point(aircraft, condition, start)
@@ -106,7 +106,8 @@ class MainJob:
     """Results for one aircraft: both printed pairs, a sweep of the dihedral angle, requested
     angles.
 
-    points: one for each angle of the sweep. claims, flights: None where none were given.
+    points: one for each angle of the sweep
+    claims, flights: None where none were given
     """
 
     aircraft: Model
@@ -141,11 +142,14 @@ def main_job(
     start: OperatingPoint | None = None,
     progress: Progress = lambda *_: None,
 ) -> MainJob:
-    """Regenerate both pairs, sweep the dihedral angle, and solve, learn and compare at each
-    requested angle (rad).
+    """Regenerate both pairs and sweep the dihedral angle.
 
-    asked: requested angles, which the sweep visits too. flight, start: the trimmed flight, as of
-    `sweep`; the printed pairs are at the paper's condition."""
+    At each requested angle (rad) the game is solved, and a critic is learned and compared.
+
+    asked: requested angles, which the sweep visits too
+    flight, start: condition and initial point of the trims, as for `sweep`; the printed pairs are
+        at the paper's condition
+    """
     aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)

@@ -1,7 +1,9 @@
 """Interactive plots of the page: Plotly figures as JSON, drawn by Plotly's own script.
 
-`front_view`: the aircraft from the front, panels, lift and weight to one scale. `locus_plot`: the
-root locus over the dihedral angle, where hovering shows angle, frequency and damping."""
+`front_view` draws the aircraft from the front, with panels, lift and weight to one scale.
+`locus_plot` draws the root locus over the dihedral angle, where hovering shows angle, frequency and
+damping.
+"""
 
 from __future__ import annotations
 
@@ -70,12 +72,12 @@ _HOVER = (
 
 @dataclass(frozen=True, eq=False)
 class InteractivePlot(Picture):
-    """Picture of one or more Plotly figures on an HTML page; elsewhere Matplotlib draws it."""
+    """Picture of one or more Plotly figures on an HTML page. Elsewhere Matplotlib draws it."""
 
     figures: tuple[PlotlyFigure, ...]
 
     def html(self) -> str:
-        """Return boxes, figures and one caption; the page itself contains Plotly's script."""
+        """Return boxes, figures and one caption. The page itself contains Plotly's script."""
         key = self.name.removesuffix(".png")
         text = html.escape(self.text)
         boxes = "".join(
@@ -108,7 +110,7 @@ def _figure(
 ) -> PlotlyFigure:
     """Return a figure with a frame for each position of the slider.
 
-    A frame contains the changes of the last traces. Background and size are those of the page; the
+    A frame contains the changes of the last traces. Background and size are those of the page. The
     legend is above.
     """
     layout = {
@@ -137,8 +139,10 @@ def _figure(
 
 
 def front_view(aircraft: Model, points: tuple[Angle, ...]) -> InteractivePlot | None:
-    """Return one drawing for all points that are trimmed, one frame each, arrows to one scale, or
-    None where none is trimmed."""
+    """Return one drawing for all points that are trimmed, with one frame each, or None without any.
+
+    All arrows have one scale.
+    """
     trims = [None if angle.model is None else angle.model.point for angle in points]
     trimmed = [point for point in trims if point is not None]
     if not trimmed:

@@ -29,7 +29,7 @@ class Actor:
 
     function: (k,) -> (m,).
     chain: description of its layers.
-    squash: whether tanh follows, mapped to the box; otherwise actions are clipped to the box.
+    squash: whether tanh follows, mapped to the box. Otherwise actions are clipped to the box.
     clip_mean: largest absolute value before tanh.
     stored: settings in the zip of Stable-Baselines3, or None for another file.
     box: lowest and highest action stored in the file, (m,) each, or None where not stored.
@@ -149,10 +149,11 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
-    """Return the gain K, (actions, observations), of an .npz file, u = -K o, or None if the file
-    has no K or is not an .npz file.
+    """Return the gain K, (actions, observations), of an .npz file, u = -K o.
 
-    Raises BadInputError where the file cannot be read or K is not a finite matrix."""
+    The result is None if the file has no K or is not an .npz file. Raises BadInputError where the
+    file cannot be read or K is not a finite matrix.
+    """
     if path.suffix.lower() != ".npz":
         return None
     with said_of(path):
@@ -179,8 +180,9 @@ def gain_function(K: np.ndarray) -> ca.Function:
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless the inputs and outputs of a policy match the deployment file's
-    numbers of observations and actions.
+    """Raise BadInputError unless the inputs and outputs of a policy match the deployment file.
+
+    The deployment file determines the numbers of observations and actions.
 
     what: name of the policy in the message
     """

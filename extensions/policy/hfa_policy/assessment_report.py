@@ -174,8 +174,10 @@ class Assessment(Result, Reported):
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """Return a sentence on the trims at which the policy holds, and on whether only the linear
-        loop was assessed."""
+        """Return a sentence on the trims at which the policy holds.
+
+        It also states whether only the linear loop was assessed.
+        """
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         judged_by = "" if self._flown else "its linear loop "
@@ -346,8 +348,10 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Return a sentence on whether every flight converges, or on how many stay inside the
-        envelope without converging."""
+        """Return a sentence on whether every flight converges.
+
+        Otherwise it states how many stay inside the envelope without converging.
+        """
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
             return "no flight was made"

@@ -44,13 +44,14 @@ class BestCosts(Result):
 
     starts: number of initial conditions.
     found: number of initial conditions with a best flight.
-    refused: number of those for which none was found, or the simulator refuted it.
+    refused: number of initial conditions for which no flight was found, or the simulator refuted
+        it.
     lost: flights of the policy from these initial conditions that left the envelope or do not end
         at the trim.
     policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
-        where none does.
-    lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where none ends
-        at the trim.
+        where no flight does.
+    lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where no flight
+        ends at the trim.
     offset_rate: cost per second of the equilibrium off the trim, or None without an equilibrium.
     brackets: one for each initial condition, or none without a certificate of a lower bound.
     """

@@ -40,9 +40,9 @@ class Flown(NamedTuple):
     """Results of the flights of one change.
 
     costs: (N,), cost of each flight.
-    kept: number that stay within the limits.
+    kept: number of flights that stay within the limits.
     back: number of these that end nearly steady near the trim.
-    into_box: number of those that end in the initial-condition box.
+    into_box: number of these that end in the initial-condition box.
     """
 
     costs: np.ndarray
@@ -138,7 +138,9 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """Gain K of u = -K x, the sampled optimum at the first trim, or None if none exists."""
+        """Gain K of u = -K x, the sampled optimum at the first trim, or None where no optimum
+        exists.
+        """
         from scipy.linalg import LinAlgError, solve_discrete_are
 
         point = self.points[0]
@@ -165,8 +167,10 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """Fly each change from initial conditions shared among the trims, with the sample time and
-        delay of the deployment unless given."""
+        """Fly each change from initial conditions shared among the trims.
+
+        The sample time and the delay are those of the deployment unless given.
+        """
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
         starts_here = sample.starts // len(self.places)
@@ -197,11 +201,14 @@ class ChangeFlights:
     def _distance_and_swing(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest deviation from the trim in the last window of each flight, and half of
-        its range, of the linear state with the largest, in half-widths of its initial-condition
-        box, (N,) each.
+        """Return the largest deviation from the trim in the last window of each flight, and half
+        its range.
 
-        owners: (N,), the number of the trim of each flight."""
+        Both are of the linear state with the largest, in half-widths of its initial-condition box,
+        (N,) each.
+
+        owners: (N,), the number of the trim of each flight.
+        """
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model
         linear = [list(model.states).index(name) for name in model.linear]

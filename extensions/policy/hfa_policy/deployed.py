@@ -1,13 +1,14 @@
 """Deployments on an aircraft, as CasADi functions of its state and input.
 
-All functions also take `trim` = (X0; U0; p), so that one compiled function serves every trim.
+All functions also have the argument `trim` = (X0; U0; p), so that one compiled function serves
+every trim.
 
     observe(X, U, trim) -> o        formulas, about and scale; U is the input that acts just before
     act(o) -> a                     o of all samples of the history, the oldest first; normalizer,
                                     clip, network, clip or squash to the box
     inputs(a, X, U, trim) -> U      maps of the actions; other inputs at the trim; within the limits
     sampled(X, U, trim, past) -> (U, past)   the three at a sample, with the earlier observations
-    command(X, U, trim) -> U        the three, where the earlier observations were the same
+    command(X, U, trim) -> U        the three, where all earlier observations equal the present one
 """
 
 from __future__ import annotations
@@ -130,8 +131,9 @@ class Deployed:
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """Raise BadInputError if an observation, the policy or a map has no finite value at a trim,
-        or an observation or a map no slope.
+        """Raise BadInputError if an observation, the policy or a map has no finite value at a trim.
+
+        Observations and maps must also have a slope.
 
         action: (m,), replaces that of a policy that is still to be trained.
         """
@@ -294,8 +296,10 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """Return the value, or NaN where the observation is NaN, which fmin and fmax of a clip or a
-    ReLU drop."""
+    """Return the value, or NaN where the observation is NaN.
+
+    fmin and fmax of a clip or a ReLU drop NaN.
+    """
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
 

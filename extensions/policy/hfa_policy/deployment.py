@@ -66,15 +66,15 @@ class Deployment(Reported):
     policy: file, normalizer, and settings that the file does not store: activation, layout, squash,
         network. Without a file the deployment describes an environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
-        network; (value - about) / scale.
+        network. The network receives (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
     timing: dt, s; delay, s, from a sample until its action moves the input; history, the number of
-        samples whose observations the policy uses, the oldest first; default 1.
+        samples whose observations the policy uses, the oldest first, by default 1.
     cost: Q of states or outputs, R of inputs, or None if unknown.
     folder: folder of relative file names.
     origin: name of its file, for messages.
 
-    Raises BadInputError for a wrong entry; `on(model)` checks the names.
+    Raises BadInputError for a wrong entry. `on(model)` checks the names.
 
     >>> import casadi as ca
     >>> import hfa
@@ -116,7 +116,7 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables; a copy, such as in another process, reads the files again."""
+        """Return the tables. A copy, such as one in another process, reads the files again."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod
@@ -154,12 +154,14 @@ class Deployment(Reported):
     @staticmethod
     @checks_arguments
     def usual(model: Model, dt: float = 0.02) -> Deployment:
-        """Return a deployment for training: all linear states are observed, as deviations from the
-        trim in nominal values, and all inputs move, by a in [-1, 1] times half their range.
+        """Return a deployment for training.
+
+        All linear states are observed, as deviations from the trim in nominal values. All inputs
+        move, by a in [-1, 1] times half their range. An input without two finite limits moves by
+        its nominal value.
 
         dt: s, between two samples
-
-        An input without two finite limits moves by its nominal value."""
+        """
         action = {}
         for name, signal in model.inputs.items():
             half = (signal.max - signal.min) / 2
@@ -302,7 +304,7 @@ class Deployment(Reported):
         return Deployed(self, model)
 
     def changed(self, **changes: Any) -> Deployment:
-        """Return the deployment with other tables; the files of the policy are not read again."""
+        """Return the deployment with other tables. The files of the policy are not read again."""
         made = replace(self, **changes)
         if "policy" not in changes:
             for name in ("actor", "normalizer"):
@@ -312,9 +314,11 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a gain K in a critic's file: u = -K x for all inputs, with x the
-    deviations of all linear states from the trim, sampled every dt seconds. Raises BadInputError
-    for another shape."""
+    """Return the deployment of a gain K in a critic's file: u = -K x for all inputs.
+
+    x are the deviations of all linear states from the trim, sampled every dt seconds. Raises
+    BadInputError for another shape.
+    """
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"
     K = stored_gain(path) if in_arrays else _gain_of_critic(path, model)
@@ -335,8 +339,11 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K of a critic's file. Raises BadInputError for a critic without K, whose
-    policy would depend on R or on a network's activation."""
+    """Return the gain K of a critic's file.
+
+    Raises BadInputError for a critic without K, whose policy would depend on R or on a network's
+    activation.
+    """
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
     plant = Game(np.eye(n), np.zeros((n, m)), np.eye(n), np.eye(n), np.eye(m), np.inf, names)

@@ -35,12 +35,12 @@ def environment(
     """Return an environment of gymnasium: an aircraft about its trims.
 
     model: the aircraft
-    deployment: observations, actions, timing and cost, or the path of a deployment file; its policy
-        may be empty. Default: `Deployment.usual(model, dt)`
+    deployment: observations, actions, timing and cost, or the path of a deployment file. Its policy
+        may be empty. The default is `Deployment.usual(model, dt)`.
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
-        scheduling variable in the units of the model, or one point; default: its own trim
-    seconds: length of an episode, after which it is truncated; it terminates earlier if the
-        aircraft leaves its limits
+        scheduling variable in the units of the model, or one point; by default its own trim
+    seconds: length of an episode, after which it is truncated. It terminates earlier if the
+        aircraft leaves its limits.
     render_mode: None or "rgb_array", the picture of the episode so far
     turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
         warning

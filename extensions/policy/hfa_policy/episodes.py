@@ -1,6 +1,6 @@
 """Simulation of many episodes of an aircraft at once.
 
-Observations, actions, timing and hold are those of a deployment file; the reward is its negative
+Observations, actions, timing and hold are those of a deployment file. The reward is its negative
 cost.
 """
 
@@ -57,9 +57,9 @@ class Stepped(NamedTuple):
 class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
-    The reward of a sample is -dt (x'Q x + u'R u) of the deployment file's Q and R: x deviations
-    from the trim at the sample, u the commanded inputs minus the trim. Without a cost Q and R are
-    1/nominal² of the linear states and the moved inputs. An episode that leaves the limits is
+    The reward of a sample is -dt (x'Q x + u'R u) of the deployment file's Q and R. x are deviations
+    from the trim at the sample, and u the commanded inputs minus the trim. Without a cost Q and R
+    are 1/nominal² of the linear states and the moved inputs. An episode that leaves the limits is
     charged that sample's cost for the rest of its time, so that leaving is never an advantage.
 
     states: (N, n), X of each episode.
@@ -79,9 +79,13 @@ class Episodes:
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
     ) -> None:
-        """Prepare `count` episodes of at most `seconds` about the trims `points`. turbulence: drawn
-        anew for each episode. Raises BadInputError if there is no trim, an action has no box, the
-        time is not a number, or the aircraft does not support turbulence."""
+        """Prepare `count` episodes of at most `seconds` about the trims `points`.
+
+        turbulence: drawn anew for each episode
+
+        Raises BadInputError if there is no trim, an action has no box, the time is not a number, or
+        the aircraft does not support turbulence.
+        """
         if not points:
             raise BadInputError("there is no trim to begin at; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
@@ -138,8 +142,10 @@ class Episodes:
         return self.samples - self._ends[:, -1].astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Restart these episodes from random initial conditions about random trims; return the
-        observations."""
+        """Restart these episodes from random initial conditions about random trims.
+
+        Return the observations.
+        """
         owners = random.integers(len(self.points), size=len(numbers))
         share = random.uniform(-1.0, 1.0, (len(numbers), len(self._linear)))
         trims = self._trims[owners]

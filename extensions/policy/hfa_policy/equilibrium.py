@@ -1,5 +1,7 @@
-"""Equilibrium of the sampled loop: X, U with f(X, U) = f(X0, U0) on the linear states and U =
-command(X, U)."""
+"""Equilibrium of the sampled loop.
+
+It consists of X and U with f(X, U) = f(X0, U0) on the linear states and U = command(X, U).
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ class Frames(NamedTuple):
     K: (m', k), -∂u/∂x by the linear states of the last sample alone.
     K_inputs: (m', m'), ∂u/∂u by the inputs before that sample.
     past: (m', p), ∂u by the earlier observations, the oldest first.
-    C: (observations, k), D: (observations, m'), of an observation by the states and inputs.
+    C: (observations, k), slopes of an observation with respect to the states.
+    D: (observations, m'), slopes of an observation with respect to the inputs.
     """
 
     K: np.ndarray
@@ -46,14 +49,14 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Equilibrium of the sampled loop; at a kink, slopes are the means of both sides.
+    """Equilibrium of the sampled loop. At a kink, slopes are the means of both sides.
 
     states: X, (n,); states outside the linear model are those of the trim.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x of the commanded inputs with respect to the linear states, all
-        samples.
+    K: (m', k), -∂u/∂x of the commanded inputs with respect to the linear states, all samples.
     K_inputs: (m', m'), ∂u/∂u of the commanded inputs with respect to the previous ones.
-    A: (k, k), B: (k, m') of the aircraft.
+    A: (k, k), of the aircraft.
+    B: (k, m'), of the aircraft.
     C: (observations, k), slopes of the observations with respect to the linear states.
     clips: descriptions of saturated actions and inputs.
     clipped_observations: saturated observations.
@@ -128,8 +131,11 @@ class EquilibriumSearch:
         return self._by_newton(z) or self._by_newton(self._least(z))
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
-        """Return the slopes (k, n) of the linear states of the equilibrium with respect to the
-        states outside the linear model, by the implicit function theorem, or 0 for the others."""
+        """Return the slopes of the linear states of the equilibrium, (k, n), by the implicit
+        function theorem.
+
+        They are slopes with respect to the states outside the linear model, and 0 for the others.
+        """
         X = equilibrium.states
         U = equilibrium.inputs
         z = np.concatenate([X, U])
@@ -145,8 +151,9 @@ class EquilibriumSearch:
         return slopes
 
     def lag(self, equilibrium: Equilibrium, drift: np.ndarray) -> np.ndarray:
-        """Return the lag (k,) of the linear states behind an equilibrium that moves with the states
-        outside the linear model, as in a climb: x' = A x + B u = drift X'.
+        """Return the lag (k,) of the linear states behind a moving equilibrium, as in a climb.
+
+        The equilibrium moves with the states outside the linear model: x' = A x + B u = drift X'.
 
         drift: result of `drift`
         """

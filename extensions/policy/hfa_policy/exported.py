@@ -27,8 +27,9 @@ POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
 
 def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return file name -> text: C of the command at a sample, with observations, normalizer, clip
-    and map.
+    """Return file name -> text: C of the command at a sample.
+
+    The command includes observations, normalizer, clip and map.
 
     origin: text on its origin
     """
@@ -91,7 +92,8 @@ def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 def _command(policy: DeployedPolicy) -> ca.Function:
     """Return the function (X, U before) -> U at its trim, or with a past (X, U before, past) -> (U,
-    o)."""
+    o).
+    """
     model = policy.deployed.model
     sampled = policy.deployed.sampled
     if not sampled.is_a("SXFunction"):

@@ -40,8 +40,8 @@ Rows = Callable[..., list[np.ndarray]]
 class Steered(NamedTuple):
     """Command at a sample in three steps, the second of which can process all flights at once.
 
-    enters: (X, U before, trim, extra[, past]) -> inputs of the network, (k,).
-    past: its earlier observations.
+    enters: (X, U before, trim, extra) -> inputs of the network, (k,). With earlier observations,
+        past is a further argument.
     network: (k,) -> (m,).
     moves: (outputs of the network, X, U before, trim, extra) -> U.
     rows: the network for many rows, or None where `network` is called for each.
@@ -89,8 +89,8 @@ class SampledFlight:
     deployed: the policy on its aircraft.
     dt, delay: s.
     parts: number of integration steps in a sample.
-    extra: number of further entries of a row, which `steered` takes after the trim.
-    other: another policy; default: the deployment.
+    extra: number of further entries of a row, which are arguments of `steered` after the trim.
+    other: another policy; by default the deployment.
     winds: disturbances of the aircraft, which follow the push in a row.
     """
 
@@ -174,8 +174,10 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """Function (row, outputs of the network) -> changed entries of the row after a sample: X,
-        memory, extremes of X and U so far, and past."""
+        """Function (row, outputs of the network) -> changed entries of the row after a sample.
+
+        They are X, memory, extremes of X and U so far, and past.
+        """
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
         _, _, low_X, high_X, low_U, high_U, *_ = self._parts(row)

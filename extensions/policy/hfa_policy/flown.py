@@ -65,7 +65,7 @@ class DeployedPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the sampler, which samples every dt; a command acts after the delay."""
+        """Return the sampler, which samples every dt. A command acts after the delay."""
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
         states = np.array(self.point.states)

@@ -1,5 +1,7 @@
-"""Formulas of a deployment file as CasADi expressions: numbers, names, + - * / ** and a few
-functions, and nothing else of Python."""
+"""Formulas of a deployment file as CasADi expressions.
+
+They consist of numbers, names, + - * / ** and a few functions, and nothing else of Python.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,9 @@ class Formula(NamedTuple):
 
 
 def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
-    """Return the formula of a text. known: the allowed names.
+    """Return the formula of a text.
+
+    known: the allowed names
 
     Raises BadInputError for an unknown name, and for text that is not a formula.
     """

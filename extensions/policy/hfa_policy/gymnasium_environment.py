@@ -21,7 +21,7 @@ _OBSERVED = np.dtype(np.float32)
 class AircraftEnvironment(gymnasium.Env):
     """An aircraft about its trims: observation, action, timing and cost as in a deployment.
 
-    Actions beyond the box are clipped. `info` contains `X`, `U` and the number of the trim; when an
+    Actions beyond the box are clipped. `info` contains `X`, `U` and the number of the trim. When an
     episode leaves the envelope, `left` names the state, its limit and the time.
     """
 

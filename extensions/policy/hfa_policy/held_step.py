@@ -20,8 +20,10 @@ _MOST_PARTS = 1000
 
 
 def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
-    """Return the number of integration steps of a sample: by the fastest mode of the
-    aircraft at any of these trims."""
+    """Return the number of integration steps of a sample.
+
+    It depends on the fastest mode of the aircraft at any of these trims.
+    """
     fastest = 0.0
     for point in points:
         A = point.model.at(point.states, point.inputs).A
@@ -66,7 +68,8 @@ def step_of_integration(
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
     """Return the function (X, U, push, p) -> X after dt seconds, in `parts` integration steps.
 
-    X: (n,), absolute; U: (m,), absolute and held
+    X: (n,), absolute
+    U: (m,), absolute and held
     push: (k + w,), added to the rates of the linear states, then the disturbances `winds`
     p: the parameters of the model
     """

@@ -1,5 +1,8 @@
-"""Pickles of Stable-Baselines3 and gymnasium, read without running anything: arrays become arrays,
-objects of these packages become bare attributes, every other class or function is refused."""
+"""Pickles of Stable-Baselines3 and gymnasium, read without running any code.
+
+Arrays are read as arrays. Objects of these packages become bare attributes. Every other class or
+function is refused.
+"""
 
 from __future__ import annotations
 
@@ -80,8 +83,10 @@ class _Kind:
 
 
 class _Array(np.ndarray):
-    """Replacement of numpy.ndarray in a pickle: empty until its state is known, then an array of
-    numbers."""
+    """Replacement of numpy.ndarray in a pickle.
+
+    It is empty until its state is known, and then an array of numbers.
+    """
 
     def __setstate__(self, state: Any) -> None:
         """Set the state (version, shape, kind, whether in Fortran's order, bytes)."""
@@ -112,8 +117,10 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler that refuses by name, before creation, every object that is neither an array nor of
-    `_KEPT_PACKAGES`."""
+    """Unpickler that refuses objects by name, before their creation.
+
+    It accepts arrays and objects of `_KEPT_PACKAGES` alone.
+    """
 
     def find_class(self, module: str, name: str) -> Any:
         if module in _NUMPY_CORES and name in _NUMPY_CALLS:

@@ -9,7 +9,7 @@ class Mistake(NamedTuple):
     """A mistake of a deployment.
 
     kind: kind of mistake.
-    proved: whether the files prove it; otherwise they make it likely, or its repair clearly
+    proved: whether the files prove it. Otherwise they make it likely, or its repair clearly
         improves the flights.
     text: one sentence about it.
     """

@@ -12,8 +12,11 @@ from hfa_policy.repair_trial import better_repairs
 
 
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Yield the mistakes that the files show or, if there are none, those whose repair clearly
-    improves the flights. Policies of several samples are not searched."""
+    """Yield the mistakes that the files show.
+
+    If there are none, the mistakes whose repair clearly improves the flights are yielded. Policies
+    of several samples are not searched.
+    """
     if assessor.deployed.past:
         return
     shown_by_files = list(mistakes_in_files(assessor.deployed, assessor.points))

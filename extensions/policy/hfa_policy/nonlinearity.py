@@ -1,5 +1,7 @@
-"""Largest deviation of a policy from its linearization over the initial-condition box, by the
-search that `hfa verify` uses for networks."""
+"""Largest deviation of a policy from its linearization over the initial-condition box.
+
+It is found by the search that `hfa verify` uses for networks.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,9 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Nonlinearity(NamedTuple):
-    """Largest |u - u_rest + K z| found for any commanded input over the box of z, relative to the
-    largest |K z| there.
+    """Largest |u - u_rest + K z| found for any commanded input over the box of z.
+
+    It is relative to the largest |K z| there.
 
     part: this ratio, a lower bound of the true one.
     state: linear state -> z at the largest deviation.
@@ -39,8 +42,10 @@ class _Slope(NamedTuple):
 def nonlinearity(
     deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium, box: np.ndarray
 ) -> Nonlinearity:
-    """Return the largest deviation from the linearization that is found about an equilibrium whose
-    inputs act before the sample."""
+    """Return the largest deviation from the linearization that is found about an equilibrium.
+
+    The inputs of the equilibrium act before the sample.
+    """
     model = deployed.model
     k = len(model.linear)
     rows = [list(model.states).index(name) for name in model.linear]

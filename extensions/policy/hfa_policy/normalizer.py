@@ -57,8 +57,10 @@ class Normalizer:
             raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
 
     def of_frames(self, count: int) -> Normalizer:
-        """Return the normalizer of the observations of several samples, or this one for a single
-        sample."""
+        """Return the normalizer of the observations of several samples.
+
+        For a single sample it is this one.
+        """
         if count == 1:
             return self
         means = np.tile(self.mean, count)
@@ -82,10 +84,10 @@ class Normalizer:
 
 
 def read_normalizer(path: str | Path) -> Normalizer | None:
-    """Return the normalizer in a file of `VecNormalize.save`, without running its code, or None
-    where observations are not normalized.
+    """Return the normalizer in a file of `VecNormalize.save`, without running its code.
 
-    Raises BadInputError with the file and its fault.
+    The result is None where observations are not normalized. Raises BadInputError with the file and
+    its fault.
     """
     with said_of(path):
         try:

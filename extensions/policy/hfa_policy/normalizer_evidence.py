@@ -77,8 +77,11 @@ def _says_no_normalizer(training: _Training) -> str:
 
 
 def unknown_normalizer(deployed: Deployed) -> str:
-    """Return a warning that the deployment declares no normalizer and the policy's file does not
-    show whether training used one, or "" if it shows this or contains no evidence."""
+    """Return a warning that the training may have used a normalizer, or "".
+
+    The warning is for a deployment that declares no normalizer where the policy's file does not
+    show whether training used one. It is "" if the file shows this or contains no evidence.
+    """
     stored = deployed.deployment.actor.stored
     if stored is None or stored.timesteps == 0 or "normalizer" in deployed.deployment.policy:
         return ""
@@ -93,12 +96,13 @@ def unknown_normalizer(deployed: Deployed) -> str:
 
 
 def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
-    """Return whether the training had a VecNormalize. PPO and A2C store an original observation
-    only in this case.
+    """Return whether the training had a VecNormalize.
 
-    SAC and TD3 always store one: behind a VecNormalize that which the last one was made of, column
-    by column on a line, else the one a sample before. The records of one or two environments show
-    no line, and large changes at most."""
+    PPO and A2C store an original observation only in this case. SAC and TD3 always store one.
+    Behind a VecNormalize it is the one from which the last observation was computed, so that both
+    lie, column by column, on a line. Otherwise it is the observation a sample before. The records
+    of one or two environments show no line, and large changes at most.
+    """
     if stored.last is None or stored.last_original is None:
         return _Training.NONE
     if stored.on_policy:
@@ -112,8 +116,11 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
 
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
-    """Return the distance of the last observations (E, k), column by column, from a linear function
-    of the original ones, relative to their range, or nan with too few. The largest may be clipped.
+    """Return the distance of the last observations (E, k) from a linear function of the original
+    ones.
+
+    It is computed column by column, relative to their range, and nan with too few. The largest
+    values may be clipped.
     """
     clip = np.abs(last).max()
     distances = []
@@ -129,8 +136,10 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Return whether the states change between the two observations by more than an aircraft can in
-    a sample."""
+    """Return whether the states change too much between the two observations.
+
+    An aircraft cannot change so much in a sample.
+    """
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)

@@ -81,11 +81,11 @@ class _Observed(NamedTuple):
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the training may have seen it with the deployment file's `about` and
-        another scale.
+        """Return whether the training may have seen it with the given `about` and another scale.
 
         Deviations of any scale lie about 0. So do absolute values of a state that may be 0, unlike
-        those of a speed, whose spread is far below its mean."""
+        those of a speed, whose spread is far below its mean.
+        """
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:
             return is_seen_about_0
@@ -125,8 +125,8 @@ def mistakes_of_observations(
 ) -> Iterator[Mistake]:
     """Yield mistakes of observations that the record of the training shows.
 
-    These are absolute values instead of deviations or the reverse, wrong scales, and otherwise
-    differences with several possible reasons.
+    These are absolute values instead of deviations or the reverse, and wrong scales. Any other
+    difference has several possible reasons.
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -203,8 +203,10 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return center and spread of the training's observations, (k,) each, and whether they are
-    statistics of many, or None if unknown."""
+    """Return center and spread of the training's observations, (k,) each, or None if unknown.
+
+    Whether they are statistics of many observations is returned too.
+    """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
         return normalizer.mean, np.sqrt(normalizer.variance), has_statistics
@@ -215,10 +217,11 @@ def _seen(
 
 
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return mean and size (root mean square about the mean) of the training's observations, (k,)
-    each, or None if unknown.
+    """Return mean and size of the training's observations, (k,) each, or None if unknown.
 
-    Without a normalizer the few last observations are used, with an assumed mean of 0."""
+    The size is the root mean square about the mean. Without a normalizer the few last observations
+    are used, with an assumed mean of 0.
+    """
     seen = _seen(deployment.actor.stored, deployment.normalizer)
     if seen is None:
         return None

@@ -62,8 +62,9 @@ _OTHERS = 3
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
-    They are the nominal size for angles and angular rates and 10 % of it for a state of about that
-    size at trim (speed), at most half of the distance to a limit."""
+    They are the nominal size for angles and angular rates. For a state of about the nominal size at
+    trim (speed) they are 10 % of it. They are at most half of the distance to a limit.
+    """
     widths = []
     for name in model.linear:
         signal = model.states[name]
@@ -88,10 +89,10 @@ class Place:
     seconds: length of a flight.
     swing: s, half a period of the slowest oscillation about the equilibrium; 0 if modes are not
         assessed.
-    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model;
-        flights converge to the equilibrium at their altitude.
+    drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model.
+        Flights converge to the equilibrium at their altitude.
     lag: (k,), lag of the linear states behind that equilibrium.
-    steady: the trim with the rates of the equilibrium; default: the point.
+    steady: the trim with the rates of the equilibrium; by default the point.
     """
 
     point: OperatingPoint
@@ -112,8 +113,10 @@ class Place:
 
     @property
     def stays(self) -> bool:
-        """True if converged flights remain converged, because no mode diverges, not even one out of
-        reach."""
+        """True if converged flights remain converged.
+
+        This requires that no mode diverges, not even one out of reach.
+        """
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
 
@@ -123,20 +126,21 @@ class Outcome(Result):
     """The outcomes of the flights of one place.
 
     starts: number of flights.
-    returned: number that converged: within the ball about the equilibrium for half a period of the
-        slowest oscillation and two seconds, or at the end; at the end where a mode diverges.
-    lost: number that left the limits of the model's states.
+    returned: number of flights that converged. Such a flight is within the ball about the
+        equilibrium at the end, or earlier for half a period of the slowest oscillation and two
+        seconds. Where a mode diverges only the end counts.
+    lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
     slowest: s, longest time of convergence.
     cycle: the limit cycle of the others, or about an unstable equilibrium, or None without one.
-    elsewhere: number that converge to another equilibrium.
+    elsewhere: number of flights that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium.
-    moving: number that neither converge nor leave the limits within `seconds`.
+    moving: number of flights that neither converge nor leave the limits within `seconds`.
     seconds: duration of a flight.
-    departure: the state that first leaves its limit in the flights that leave first, and its time;
-        None where none does.
+    departure: the state that first leaves its limit in the flights that leave first, and its time,
+        or None without a departure.
     """
 
     #: The last line has the names of 0.3, for one version.
@@ -183,8 +187,11 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights at several places, each simulated until it converges, leaves the envelope, cycles,
-    settles elsewhere, or its time is over."""
+    """Flights at several places.
+
+    Each is simulated until it converges, leaves the envelope, cycles, settles elsewhere, or its
+    time is over.
+    """
 
     def __init__(
         self, flight: SampledFlight, places: list[Place], rows: np.ndarray, owners: np.ndarray
@@ -279,8 +286,10 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest distance of flights from the equilibrium in the window, (N,), and half
-        the range of each linear state, (N, k), in units of the ball."""
+        """Return the largest distance of flights from the equilibrium in the window, (N,).
+
+        Half the range of each linear state, (N, k), follows. Both are in units of the ball.
+        """
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
         highest = rows[:, high_X][:, self.linear]
@@ -292,8 +301,10 @@ class FlownRows:
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights that stayed in the ball longer than any oscillation would,
-        and that no diverging mode moves out later."""
+        """Return the mask of the flights that stayed in the ball longer than any oscillation would.
+
+        No diverging mode moves them out later.
+        """
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
@@ -306,8 +317,10 @@ class FlownRows:
         return np.asarray(self.standing[flying] >= _STANDING)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Return the mask of the flights in a limit cycle. swings: in this window, in units of the
-        ball."""
+        """Return the mask of the flights in a limit cycle.
+
+        swings: half ranges in this window, in units of the ball
+        """
         blocks = self.swings_of_blocks[:, flying]
         blocks[0] = np.minimum(blocks[0], swings)
         cycling = np.zeros(len(flying), dtype=bool)
@@ -381,7 +394,9 @@ class FlownRows:
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
         """Return the number of flights at another equilibrium, and the linear states at the first.
-        The others still move."""
+
+        The others still move.
+        """
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
         m = len(place.point.model.inputs)
@@ -474,9 +489,11 @@ def fly_places(
 def ends_from_trim(
     flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of flights from their trims after `seconds`: X (N, n) and the inputs
-    that act, (N, m). A flight in which a window changes no state by more than `_STILL` of its
-    nominal value is over."""
+    """Return the ends of flights from their trims after `seconds`: X (N, n) and the acting inputs
+    (N, m).
+
+    A flight in which a window changes no state by more than `_STILL` of its nominal value is over.
+    """
     model = points[0].model
     still = _STILL * np.array([model.signals[name].nominal for name in model.states])
     trims = np.array([flight.deployed.trim_vector(point) for point in points])

@@ -32,8 +32,8 @@ _DEFECTIVE = 1e10
 class OwnMode(NamedTuple):
     """A slow mode of the aircraft that a deployment does not change.
 
-    name: name of the mode, with its time to half or to double. growth: 1/s, real part of its
-    eigenvalue.
+    name: name of the mode, with its time to half or to double.
+    growth: 1/s, real part of its eigenvalue.
     why: why it is out of reach, or "" for a mode within reach.
     """
 
@@ -58,21 +58,23 @@ class Reach(NamedTuple):
 
 
 def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> Reach:
-    """Return the modes within reach: those that actions affect and observations show, for
-    deviations within a box (k,).
+    """Return the modes within reach, for deviations within a box (k,).
 
-    Mode i with eigenvalue λ, left eigenvector w' and right eigenvector v, w'v = 1, is out of reach
-    where it does not double within ten seconds and one of two ratios is below 0.05:
+    Actions affect such a mode and observations show it. Mode i has the eigenvalue λ, the left
+    eigenvector w' and the right eigenvector v, w'v = 1. It is out of reach where it does not double
+    within ten seconds and one of two ratios is below 0.05:
 
         Σ_j |w'B_j| n_j min(1 / |Re λ|, 60 s) / Σ_l |w_l| b_l
         max_j |C_j v| / (Σ_l |C_jl| b_l max_l (|v_l| / b_l))
 
-    with the nominal inputs n, the box b and the slopes C of the observations by the states. The
-    first is the motion by held nominal inputs over that by the box, the second the part of its
-    range by which an observation changes. Where no slow mode is out of reach, all are judged; else
-    the loop is without all modes out of reach, of which the fast ones decay: what is left of their
-    coupling changes its radius (by 4e-8 for the c172p by pitch), and they would dominate a relative
-    cost, since they cost nearly nothing.
+    n are the nominal inputs, b is the box, and C are the slopes of the observations by the states.
+    The first ratio is the motion by held nominal inputs over that by the box. The second is the
+    change of an observation as a part of its range.
+
+    Where no slow mode is out of reach, all modes are judged. Otherwise the loop lacks all modes out
+    of reach. The fast ones among them decay. Their coupling hardly changes the radius of the loop
+    (by 4e-8 for the c172p by pitch). They would dominate a relative cost, because they cost nearly
+    nothing.
     """
     A = equilibrium.A
     B = equilibrium.B
@@ -110,8 +112,9 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
 def left_alone(
     deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
 ) -> OwnMode | None:
-    """Return the aircraft's mode that corresponds to the slowest mode of the sampled loop if it is
-    slow and the policy moves its eigenvalue by at most 10 %, else None.
+    """Return the aircraft's mode that corresponds to the slowest mode of the sampled loop, or None.
+
+    The mode is slow, and the policy moves its eigenvalue by at most 10 %.
 
     slowest: the eigenvalue of the sampled loop of largest absolute value
     dt: s
@@ -129,8 +132,11 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return for each mode, a column of (k, r), the largest change of an observation relative to
-    its range in a box, (r,)."""
+    """Return the largest change of an observation relative to its range in a box, for each mode,
+    (r,).
+
+    modes: (k, r), a column for each mode
+    """
     changes = np.abs(C @ modes)
     ranges = np.abs(C) @ box
     seen = ranges > 0.0
@@ -163,9 +169,11 @@ def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMod
 
 
 def seconds_to_converge(radius: float, dt: float) -> float:
-    """Return the duration of flights about an equilibrium, s: four time constants of the slowest
-    mode of the sampled loop, whose spectral radius this is; `HORIZON` at least, `LONGEST` at
-    most."""
+    """Return the duration of flights about an equilibrium, s.
+
+    It is four time constants of the slowest mode of the sampled loop, whose spectral radius is
+    given. It is at least `HORIZON` and at most `LONGEST`.
+    """
     if not 0.0 < radius < 1.0:
         return HORIZON
     return min(max(HORIZON, -_SETTLES * dt / math.log(radius)), LONGEST)

@@ -1,11 +1,11 @@
 """Search for changes of a deployment file that improve its policy's flights.
 
 Some changes of correct files also improve the flights. A policy that is too strong or too late
-improves with any change that weakens it, a badly trained one with many changes. Therefore a change
-is reported only if the policy flies well with it and clearly better than with the file as written,
-and if no other gain is about as good. Such a gain counts only if it helps, because a weak policy of
-the wrong sign flies as well as none. If the file contains the cost of the training, a change must
-also bring the policy near the optimum of this cost.
+improves with any change that weakens it, and a badly trained one with many changes. Therefore a
+change is reported only if the policy flies well with it and clearly better than with the file as
+written. In addition, no other gain may be about as good. Such a gain counts only if it helps,
+because a weak policy of the wrong sign flies no worse than no policy. If the file contains the cost
+of the training, a change must also bring the policy near the optimum of this cost.
 """
 
 from __future__ import annotations
@@ -82,8 +82,10 @@ class _Found(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Yield the changes of the deployment that improve the flights clearly, the best first, or
-    none where the flights are good already."""
+    """Yield the changes of the deployment that improve the flights clearly, the best first.
+
+    There are none where the flights are good already.
+    """
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
 
@@ -107,8 +109,11 @@ def _harms(flown: Flown) -> bool:
 
 
 def _is_better(flown: Flown, card: Flown) -> bool:
-    """Return whether no more flights leave the envelope than before, and either clearly more
-    converge at clearly less cost or no fewer at a third of the cost."""
+    """Return whether a change is clearly better.
+
+    No more flights than before leave the envelope. In addition, clearly more flights converge at
+    clearly less cost, or no fewer converge at a third of the cost.
+    """
     if flown.kept < card.kept or flown.back < card.back:
         return False
     least = max(_CLEARLY * card.back, card.back + _MORE_STARTS * len(flown.costs))
@@ -119,14 +124,17 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 def _weakens(repair: Repair) -> bool:
     """Return whether a change reduces an observation or an action, as the absence of control
-    would."""
+    would.
+    """
     largest = np.abs(repair.P).max(axis=1)
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether a mere change of gain helps as much: about as many flights converge at about
-    the same cost, or the cost is clearly lower."""
+    """Return whether a mere change of gain helps as much.
+
+    With it about as many flights converge at about the same cost, or the cost is clearly lower.
+    """
     for other in other_gains:
         is_as_good = _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
         is_cheaper = flown.times(other) >= _CLEARLY
@@ -149,8 +157,10 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """Yield the reported changes: the best of each kind, the best first, or none where the
-        delay alone explains the flights."""
+        """Yield the reported changes: the best of each kind, the best first.
+
+        There are none where the delay alone explains the flights.
+        """
         if self._is_only_late():
             return
         repairs = self._left(repairs_of(self.deployed))
@@ -172,8 +182,11 @@ class _Trial:
                 yield Mistake(each.kind, False, _said(each, of_gains[0]))
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
-        """Return the changes whose flights cost about as much as those of the optimum, if the
-        deployment file has the cost: only a policy trained for this cost is near its optimum."""
+        """Return the changes whose flights cost about as much as those of the optimum.
+
+        This applies if the deployment file has the cost, because only a policy trained for this
+        cost is near its optimum.
+        """
         if self.card.cost is None or not found:
             return found
         optimum = self.flights.flown_by_optimum(_WHOLE)
@@ -205,9 +218,11 @@ class _Trial:
         return [repair for of_kind in left.values() for repair in of_kind]
 
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
-        """Return whether a change is clearly better than the file as written, and neither a mere
-        gain nor the absence of control is as good. A change that the training's record supports
-        must only be better than the file."""
+        """Return whether a change is clearly better than the file as written.
+
+        In addition, neither a mere gain nor the absence of control is as good. A change that the
+        training's record supports must only be better than the file.
+        """
         if repair.kind == "order":
             if of_gains[0].times(flown) < _AS_IT_IS:
                 return False
@@ -226,7 +241,8 @@ class _Trial:
 
     def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
         """Return whether the actions that a change makes smaller fly about as well a little
-        smaller, or left out."""
+        smaller, or omitted.
+        """
         smaller = repair.gain < 1.0
         gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
         weaker = self.flights.flown([repair._replace(gain=gain) for gain in gains], _WHOLE)
@@ -237,10 +253,13 @@ class _Trial:
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
         """Return the slowest faster sample time at which the policy flies well at a third of the
-        cost, or none where a gain, at either sample time, is clearly cheaper, because the policy is
+        cost.
+
+        There is none where a gain, at either sample time, is clearly cheaper, because the policy is
         then too strong.
 
-        of_gains: flights at the sample time of the file, the first of the file as written."""
+        of_gains: flights at the sample time of the file, the first of the file as written.
+        """
         card = of_gains[0]
         (short,) = self.flights.flown(self.gains[:1], _SHORT)
         for part in _RATES:
@@ -260,15 +279,19 @@ class _Trial:
     # What the training saw.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much closer to the training's record the observations of the changed file are,
-        or 0 where there is no record."""
+        """Return how much closer to the training's record the observations of the changed file are.
+
+        The result is 0 without a record.
+        """
         if observations_of_training(self.card) is None:
             return 0.0
         return self._misfit(self.card) - self._misfit(repair.deployment)
 
     def _misfit(self, deployment: Deployment) -> float:
-        """Return Σ |log(size of the initial observations / size in training)|, with sizes the root
-        mean squares about the training's mean."""
+        """Return Σ |log(size of the initial observations / size in training)|.
+
+        Sizes are the root mean squares about the training's mean.
+        """
         seen = observations_of_training(deployment)
         assert seen is not None
         mean, size = seen

@@ -22,7 +22,7 @@ class Repair(NamedTuple):
     kind: kind of the mistake that it repairs.
     text: the assumption of the change.
     deployment: the changed deployment file.
-    P: (k, k); c follows from the changed deployment file at a trim.
+    P: (k, k). c follows from the changed deployment file at a trim.
     gain: (m,).
     S: (m, m).
     """
@@ -94,8 +94,10 @@ def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
 
 
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes that exchange two actions; a box stays with its place, as it is the
-    network's."""
+    """Yield the changes that exchange two actions.
+
+    A box stays with its place, because it is the network's.
+    """
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
         order = list(range(len(names)))
@@ -177,8 +179,10 @@ def _angles(deployed: Deployed) -> list[bool]:
 
 
 def _sizes(deployed: Deployed) -> np.ndarray:
-    """Return the size of each observation, (k,): the deviation of cost 1 by the deployment file's
-    Q, else the model's nominal size, else 1."""
+    """Return the size of each observation, (k,).
+
+    It is the deviation of cost 1 by the deployment file's Q, else the model's nominal size, else 1.
+    """
     Q, _ = cost_weights(deployed)
     signals = deployed.model.signals
     sizes = []

@@ -1,5 +1,7 @@
-"""Flights of a deployed policy from its trim with sensor noise, a gust or turbulence, simulated as
-by `hfa fly`."""
+"""Flights of a deployed policy from its trim with sensor noise, a gust or turbulence.
+
+They are simulated as by `hfa fly`.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,7 @@ def rough_flights(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> list[RoughFlights]:
-    """Fly a deployment from each trim, at most 20 times where something is random, else once.
+    """Fly a deployment from each trim, at most 20 times where something is random, otherwise once.
 
     scenarios: noise, gust and turbulence at each trim, from `rough_scenario`.
     """
@@ -149,10 +151,12 @@ def _turbulence_text(turbulence: Turbulence | None) -> str:
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
-    """Return two rows for each trim: flights inside the envelope, and root mean squares off trim;
-    then those of the calm flight.
+    """Return two rows for each trim: flights inside the envelope, and root mean squares off trim.
 
-    trims: the text of each; units: of the entries of `rms`.
+    Two rows of the calm flight follow.
+
+    trims: the text of each
+    units: of the entries of `rms`
     """
     names = [
         name if unit == "1" else f"{name} {shown_unit(unit)}"

@@ -105,8 +105,10 @@ _WRITE = """for (int j = 0; j < {size}; j++)
 
 
 class RowCode:
-    """Compiled function that is called for each row of its arguments, as a `RowFunction`; threads
-    can run in parallel."""
+    """Compiled function that is called for each row of its arguments, as a `RowFunction`.
+
+    Threads can run it in parallel.
+    """
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
         self._call = getattr(ctypes.CDLL(str(library)), symbol)
@@ -125,8 +127,10 @@ class RowCode:
         return results
 
     def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
-        """Return a function of one table that writes its results into these arrays; a result may be
-        the table itself, because each row is read before it is written."""
+        """Return a function of one table that writes its results into these arrays.
+
+        A result may be the table itself, because each row is read before it is written.
+        """
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
                 raise ValueError("a bound table must be contiguous, of doubles and with all rows")
@@ -137,8 +141,10 @@ class RowCode:
 def bound_rows(
     code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """Return a function of one table that writes its results into these arrays, which may be the
-    table itself."""
+    """Return a function of one table that writes its results into these arrays.
+
+    They may be the table itself.
+    """
     if isinstance(code, RowCode):
         return code.bound(table, results)
 
@@ -150,8 +156,10 @@ def bound_rows(
 
 
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
-    """Return a dense function as machine code for many rows, or as called by CasADi if its
-    operations cannot be written as C or, with a note, if no compiler works.
+    """Return a dense function as machine code for many rows.
+
+    CasADi calls the function if its operations cannot be written as C or, with a note, if no
+    compiler works.
 
     one_row: whether it processes one row at a time.
     """
@@ -168,8 +176,11 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """Return the C text of a function. Raises RuntimeError if CasADi cannot expand it to scalars,
-    and BadInputError if `c_function` cannot write it."""
+    """Return the C text of a function.
+
+    Raises RuntimeError if CasADi cannot expand it to scalars, and BadInputError if `c_function`
+    cannot write it.
+    """
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))

@@ -2,12 +2,12 @@
 
 With the state s = (x_k; u_{k-1}; ...; u_{k-d-1}) of a delay of d samples and a part f of one,
 
-    x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1},
+    x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1}.
 
-where Γ_early acts during the first f dt and Γ_late during the rest of a sample; u_{k-d-1} is the
-input that acts just before the sample. For a policy of several samples, s also contains the earlier
-observations o = C x + D u. Source: Franklin, Powell and Workman, Digital
-Control of Dynamic Systems, Section 4.3.
+Γ_early acts during the first f dt and Γ_late during the rest of a sample. u_{k-d-1} is the input
+that acts just before the sample. For a policy of several samples, s also contains the earlier
+observations o = C x + D u. Source: Franklin, Powell and Workman, Digital Control of Dynamic
+Systems, Section 4.3.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ _WHOLE = 1e-9
 class Chain(NamedTuple):
     """System s⁺ = F s + G v, u = C s, which is the closed loop for v = u.
 
-    F: (N, N), G: (N, m), C: (m, N).
+    F: (N, N).
+    G: (N, m).
+    C: (m, N).
     states: number of aircraft states, the first entries of s.
     dt: s.
     start: (N, states), s at the first sample of a deviation of the states.
@@ -55,8 +57,10 @@ class Chain(NamedTuple):
 
     @property
     def slowest(self) -> complex:
-        """The eigenvalue of the closed loop of largest absolute value, or inf where its gains are
-        too large to compute with."""
+        """The eigenvalue of the closed loop of largest absolute value.
+
+        It is inf where its gains are too large to compute with.
+        """
         closed = self.closed
         if not np.isfinite(closed).all():
             return math.inf
@@ -70,8 +74,11 @@ class Chain(NamedTuple):
 
 
 def slowest_swing(chain: Chain) -> float:
-    """Half the period, s, of the slowest oscillation of a loop that half a period does not damp to
-    a twentieth, or 0 without one."""
+    """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 without
+    one.
+
+    Half a period damps such an oscillation to no less than a twentieth.
+    """
     values = np.linalg.eigvals(chain.closed)
     values = values[np.angle(values) != 0.0]
     halves = math.pi * chain.dt / np.abs(np.angle(values))
@@ -89,7 +96,10 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
 
 def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
-    """Return the sampled loop about an equilibrium. delay: s."""
+    """Return the sampled loop about an equilibrium.
+
+    delay: s
+    """
     samples = delay / dt
     whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
     early_time = max(0.0, delay - whole * dt) if samples - whole > _WHOLE else 0.0
@@ -135,11 +145,10 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
 class Delays(NamedTuple):
     """The effect of delays on a loop.
 
-    radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable
-        one.
-    limit: s, first unstable delay in whole samples, from the deployed one on; None without one
+    radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable one.
+    limit: s, first unstable delay in whole samples, from the deployed one on, or None without one
         up to `searched`.
-    fine: s, first unstable delay to 5 % of a sample; None without one up to `searched`.
+    fine: s, first unstable delay to 5 % of a sample, or None without one up to `searched`.
     searched: s, the longest delay examined.
     """
 
@@ -150,8 +159,10 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays, searched upward from the deployed one sample by sample, since an
-    unstable loop may be stable again at a longer delay."""
+    """Return the effect of delays, searched upward from the deployed one sample by sample.
+
+    An unstable loop may be stable again at a longer delay.
+    """
     first = math.ceil(deployed_delay / dt - _WHOLE)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []

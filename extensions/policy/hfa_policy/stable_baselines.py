@@ -1,9 +1,9 @@
 """Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3) and their settings.
 
-Conventions, of Stable-Baselines3 2.x: squashing is a flag. PPO and A2C clip the mean to the Box;
-SAC, TD3 and PPO with `squash_output` take tanh and map [-1, 1] to the Box. The activation is in
-`policy_kwargs`, else tanh for PPO and A2C, relu for SAC and TD3. With gSDE the mean of SAC is
-clipped to ±clip_mean (2) before its tanh.
+The conventions are those of Stable-Baselines3 2.x. Squashing is a flag. PPO and A2C clip the mean
+to the Box. SAC, TD3 and PPO with `squash_output` apply tanh and map [-1, 1] to the Box. The
+activation is in `policy_kwargs`. Otherwise it is tanh for PPO and A2C, and relu for SAC and TD3.
+With gSDE the mean of SAC is clipped to ±clip_mean (2) before its tanh.
 """
 
 from __future__ import annotations

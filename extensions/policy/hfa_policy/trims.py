@@ -13,8 +13,9 @@ from trim.point.solve import find_operating_point
 
 
 def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
-    """Return operating points, given or found at values of the scheduling variable; the model's
-    own trim for None.
+    """Return operating points, given or found at values of the scheduling variable.
+
+    For None it is the model's own trim.
 
     Raises BadInputError for a point of another aircraft, for another object, and for an empty list.
     """

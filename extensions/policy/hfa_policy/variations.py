@@ -119,7 +119,10 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Return two finite numbers in rising order. Raises BadInputError for anything else."""
+    """Return two finite numbers in ascending order.
+
+    Raises BadInputError for anything else.
+    """
     pair = tuple(limits) if isinstance(limits, (tuple, list, np.ndarray)) else ()
     is_pair = len(pair) == 2 and all(is_finite(value) for value in pair)
     if not is_pair or pair[0] > pair[1]:

@@ -49,9 +49,12 @@ class AircraftVectorEnvironment(VecEnv):
         self._actions = numbers_in("actions", actions)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Advance all episodes by one sample and restart those that ended. Their `infos` contain
-        the last observation, the return, length and time that Stable-Baselines3 logs as ep_rew_mean
-        and ep_len_mean, and the departures from the envelope."""
+        """Advance all episodes by one sample and restart those that ended.
+
+        Their `infos` contain the last observation and the departures from the envelope. They also
+        contain the return, length and time that Stable-Baselines3 logs as ep_rew_mean and
+        ep_len_mean.
+        """
         stepped = self.episodes.step(self._actions)
         observations = stepped.observations.astype(np.float32)
         ended = stepped.lost | stepped.over

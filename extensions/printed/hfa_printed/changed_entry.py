@@ -82,7 +82,8 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
     The entry is one of A, B, E, N, Q, R or gamma. With several intervals the answer does not decide
     between them. The result is None where the search would take too long (`not_searched`).
 
-    progress: called with the entries that were searched and their number."""
+    progress: called with the number of entries that were searched and of all
+    """
     if not_searched(file):
         return []
     entries = []
@@ -96,8 +97,10 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Return the reason why `changed_entries` does not search a plant of this size, or "" if it
-    does."""
+    """Return the reason why `changed_entries` does not search a plant of this size.
+
+    The result is "" if it does.
+    """
     states = len(file.plant.A)
     count = edits_tried(file)
     if count * states**3 <= _MOST:
@@ -191,7 +194,7 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Return texts from which one slip makes this one -> the slip, the likeliest of several."""
+    """Return text -> the typing mistake that turns it into this text, the likeliest of several."""
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None
     sign, digits, exponent = match.groups()

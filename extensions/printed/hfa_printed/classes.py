@@ -66,11 +66,13 @@ class Classified:
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
     """Return the class of a printed answer, the first that its digits allow.
 
-    progress: passed to `changed_entries`.
+    progress: passed to `changed_entries`
 
-    Raises NoSolutionError where the plant as typed has no certified answer; it names the other
-    time, or entries of the plant one of which, changed, makes the printed answer right. Raises
-    BadInputError where the file does not state the time; it names the one that every digit fits."""
+    Raises NoSolutionError where the plant as typed has no certified answer. Its message names the
+    other time, or entries of the plant one of which, changed, makes the printed answer right.
+    Raises BadInputError where the file does not state the time. Its message names the time that
+    every digit fits.
+    """
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
         raise BadInputError(fitting_time(file) or missing)
@@ -142,7 +144,7 @@ def _stands_out(comparison: Comparison) -> bool:
     """Return whether the deviation beyond the digits is too large for the noise of a learned
     answer.
 
-    Noise as large in the other entries, absolute or relative, would show there: it is beyond
+    Noise as large in the other entries, absolute or relative, would be visible there: it is beyond
     `_STANDS_OUT` times the half unit of each of them.
     """
     outside = comparison.outside
@@ -181,8 +183,10 @@ def _by_search(
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
-    """Return the reason why the plant as typed has no certified answer: the other time, or changed
-    entries, with which every digit is right."""
+    """Return the reason why the plant as typed has no certified answer.
+
+    It is the other time, or changed entries, with which every digit is right.
+    """
     other_time = fitting_time(file)
     if other_time:
         return f"{failure}; {other_time}"
@@ -200,8 +204,9 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
     """Return whether the entries outside their digits are enough to name a changed entry of the
     plant.
 
-    An error of r half units is met by chance once in r. A learned answer and a rounded plant
-    explain such errors, so that there a tenth of a chance among all edits tried is the most."""
+    An error of r half units occurs by chance once in r. A learned answer or a rounded plant may
+    explain such errors. In these cases a chance of at most 10 % among all edits tried is accepted.
+    """
     evidence = comparison.evidence()
     if evidence[1:].sum() < _EVIDENCE:
         return False
@@ -221,8 +226,11 @@ def _by_rounding(used: float) -> tuple[Class, str]:
 
 
 def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> float:
-    """Return the least s such that changes of the plant's entries by at most s half units explain
-    every printed digit to first order, or inf where none do."""
+    """Return the least s for which changes of the plant's entries explain every printed digit.
+
+    The changes are at most s half units, and digits are explained to first order. The result is inf
+    where no changes do.
+    """
     from scipy.optimize import linprog
 
     columns = []
@@ -295,7 +303,7 @@ def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> 
 def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> str:
     """Return the known mistake that explains the printed answer, or "".
 
-    For a learned answer it has to explain most of its error.
+    A learned answer is explained if the mistake explains most of its error.
     """
     question = fitting_time(file)
     if question:
@@ -351,7 +359,7 @@ def _mistaken_answers(
 
 
 def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
-    """Return close, cannot tell or wrong, by the relative error."""
+    """Return "close", "cannot tell" or "wrong", by the relative error."""
     error = comparison.relative_error
     size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
     if error > _FAR:

@@ -35,7 +35,7 @@ class Position(NamedTuple):
 class Comparison:
     """All printed entries of an answer and their exact values.
 
-    positions: (N) positions
+    positions: (N), positions of the entries
     printed: (N,)
     exact: (N,), in the signs of the print
     half_units: (N,)
@@ -60,7 +60,7 @@ class Comparison:
 
     @property
     def wrong_positions(self) -> list[Position]:
-        """Positions of the entries outside; mirrored ones count once."""
+        """Positions of the entries outside. Mirrored entries count once."""
         wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 
@@ -72,7 +72,7 @@ class Comparison:
 
     @property
     def relative_error(self) -> float:
-        """The largest of the blocks."""
+        """The largest relative error of the blocks."""
         return max(
             self.relative(block) for block in {position.block for position in self.positions}
         )
@@ -119,7 +119,7 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the entries of the printed blocks in one row, (N,), with the signs of the printed
     answer.
 
-    A stack of answers gives one row each.
+    For a stack of answers each has one row.
     """
     rows = []
     for name in file.answer:

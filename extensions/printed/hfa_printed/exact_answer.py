@@ -35,7 +35,7 @@ class Plant:
     Q: (n, n)
     R: (m, m)
     gamma: inf where there is no disturbance
-    is_discrete: the time
+    is_discrete: whether time is discrete
     discount: α, of one step
     """
 
@@ -71,7 +71,7 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """Return the game as a value of `controller.game`; of continuous time in v = u + R⁻¹N'x."""
+        """Return the game as a value of `controller.game`, in continuous time in v = u + R⁻¹N'x."""
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
@@ -93,7 +93,7 @@ class Plant:
         return replace(self, **changes)
 
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
-        """Return plants with these values (N,) of an entry; every matrix is (N, ...)."""
+        """Return plants with these values (N,) of an entry. Every matrix is (N, ...)."""
         fields: dict[str, Any] = {}
         for key in "ABENQR":
             matrix = getattr(self, key)
@@ -108,7 +108,10 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """P, (n, n), by two derivations. Raises NoSolutionError if no solution exists."""
+    """Return P, (n, n), by two derivations.
+
+    Raises NoSolutionError if no solution exists.
+    """
     game = plant.game()
     if isinstance(game, DiscreteGame):
         return solve_discrete(game).P
@@ -116,13 +119,16 @@ def certified_value(plant: Plant) -> np.ndarray:
 
 
 def rough_values(plants: Plant) -> np.ndarray:
-    """Return P of a stack of plants, (N, n, n), untested; without a solution it is arbitrary or
-    nan.
+    """Return P of a stack of plants, (N, n, n), untested.
 
-    M = (I + S P)⁻¹:  A <- A M A,  S <- S + A M S A',  P <- P + A'P M A: each pass doubles the
-    horizon. A plant in continuous time is one in discrete time by Cayley's transformation.
-    Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788; in continuous time Chu, Fan
-    and Lin, Linear Algebra and its Applications 396 (2005), 55-80."""
+    Without a solution it is arbitrary or nan. With M = (I + S P)⁻¹ each pass
+
+        A <- A M A,  S <- S + A M S A',  P <- P + A'P M A
+
+    doubles the horizon. A plant in continuous time is one in discrete time by Cayley's
+    transformation. Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788; in
+    continuous time Chu, Fan and Lin, Linear Algebra and its Applications 396 (2005), 55-80.
+    """
     G = plants.G
     identity = np.eye(plants.A.shape[-1])
     with np.errstate(all="ignore"):
@@ -171,7 +177,8 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
     """Return P, K, L, W and, in discrete time, H of the value x'P x, stacked for a stack of
-    plants."""
+    plants.
+    """
     gains = policies(plant, P)
     m = plant.R.shape[-1]
     answer = {"P": P, "K": gains[..., :m, :], "L": -gains[..., m:, :], "W": weights_of(P)}

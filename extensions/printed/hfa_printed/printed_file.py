@@ -1,4 +1,7 @@
-"""File of a printed answer: plant and answer as text, read with their half units."""
+"""File of a printed answer.
+
+The plant and the answer are read as text, with half a unit of the last digit of each number.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +51,7 @@ _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 class Block:
     """Printed matrix.
 
-    texts: rows of numbers as typed; a common factor is the exponent of each
+    texts: rows of numbers as typed, each with a common factor as its exponent
     values: (rows, columns)
     half_units: (rows, columns), half a unit of the last digit, or 0 for a formula
     """
@@ -70,15 +73,16 @@ class PrintedFile:
 
     title: title of the file
     source: where the answer is printed, or "" if not stated
-    note: notes for the reader; or ""
-    plant: as typed
+    note: notes for the reader, or ""
+    plant: the plant as typed
     typed: the blocks of the plant
     answer: the printed blocks of P, K, L, W, H
     signs: block -> factor from the exact K or L to the convention of the print
     learned: whether the answer results from learning or an iteration
-    plant_rounded: whether the plant is printed with fewer digits than the answer was computed of
-    assumption: how an incomplete plant was read, or "" where it is complete
-    has_time: whether the file states continuous or discrete; else the plant is taken for continuous
+    plant_rounded: whether the plant is printed with fewer digits than those used for the answer
+    assumption: the interpretation of an incomplete plant, or "" where it is complete
+    has_time: whether the file states continuous or discrete time; otherwise continuous time is
+        assumed
     """
 
     title: str
@@ -97,8 +101,9 @@ class PrintedFile:
 def load_printed(path: Path) -> PrintedFile:
     """Return the printed answer of a TOML file.
 
-    Raises BadInputError that names the block and the row of a text that is not a number, a shape
-    that does not fit, and missing entries."""
+    Raises BadInputError for a text that is not a number, a shape that does not fit, and missing
+    entries. Its message names the block and the row.
+    """
     try:
         content = read_toml(path)
     except OSError as error:
@@ -111,12 +116,13 @@ def load_printed(path: Path) -> PrintedFile:
 def read_block(
     name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
 ) -> Block:
-    """Return the numbers in a text; spaces, commas and & separate, and lines, ; and \\\\ end
-    rows.
+    r"""Return the numbers in a text.
+
+    Spaces, commas and & separate numbers. Lines, ; and \\ end rows. The first line may be a common
+    factor, "1.0e+04 *".
 
     parameters: names in formulas such as m*g/l
-    exponent: exponent of the power of ten that multiplies all numbers, also where the first line
-    reads "1.0e+04 *"
+    exponent: exponent of the power of ten that multiplies all numbers
     """
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
@@ -158,8 +164,10 @@ def read_block(
 
 
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
-    """Return the texts times a power of ten; a 0 without decimals has the precision of the
-    others."""
+    """Return the texts times a power of ten.
+
+    A 0 without decimals has the precision of the others.
+    """
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
     for row in rows:
@@ -175,7 +183,7 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
     """Return the value of a formula of named numbers, such as "m*g/l".
 
-    Raises BadInputError, one line, for anything else, and for a value that is not finite.
+    Raises a BadInputError of one line for anything else, and for a value that is not finite.
     """
     symbols = {name: ca.SX(value) for name, value in parameters.items()}
     try:
@@ -265,8 +273,10 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """Return the values of the table [parameters], each a number or a formula of those before
-    it."""
+    """Return the values of the table [parameters].
+
+    Each is a number or a formula of the preceding ones.
+    """
     if "parameters" not in content:
         return {}
     parameters: dict[str, float] = {}
@@ -279,7 +289,7 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
 
 
 def _exponent(scale: Any) -> int:
-    """Exponent of the power of ten that multiplies all printed numbers."""
+    """Return the exponent of the power of ten that multiplies all printed numbers."""
     match = _FACTOR.fullmatch(str(scale))
     if match is None:
         raise BadInputError(f'scale is {shown(scale)}; give a power of ten as "1.0e+04"')

@@ -35,8 +35,9 @@ class PrintedVerdict(Result, Reported):
 
     file: the judged answer
     classified: its class, the comparison and the search
-    cost_lost: percent, of an answer that is close, at most; nan of others
-    limit_cost: percent, up to which a close answer passes
+    cost_lost: upper bound of the cost above the optimum, percent, for an answer that is close; else
+        nan
+    limit_cost: largest cost above the optimum, percent, with which a close answer passes
     """
 
     schema = "hfa.printed-check/1"
@@ -54,8 +55,9 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within the limit, which
-        gives exit code 0."""
+        """True if the answer is as printed, cut off, or close with a cost within the limit (exit
+        code 0).
+        """
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
@@ -68,7 +70,9 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def entries(self) -> list[dict[str, Any]]:
-        """Block, row and column (from 1), printed, exact, half_unit, half_units_off each."""
+        """Block, row and column (from 1), printed, exact, half_unit and half_units_off of each
+        entry.
+        """
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
@@ -112,10 +116,11 @@ _COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_uni
 def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdict:
     """Return the verdict on the printed answer of a TOML file.
 
-    progress: called with the entries of the plant that were searched and their number.
+    progress: called with the number of entries of the plant that were searched and of all
 
     Raises BadInputError for a file that cannot be read. Raises NoSolutionError where the plant as
-    typed has no certified answer."""
+    typed has no certified answer.
+    """
     file = load_printed(path)
     with said_of(path):
         classified = classify(file, progress)
@@ -126,7 +131,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_lost(file: PrintedFile) -> float:
-    """Upper bound of the cost of the printed policy above the optimum, percent."""
+    """Return an upper bound of the cost of the printed policy above the optimum, percent."""
     game = file.plant.game()
     K = _printed_gain(file)
     if isinstance(game, DiscreteGame):
@@ -136,7 +141,7 @@ def _cost_lost(file: PrintedFile) -> float:
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:
-    """K of u = -K x as printed, or as P, W or H implies it."""
+    """Return K of u = -K x as printed, or as implied by P, W or H."""
     n, m = file.plant.B.shape
     if "K" in file.answer:
         return file.signs["K"] * file.answer["K"].values

@@ -1,7 +1,8 @@
 """The `Model` of a rigid aircraft in standard air over a flat Earth, from its forces and moments.
 
-Equations of an aircraft make a `Motion` of the state, compute forces and moments from it, and
-return `Motion.rates_and_outputs` of these."""
+The equations of an aircraft make a `Motion` of the state, compute forces and moments from it, and
+return `Motion.rates_and_outputs`.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +38,11 @@ _FASTEST = 5.0
 class Motion:
     """The motion of a rigid aircraft at a state with the fields of `STATES`.
 
-    air: at its altitude. pressure: dynamic pressure. mach: Mach number.
-    velocity, rates: (3,) through the air and about the body axes, in body axes.
+    air: air at its altitude.
+    pressure: dynamic pressure.
+    mach: Mach number.
+    velocity: (3,), through the air, in body axes.
+    rates: (3,), of rotation about the body axes.
     """
 
     def __init__(self, x: Any, gravity: Any, system: str) -> None:
@@ -70,8 +74,10 @@ class Motion:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the rates of `STATES` and the common outputs of rigid aircraft, by name.
 
-        specific_force: (3,) force without weight over mass. moment: (3,) about the center of
-        gravity. inertia: (3, 3)."""
+        specific_force: (3,), force without weight, divided by mass
+        moment: (3,), about the center of gravity
+        inertia: (3, 3)
+        """
         turning = angular_acceleration(self.rates, moment, inertia)
         climb = -ca.dot(self._down, self.velocity)
         velocity_rate = self.acceleration(specific_force)
@@ -101,10 +107,12 @@ def rigid_aircraft(
 ) -> Model:
     """Return the `Model` of a rigid aircraft, whose default trim is straight and level.
 
-    system: system of units, english or si. speed, altitude: of the usual trim.
-    alpha: lowest, initial and highest angle of attack. beta: lowest and highest sideslip, rad.
-    outputs: outputs in addition to those of `Motion`. holds_beta: whether a trim imposes the
-        sideslip.
+    system: system of units, english or si.
+    speed, altitude: of the usual trim.
+    alpha: lowest, initial and highest angle of attack, rad.
+    beta: lowest and highest sideslip, rad.
+    outputs: outputs in addition to those of `Motion`.
+    holds_beta: whether a trim imposes the sideslip.
     """
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FT_TO_M

@@ -35,7 +35,11 @@ _LAYERS = (
 class Air:
     """Air in ft, slug, lbf and degrees Rankine, or in SI units.
 
-    temperature. pressure. density. sound: its speed."""
+    temperature: degrees Rankine or K.
+    pressure: static pressure.
+    density: density.
+    sound: speed of sound.
+    """
 
     temperature: Any
     pressure: Any
@@ -44,9 +48,10 @@ class Air:
 
 
 def air_at(altitude: Any, system: str = "english") -> Air:
-    """Standard air at a geometric altitude, up to 154,000 ft.
+    """Return standard air at a geometric altitude, up to 154,000 ft.
 
-    system: system of units, english or si."""
+    system: system of units, english or si
+    """
     if system == "si":
         english = air_at(altitude / FT_TO_M)
         return Air(
@@ -75,7 +80,9 @@ def air_at(altitude: Any, system: str = "english") -> Air:
 
 
 def _pressure_ratio(warmth: float, lapse: float, climb: Any) -> Any:
-    """Pressure at a height above the bottom of a layer, relative to the pressure there."""
+    """Return the pressure at a height above the bottom of a layer, relative to the pressure
+    there.
+    """
     if lapse == 0.0:
         return ca.exp(-_STANDARD_GRAVITY * climb / (_GAS_CONSTANT * warmth))
     return (warmth / (warmth + lapse * climb)) ** (_STANDARD_GRAVITY / (_GAS_CONSTANT * lapse))

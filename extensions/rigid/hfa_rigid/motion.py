@@ -24,11 +24,11 @@ STATES = (
 
 
 def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
-    """Return the matrix (3, 3) from turned axes to reference axes, for yaw, pitch and roll in this
-    order, rad.
+    """Return the matrix (3, 3) from turned axes to reference axes, for yaw, pitch and roll, rad.
 
-    With the Euler angles of an aircraft: components along north, east and down from those in body
-    axes."""
+    The rotations are applied in this order. With the Euler angles of an aircraft it converts
+    components in body axes to components along north, east and down.
+    """
     cos_roll = ca.cos(roll)
     sin_roll = ca.sin(roll)
     cos_pitch = ca.cos(pitch)
@@ -72,9 +72,10 @@ def angular_velocity(x: Any) -> Any:
 def acceleration(velocity: Any, rates: Any, specific_force: Any, gravity: Any) -> Any:
     """Return v' = f/m + g - ω × v, (3,), the rate of the body-axis velocity.
 
-    velocity, rates: (3,) v and ω
-    specific_force: (3,) force without weight over mass
-    gravity: (3,) acceleration of gravity in body axes.
+    velocity: (3,) v
+    rates: (3,) ω
+    specific_force: (3,) force without weight, divided by mass
+    gravity: (3,) acceleration of gravity in body axes
     """
     return specific_force + gravity - ca.cross(rates, velocity)
 
@@ -93,7 +94,7 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
 def inertia_matrix(moments: Sequence[Any], products: Sequence[Any]) -> Any:
     """Return the matrix of inertia (3, 3) from moments xx, yy, zz and products xy, zx, yz.
 
-    A product is ∫ x y dm, and so on.
+    The product xy is ∫ x y dm, and likewise the others.
     """
     xx, yy, zz = moments
     xy, zx, yz = products

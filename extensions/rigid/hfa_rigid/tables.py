@@ -12,12 +12,12 @@ import numpy as np
 class Interpolator:
     """Values of tables at expressions, constant beyond the first and the last breakpoint.
 
-    On each axis one comparison a breakpoint selects the cell. The line of that cell, a level and a
-    slope, is selected with these 0-1 numbers, whose derivatives are zero, so that a derivative
-    costs as much as one of y0 + t (y1 - y0), however large the table is. Numbers between 0 and 1
-    give a blend of the lines of both cells, so that smooth comparisons make a smooth table. At a
-    breakpoint the slope is the one to the right. Tables over the same expression and breakpoints
-    share the comparisons.
+    On each axis one comparison for each breakpoint selects the cell. The line of that cell, a level
+    and a slope, is selected with these 0-1 numbers, whose derivatives are zero. A derivative
+    therefore costs as much as one of y0 + t (y1 - y0), however large the table is. Numbers between
+    0 and 1 give a blend of the lines of both cells, so that smooth comparisons make a smooth table.
+    At a breakpoint the slope is the one to the right. Tables over the same expression and
+    breakpoints share the comparisons.
     """
 
     def __init__(self) -> None:
@@ -28,8 +28,9 @@ class Interpolator:
     ) -> ca.SX:
         """Return the value at the arguments, one for each axis.
 
-        values: (n1, ..., nd), in row-major order. breakpoints: d arrays, increasing, of at least
-        two. arguments: d scalars, numbers or expressions.
+        values: (n1, ..., nd), in row-major order
+        breakpoints: d arrays, increasing, of at least two
+        arguments: d scalars, numbers or expressions
         """
         axes = [np.asarray(points, dtype=float) for points in breakpoints]
         lines = np.asarray(values, dtype=float)
@@ -47,7 +48,7 @@ class Interpolator:
         """Return the indicator (n - 1,) of the argument's cell, and the argument relative to the
         middle.
 
-        The argument is kept within the breakpoints.
+        The argument is clipped to the breakpoints.
         """
         key = (argument.element_hash(), points.tobytes())
         if key not in self._axes:
@@ -60,7 +61,7 @@ class Interpolator:
 
 
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
-    """Levels at the middle breakpoint and slopes (n - 1, ...) of the lines between values.
+    """Return levels at the middle breakpoint and slopes (n - 1, ...) of the lines between values.
 
     values: (n, ...), an array, or expressions as a column
     points: (n,)
@@ -73,15 +74,16 @@ def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
 
 
 def _middle(points: np.ndarray) -> float:
-    """Return the breakpoint from which the arguments of lines count."""
+    """Return the breakpoint to which the arguments of lines are relative."""
     return float(points[len(points) // 2])
 
 
 def _between(lines: ca.SX, cells: Sequence[tuple[ca.SX, ca.SX]]) -> ca.SX:
-    """Return the interpolated value of a table of lines in row-major order: one axis after the
+    """Return the interpolated value of a table of lines in row-major order, one axis after the
     other.
 
-    lines: (2, n1 - 1, 2, n2 - 1, ...), of each axis the levels and the slopes"""
+    lines: (2, n1 - 1, 2, n2 - 1, ...), of each axis the levels and the slopes
+    """
     if not cells:
         return lines
     chosen, offset = cells[0]

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 
 def dataset(result: Any) -> xarray.Dataset:
-    """Return an operating point, a linear model or a sweep as an `xarray.Dataset`, with names and
-    units. Needs xarray."""
+    """Return an operating point, a linear model or a sweep as an `xarray.Dataset`.
+
+    It has names and units. The function needs xarray.
+    """
     try:
         import xarray  # noqa: F401
     except ImportError:
@@ -71,9 +73,10 @@ def _of_linear(model: LinearModel) -> xarray.Dataset:
 
 
 def _of_sweep(swept: Sweep) -> xarray.Dataset:
-    """Return a dataset of states, inputs, A, B and eigenvalues over the axes of the grid, or over
-    the points of a list,
-    with names, units and reasons."""
+    """Return a dataset of states, inputs, A, B and eigenvalues, with names, units and reasons.
+
+    Its axes are those of the grid, or the points of a list.
+    """
     import xarray
 
     plan = swept.plan

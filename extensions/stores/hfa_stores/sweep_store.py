@@ -1,4 +1,4 @@
-"""A sweep that outgrows memory: its points in a Zarr store, under names and with units."""
+"""A sweep that exceeds memory: its points in a Zarr store, with names and units."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ _POINT = "point"
 class SweepAttributes(StatesAndInputs, Result):
     """The attributes of a store of a sweep.
 
-    plan: the subject of the sweep."""
+    plan: the swept variables and values.
+    """
 
     schema = "hfa.sweep-store/3"
     made_by = "hfa sweep -o FILE.zarr: attributes of the store"
@@ -49,7 +50,7 @@ class SweepAttributes(StatesAndInputs, Result):
 
     @property
     def model(self) -> Model:
-        """Whose trims these are."""
+        """Name of the model."""
         return self.plan.model
 
     @property
@@ -62,10 +63,11 @@ class SweepAttributes(StatesAndInputs, Result):
 class StoredSweep(Result, Reported):
     """Contents of a store.
 
-    plan: the subject of the sweep.
-    store: where it is.
+    plan: the swept variables and values.
+    store: path of the store.
     counts: points by status, "missing" for those not computed yet.
-    warnings: limits of the result."""
+    warnings: limits of the result.
+    """
 
     schema = "hfa.sweep-summary/1"
     made_by = "hfa sweep -o FILE.zarr"
@@ -99,8 +101,10 @@ RESULTS = (
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
-    """Return every point of the plan in the store at `path`, as `xarray.Dataset`; options of
-    `fill_store`."""
+    """Return every point of the plan in the store at `path`, as `xarray.Dataset`.
+
+    The options are those of `fill_store`.
+    """
     job = RowJob("sweep", _POINT, _template(plan), run_points, plan.task)
     return fill_store(job, path, **options)
 
@@ -163,9 +167,11 @@ def _template(plan: SweepPlan) -> Any:
 
 
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
-    """Points by status, "missing" for those not computed yet; how many lie at a kink.
+    """Return the number of points by status, and how many lie at a kink.
 
-    dataset: what `stream_sweep` returned for the plan, from the store at `path`.
+    The status "missing" is that of points not computed yet.
+
+    dataset: result of `stream_sweep` for the plan, from the store at `path`
     """
     totals = np.zeros(len(STATUS) + 1, dtype=int)
     kinks = 0

@@ -39,10 +39,10 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 @contextmanager
 def open_workers(workers: int | str = 1) -> Iterator[Run]:
-    """An executor of tasks until the block ends.
+    """Return an executor of tasks until the block ends.
 
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
-    tcp://host:port.
+        tcp://host:port
 
     Raises BadInputError when the number is not positive, Dask is not installed or the scheduler
     does not answer. Running tasks raises NoSolutionError when a worker dies or the cluster gives up
@@ -86,10 +86,10 @@ def _run_in(
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """Executor of `count` child processes, each served by a thread of this one through a pipe.
+    """Executor of `count` child processes, each served by a thread of this process through a pipe.
 
-    Not `ProcessPoolExecutor`: it cannot kill its workers, and its semaphores are reported as leaked
-    when this process is ended by a signal.
+    `ProcessPoolExecutor` is unsuitable. It cannot kill its workers, and its semaphores are reported
+    as leaked when this process is ended by a signal.
     """
     import multiprocessing
 
@@ -136,8 +136,8 @@ def _processes(count: int) -> Iterator[Run]:
 def _signals_blocked() -> Iterator[None]:
     """Block signals in this thread until the block ends.
 
-    A process that starts in the block inherits that for good: a terminal sends Ctrl-C to every
-    process of a run, and only the one that started the others shall answer.
+    A process that starts in the block inherits this permanently. A terminal sends Ctrl-C to every
+    process of a run, and only the parent process must respond.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -157,7 +157,7 @@ def _signals_blocked() -> Iterator[None]:
 def _serve(connection: Any) -> None:
     """Answer each (function, arguments) with (result, None) or (None, error).
 
-    The process ends when the one that started it is gone, however that ended.
+    The process ends when its parent process is gone, for whatever reason.
     """
     import multiprocessing
 
@@ -182,7 +182,7 @@ def _serve(connection: Any) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """The workers of the Dask cluster whose scheduler has this address."""
+    """Executor of the Dask cluster whose scheduler has this address."""
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError

@@ -1,11 +1,11 @@
-"""Results of many rows in a Zarr store: xarray describes it, any process computes a chunk of it.
+"""Results of many rows in a Zarr store, of which any process computes a chunk.
 
-A chunk is complete when every array has it and its checksum is written: Zarr writes a chunk whole
-or not at all. A run that is killed loses the chunks in work, no more. A CRC-32C in each chunk shows
-every reader whether its bytes changed; the checksum is of the request, the array, the chunk's
-number and its numbers, so that --resume takes no chunk from elsewhere.
+xarray describes the store. A chunk is complete when every array has it and its checksum is written.
+Zarr writes a chunk completely or not at all. A run that is killed loses only the chunks in work. A
+CRC-32C in each chunk shows every reader whether its bytes changed. The checksum covers the request,
+the array, the chunk's number and its values, so that --resume accepts no chunk of another store.
 
-A store may be from a stranger: before --resume opens it, its metadata are compared as JSON with
+A store may come from a stranger. Before --resume opens it, its metadata are compared as JSON with
 those of a new store of the same request.
 """
 
@@ -58,9 +58,9 @@ class RowJob(NamedTuple):
     what: the kind of job in messages, as in "another sweep".
     row: name of the axis of rows, the first axis of each array.
     template: `xarray.Dataset` of the arrays (`array_of_rows`), and of the names and units on their
-        other axes. Its attributes contain all that decides the results.
-    function: of a module, so that workers can import it: (*arguments) -> arrays by name; the store
-        takes those of the template.
+        other axes. Its attributes contain everything that determines the results.
+    function: (*arguments) -> arrays by name, of which the store keeps those of the template. It is
+        a function of a module, so that workers can import it.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
     """
 
@@ -72,12 +72,12 @@ class RowJob(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """N."""
+        """Number N of rows."""
         return int(self.template.sizes[self.row])
 
     @property
     def chunk(self) -> int:
-        """Rows of a chunk; the last one may have fewer."""
+        """Number of rows of a chunk. The last chunk may have fewer."""
         return int(self.template.chunksizes[self.row][0])
 
     @property
@@ -111,9 +111,9 @@ def array_of_rows(
 ) -> Any:
     """Return a lazy `xarray.Variable` for the template of a job.
 
-    axes, shape: of the array, that of the rows first.
+    axes, shape: of the array, with the axis of the rows first.
     fill: value and type of entries not computed yet.
-    chunk: rows of a chunk.
+    chunk: number of rows of a chunk.
     attributes: units and meaning.
     """
     _require_xarray()
@@ -134,13 +134,12 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute every row that the store at `path` does not hold yet, and return the store as
-    `xarray.Dataset`.
+    """Compute every row that the store at `path` lacks, and return the store as `xarray.Dataset`.
 
-    workers: see `open_workers`; the results do not depend on it.
-    resume: continue an interrupted job and compute damaged chunks again; otherwise the store must
-        be new.
-    provenance: where a new store comes from, JSON data.
+    workers: as for `open_workers`; the results do not depend on it.
+    resume: whether to continue an interrupted job and compute damaged chunks again. Otherwise the
+        store must be new.
+    provenance: provenance of a new store, JSON data.
     progress: called with (chunks done, chunks in all), first at the start.
 
     Raises BadInputError when the store exists, or is not one of this job and version.
@@ -182,7 +181,7 @@ class Place(NamedTuple):
     """Place of a chunk.
 
     number: index of the chunk.
-    path: path of the store, or None where the rows are given back instead.
+    path: path of the store, or None where the rows are returned instead.
     identity: identity of the job.
     """
 
@@ -192,7 +191,7 @@ class Place(NamedTuple):
 
 
 def _task(job: RowJob, place: Place) -> tuple[Any, ...]:
-    """Arguments of `_compute_chunk`."""
+    """Return the arguments of `_compute_chunk`."""
     rows = job.rows_of(place.number)
     return place, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
 
@@ -204,8 +203,10 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk and write them to their place, or return them without a path.
-    Compute the rows of one task in a worker process."""
+    """Compute the rows of a chunk in a worker process and write them to their place.
+
+    Without a path the rows are returned.
+    """
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
     if place.path is None:
@@ -215,8 +216,10 @@ def _compute_chunk(
 
 
 def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
-    """Write the rows of one chunk, then their checksums; other processes may write other chunks
-    meanwhile."""
+    """Write the rows of one chunk, then their checksums.
+
+    Other processes may write other chunks at the same time.
+    """
     group = _opened(place.path, "r+")
     checksums = []
     for name, values in results.items():
@@ -243,8 +246,10 @@ def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
 
 
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
-    """Return the first 8 bytes of a SHA-256: of the job, the array's name, the chunk's number and
-    its values, little-endian."""
+    """Return the first 8 bytes of a SHA-256.
+
+    It covers the job, the array's name, the chunk's number and its values, little-endian.
+    """
     subject = [place.identity, name, place.number, values.dtype.name, values.shape]
     digest = hashlib.sha256(json.dumps(subject).encode())
     digest.update(values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes())
@@ -254,7 +259,7 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
     """Create a store without results. Raises BadInputError if the path exists.
 
-    It is made under a temporary name and renamed, so that it appears whole.
+    The store is created under a temporary name and renamed, so that it appears completely.
     """
     taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     if path.exists():
@@ -270,8 +275,10 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
     """Write the store of a job without results: metadata, names and units.
 
-    Zarr makes it in memory and this thread writes its files: a signal that ends the process stops
-    this thread, but not the threads of Zarr, which would make a removed folder again."""
+    Zarr creates the store in memory, and this thread writes its files. A signal that ends the
+    process stops this thread, but not the threads of Zarr, which would create a removed folder
+    again.
+    """
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
@@ -302,7 +309,7 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 def _refuse_another(path: Path, job: RowJob) -> None:
     """Raise BadInputError unless the store at `path` is of this job and of this version.
 
-    Its metadata are read as JSON; nothing is opened before they match those of a new store.
+    Its metadata are read as JSON. No array is opened before they match those of a new store.
     """
     _require_xarray()
     with temporary_folder() as folder:
@@ -343,7 +350,9 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
 
 def _deciding(attributes: Mapping[str, Any]) -> str:
-    """Return the attributes that decide the results, as JSON: the order of the variables counts."""
+    """Return the attributes that determine the results, as JSON. The order of the variables
+    matters.
+    """
     compared = {
         key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
     }
@@ -351,8 +360,11 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _metadata(store: Path) -> dict[str, Any]:
-    """Metadata of each array and, as ".", of the group: the JSON that describes it, without entries
-    of a single run. OSError, BadInputError, LookupError or TypeError where it cannot be read."""
+    """Return the metadata of each array and, as ".", of the group, as JSON without entries of a
+    single run.
+
+    Raises OSError, BadInputError, LookupError or TypeError where they cannot be read.
+    """
     found = {}
     for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
         content = read_json(folder / _METADATA)
@@ -365,8 +377,11 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the first deviation of a store from the request: a file that describes it, a file that
-    does not belong to it, or a link, which may lead anywhere; "" without one."""
+    """Return the first deviation of a store from the request, or "" without one.
+
+    It is a file that describes the store, a file that does not belong to it, or a link, which may
+    lead anywhere.
+    """
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -383,8 +398,10 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(path: Path, row: str) -> dict[str, list[Any]]:
-    """Return the names and units in a store: each array whose first axis is not that of rows or
-    chunks."""
+    """Return the names and units in a store.
+
+    They are the arrays whose first axis is not that of rows or chunks.
+    """
     stored = open_store(path)
     return {
         str(name): variable.values.tolist()
@@ -401,8 +418,10 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that some array lacks, or that are damaged; a warning counts
-    the latter."""
+    """Return the numbers of the chunks that some array lacks, or that are damaged.
+
+    A warning states the number of damaged chunks.
+    """
     group = _opened(path, "r")
     missing = []
     damaged = 0

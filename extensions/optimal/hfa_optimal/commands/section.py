@@ -23,12 +23,14 @@ _SEED = 0
 
 
 def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
-    """Return the report with a section on flights of the nonlinear aircraft within its limits, by
-    the critic's policy and the exact one, compared with the best found.
+    """Return the report with a section on flights of the nonlinear aircraft within its limits.
+
+    The flights are those of the critic's policy and of the exact one, compared with the best found.
 
     verdicts: verdict on one critic
     named: the game, of the linear model of an aircraft
-    count: number of initial conditions"""
+    count: number of initial conditions
+    """
     if named.linear is None:
         raise BadInputError("--flights needs the nonlinear equations of an aircraft; name one")
     if len(verdicts) != 1:
@@ -52,6 +54,8 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return the sentences except for that on the linear optimum, since the game's own policies are
-    compared."""
+    """Return the sentences except for that on the linear optimum.
+
+    The game's own policies are compared in its place.
+    """
     return list(sentences[1:])

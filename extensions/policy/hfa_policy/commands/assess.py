@@ -178,8 +178,10 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return found
 
     def deployments(self, model: Model) -> list[Deployment]:
-        """Return the deployments of the files. Raises BadInputError for a gain without a sample
-        time, and for a sample time without a gain."""
+        """Return the deployments of the files.
+
+        Raises BadInputError for a gain without a sample time, and for a sample time without a gain.
+        """
         from hfa_policy.deployment import Deployment, sampled_gain
 
         gains = [card for card in self.cards if card.suffix.lower() != ".toml"]

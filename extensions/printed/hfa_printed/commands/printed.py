@@ -33,7 +33,7 @@ class PrintedRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """ "": the file contains the plant."""
+        """Return "", because the file contains the plant."""
         return {}
 
 
