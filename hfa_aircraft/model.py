@@ -27,6 +27,16 @@ if TYPE_CHECKING:
     from hfa_support.reporting.report import Report
 
 
+class UsualTrim(dict[str, float]):
+    """Variable -> value that a trim imposes by default; as a function it trims the model."""
+
+    model: Any
+
+    def __call__(self, *condition: Any, **held: Any) -> Any:
+        """Return the operating point of `find_operating_point`: model.trim(speed=60.0)."""
+        return self.model.find_operating_point(*condition, **held)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Model(Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
@@ -91,6 +101,9 @@ class Model(Reported):
             refuse_unknown(f"{self.name}: trim imposes the unknown variable", name, self.holdable)
             if not is_finite(value):
                 raise BadInputError(f"{self.name}: trim imposes {name} = {value}; give a number")
+        usual = UsualTrim(self.trim)
+        usual.model = self
+        object.__setattr__(self, "trim", usual)
         if self.extras.made_by is None:
             self.layout.refuse_broken()
 

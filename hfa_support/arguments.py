@@ -13,15 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origi
 
 import numpy as np
 
-from hfa_support.errors import BadInputError, numbers_in, shown
-
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike as ArrayLike
 else:
     ArrayLike = np.ndarray  # compared as an array of numbers
 
 Public = TypeVar("Public", bound=Callable[..., Any])
-_NUMBERS = "an array of numbers"
+NUMBERS = "an array of numbers"
 #: Whole numbers are below this in size.
 _LARGEST = 2**63
 #: Whether a value is of a kind.
@@ -68,19 +66,17 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
             else:
                 continue
             if not holds(value):
-                is_rows = isinstance(value, (list, tuple, np.ndarray)) and _is_read(value)
-                if wanted.endswith(_NUMBERS) and is_rows:
-                    numbers_in(f"{name}: {parameter}", value)  # says which row is wrong
-                raise BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
+                from hfa_support.unknown import misfit, result_as_meant
+
+                error = misfit(name, parameter, value, wanted)
+                return result_as_meant(checked, arguments, named, error)
         try:
             return function(*arguments, **named)
-        except TypeError:
-            from hfa_support.unknown import keywords_meant
+        except TypeError as error:
+            from hfa_support.unknown import mismatch, result_as_meant
 
-            words = keywords_meant(function, name, arguments, named)
-            if words is None:
-                raise
-            return checked(*arguments, **words)
+            wrong = mismatch(function, name, arguments, named, error)
+            return result_as_meant(checked, arguments, named, wrong)
 
     return checked
 
@@ -94,7 +90,7 @@ def argument_tests(function: Callable[..., Any], first: int) -> list[tuple[int, 
             continue
         if parameter.kind is parameter.KEYWORD_ONLY:
             place = sys.maxsize
-        annotation = _evaluated(parameter.annotation, function)
+        annotation = evaluated(parameter.annotation, function)
         is_union = get_origin(annotation) in (Union, UnionType)
         members = get_args(annotation) if is_union else (annotation,)
         kinds = [_kind(member) for member in members]
@@ -111,7 +107,7 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
     return lambda value: any(test(value) for test in tests)
 
 
-def _evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
+def evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
     """Return an annotation as an object, or Any where its name exists for type checkers alone."""
     if annotation is inspect.Parameter.empty:
         return Any
@@ -191,14 +187,14 @@ def _is_array(value: Any) -> bool:
 
 
 def _is_sequence(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and _is_read(value)
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and is_read(value)
 
 
 def _is_mapping(value: Any) -> bool:
-    return isinstance(value, Mapping) and _is_read(value)
+    return isinstance(value, Mapping) and is_read(value)
 
 
-def _is_read(value: Any) -> bool:
+def is_read(value: Any) -> bool:
     """Return whether the items can be read. A user's class may raise any error."""
     try:
         list(value.items() if isinstance(value, Mapping) else value)
@@ -207,23 +203,13 @@ def _is_read(value: Any) -> bool:
     return True
 
 
-def _said(value: Any) -> str:
-    """Return a value for a message: its text where that is short, otherwise its type."""
-    if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
-        return shown(value)
-    if isinstance(value, np.ndarray):
-        return f"an array of shape {value.shape}"
-    name = type(value).__name__
-    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
-
-
 _KINDS: dict[Any, tuple[_Test, str]] = {
     float: (_is_number, "a number"),
     int: (_is_whole, "a whole number"),
     bool: (lambda value: isinstance(value, (bool, np.bool_)), "True or False"),
     str: (lambda value: isinstance(value, str), "a text"),
     Path: (lambda value: isinstance(value, Path), "a path"),
-    np.ndarray: (_is_array, _NUMBERS),
+    np.ndarray: (_is_array, NUMBERS),
     NoneType: (_is_none, ""),
     None: (_is_none, ""),
 }

@@ -45,9 +45,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         if name == "__all__":
             return installed()
         if name not in modules():
-            from hfa_support.unknown import no_public_name
+            from hfa_support.unknown import unknown_name
 
-            raise no_public_name(package, name, get, modules())
+            return unknown_name(package, name, get, modules())
         module_name, name_there = modules()[name]
         try:
             module = import_module(module_name, package)

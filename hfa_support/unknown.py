@@ -10,8 +10,11 @@ from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from typing import Any
 
+import numpy as np
+
+from hfa_support.arguments import NUMBERS, is_read
 from hfa_support.entry_points import PARTS, offered, part
-from hfa_support.errors import BadInputError, advice
+from hfa_support.errors import BadInputError, advice, numbers_in, shown
 
 
 def attribute_of(value: Any, name: str, *more: str) -> Any:
@@ -39,13 +42,39 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
     return AttributeError(f"{type(value).__name__} has no attribute {name!r}{advice(name, known)}")
 
 
-def keywords_meant(
-    function: Callable[..., Any], name: str, arguments: tuple[Any, ...], named: dict[str, Any]
-) -> dict[str, Any] | None:
-    """Return the keywords of a failed call as an installed package reads them.
+def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
+    """Return the error of an argument that does not match its annotation.
 
-    The result is None where the arguments fit, so that the call failed for another reason. Raises
-    BadInputError where an argument is missing, unknown or superfluous.
+    Raises BadInputError that names the faulty row of rows that are not an array of numbers.
+
+    name: name of the function in messages
+    wanted: description of the argument
+    """
+    if wanted.endswith(NUMBERS) and isinstance(value, (list, tuple, np.ndarray)) and is_read(value):
+        numbers_in(f"{name}: {parameter}", value)
+    return BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
+
+
+def _said(value: Any) -> str:
+    """Return a value for a message: its text where that is short, otherwise its type."""
+    if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
+        return shown(value)
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    name = type(value).__name__
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
+
+
+def mismatch(
+    function: Callable[..., Any],
+    name: str,
+    arguments: tuple[Any, ...],
+    named: dict[str, Any],
+    error: TypeError,
+) -> BadInputError:
+    """Return the error of a missing, unknown or superfluous argument.
+
+    Raises the TypeError of the call where the arguments fit.
 
     name: name of the function in messages
     """
@@ -54,31 +83,44 @@ def keywords_meant(
         signature.bind(*arguments, **named)
     except TypeError as wrong:
         known = [each for each in signature.parameters if each != "self"]
-        if "notebook.keywords" in offered(PARTS):
-            meant: dict[str, Any] = part(PARTS, "notebook.keywords", "")(known, named)
-            if meant.keys() != named.keys():
-                return meant
         near = next((advice(word, known) for word in named if word not in known), "")
-        raise BadInputError(
-            f"{name}: {wrong}{near}; its arguments are {', '.join(known)}"
-        ) from None
-    return None
+        return BadInputError(f"{name}: {wrong}{near}; its arguments are {', '.join(known)}")
+    raise error
 
 
-def no_public_name(
+def result_as_meant(
+    checked: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    named: dict[str, Any],
+    error: BadInputError,
+) -> Any:
+    """Return the result of a failed call with the arguments that an installed package reads from
+    it.
+
+    Raises the error where no other reading is known.
+    """
+    meant = None
+    if "notebook.call" in offered(PARTS):
+        read = part(PARTS, "notebook.call", "")
+        meant = read(inspect.unwrap(checked), arguments, named)
+    if meant is None:
+        raise error from None
+    return checked(*meant[0], **meant[1])
+
+
+def unknown_name(
     package: str, name: str, get: Callable[[str], Any], known: Iterable[str]
-) -> AttributeError:
-    """Return the AttributeError of an unknown public name.
+) -> Callable[..., Any]:
+    """Return the function that an installed package means by an unknown public name.
 
-    It suggests the nearest names. Without a near name it lists the classes that have an attribute
-    of this name.
+    Raises AttributeError with the nearest names where there is none.
 
     get: returns the object of a public name
     known: the public names
     """
     is_module = find_spec(f"{package}.{name}") is not None  # Python imports it after this error
-    near = advice(name, known)
-    if not near and not is_module:
-        classes = [each for each in known if each[0].isupper() and hasattr(get(each), name)]
-        near = f"; it is an attribute of {', '.join(classes[:3])}" if classes else ""
-    return AttributeError(f"module {package!r} has no attribute {name!r}{near}")
+    if not is_module and package == "hfa" and "notebook.function" in offered(PARTS):
+        function: Callable[..., Any] | None = part(PARTS, "notebook.function", "")(name, get)
+        if function is not None:
+            return function
+    raise AttributeError(f"module {package!r} has no attribute {name!r}{advice(name, known)}")

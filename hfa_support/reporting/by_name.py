@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from hfa_support.errors import refuse_unknown
 
@@ -18,6 +18,20 @@ class ByName(tuple[Named, ...]):
             return super().__getitem__(index)
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
+
+    def __call__(self) -> ByName[Named]:
+        """Return the tuple, so that modes() is modes."""
+        return self
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return an attribute that a package adds: modes.damping, modes.to_pandas()."""
+            if name[0] == "_":
+                raise AttributeError(name)
+            from hfa_support.unknown import attribute_of
+
+            return attribute_of(self, name)
 
     def keys(self) -> list[str]:
         """Return the names, so that dict(modes) is a dictionary of the entries."""

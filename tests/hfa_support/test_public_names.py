@@ -22,8 +22,8 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
         hfa.linearise  # noqa: B018
     with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
         trim.modes_off  # noqa: B018
-    with pytest.raises(AttributeError, match="'load'; did you mean load_game, load_model"):
-        hfa.load  # noqa: B018
+    with pytest.raises(AttributeError, match="'read'; did you mean read_critic"):
+        hfa.read  # noqa: B018
     assert (hfa.trim, hfa.verify) == (hfa.find_operating_point, hfa.check_critic)
     assert set(dir(hfa)) >= {"linearize", "sweep"}
 

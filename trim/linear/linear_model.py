@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -170,6 +170,14 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
                 return chosen(self, inputs, outputs)
         raise BadInputError("write linear[outputs, inputs], with names")
 
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """Yield A, B, C and D: A, B, C, D = linear, and control.ss(*linear)."""
+        return map(np.asarray, (self.A, self.B, self.C, self.D))
+
+    def __call__(self, s: complex) -> Any:
+        """Return C (s I - A)⁻¹ B + D, (k, m) complex."""
+        return self.to_control()(s)
+
     @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
@@ -189,11 +197,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def is_stable(self) -> bool:
         """True if every mode is stable."""
         return all(mode.stable for mode in self.modes)
-
-    def discretize(self, dt: float) -> control.StateSpace:
-        """Return the model with inputs held over dt, s (zero-order hold), as python-control's
-        `StateSpace`."""
-        return self.to_control().sample(dt)
 
     @property
     def is_controllable(self) -> bool:
@@ -289,20 +292,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         from trim.linear.exchange import state_space
 
         return state_space(self)
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Return an attribute of `to_control()`, or a function of python-control on the model.
-
-            Examples are linear.damp(), linear.c2d(dt), linear.margin(inputs="elevator",
-            outputs="pitch").
-            """
-            if name.startswith("_"):
-                raise AttributeError(name)
-            from trim.linear.exchange import of_control
-
-            return of_control(self, name)
 
     def __dir__(self) -> list[str]:
         return [*object.__dir__(self), *dir(self.to_control())]

@@ -11,6 +11,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.states_and_inputs import StatesAndInputs
 from hfa_support.arguments import checks_arguments
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.by_name import ByName
@@ -243,12 +244,17 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return a new figure with the root locus."""
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
-    def plot(self) -> np.ndarray:
+    def plot(self, *names: Any) -> np.ndarray:
         """Draw the root locus over the last variable in a figure of pyplot, and return its Axes.
 
         Each mode has one color, slow modes are enlarged, and both ends are marked. Raises
         BadInputError when no point has a trim.
+
+        names: values that are drawn in place of the root locus: plot("alpha", "elevator")
         """
+        if names:
+            drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
+            return drawn
         return np.array(self._draw_locus(pyplot_figure(*_LOCUS_INCHES)).axes)
 
     def _draw_locus(self, figure: Figure) -> Figure:
@@ -462,6 +468,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         return column(self, index) if isinstance(index, str) else linear_model_at(self, index)
 
+    def to_pandas(self) -> Any:
+        """Return one row for each point as a `pandas.DataFrame`: the varied values, states, inputs,
+        and damping and frequency of each mode, with their names."""
+        return part(PARTS, "notebook.frame", "to_pandas")(self)
+
     def at(self, **values: float) -> LinearModel:
         """Return the linear model at one value of each swept variable: sweep.at(speed=46.0).
 
@@ -498,6 +509,7 @@ def sweep(
     condition: TrimCondition | None = None,
     start: OperatingPoint | None = None,
     listed: bool = False,
+    at: Sequence[float] | np.ndarray | None = None,
     progress: Progress | None = None,
     **columns: Sequence[float] | np.ndarray,
 ) -> Sweep:
@@ -512,6 +524,7 @@ def sweep(
         it.
     start: initial point of the search at each point
     listed: whether the values of the grid are columns, one row for each point
+    at: values of the scheduling variable, in the grid
     progress: called with (finished points, all points)
     columns: further variables of the grid, by name: speed=[60.0, 70.0]
 
@@ -523,7 +536,8 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    grid = {**(grid or {}), **columns}
+    scheduled = {} if at is None else {model.schedule: at}
+    grid = {**(grid or {}), **scheduled, **columns}
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)
 

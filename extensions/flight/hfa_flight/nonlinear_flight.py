@@ -41,6 +41,7 @@ from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
 from hfa_support.arguments import checks_arguments
+from hfa_support.entry_points import PARTS, part
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.progress import Progress
 from hfa_support.reporting.checks import Check, verdict_text
@@ -430,8 +431,14 @@ class Flight(StatesAndInputs, Result, Reported):
             lines += self.loop.scenario.gust.left_out(self.model)
         return "\n".join(lines)
 
-    def plot(self) -> np.ndarray:
-        """Draw states and inputs over time in a figure of pyplot; return its Axes."""
+    def plot(self, *names: Any) -> np.ndarray:
+        """Draw states and inputs over time in a figure of pyplot; return its Axes.
+
+        names: states, inputs and outputs that are drawn in place of all: plot("alpha", "pitch")
+        """
+        if names:
+            drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
+            return drawn
         from matplotlib import pyplot
 
         from hfa_flight.flight_figure import drawn_flight

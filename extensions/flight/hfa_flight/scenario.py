@@ -164,6 +164,9 @@ class Scenario(Reported):
             raise BadInputError(
                 f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
             )
+        if not isinstance(self.gust, Gust | None):
+            example = "hfa_flight.OneMinusCosine(length=400.0, peak=5.0, speed=68.0)"
+            raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
                 "the scenario has a gust and turbulence to be drawn; give one of them"

@@ -28,7 +28,7 @@ from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.minima import AS_LIKELY, other_minimum, parts_disagree
 from hfa_identify.plan import manoeuvres
 from hfa_identify.prediction import Condition, Predictions
-from hfa_identify.records import Record, read_record, record_of
+from hfa_identify.records import Record, columns_of_table, read_record, record_of
 from hfa_identify.response import Responses
 from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
@@ -49,7 +49,7 @@ _WIDE = 2.0
 def identify(
     model: Model,
     records: AnyRecord | Sequence[AnyRecord],
-    free: Sequence[str],
+    free: Sequence[str] = (),
     *,
     given: Mapping[str, float] | Sequence[str] = (),
     hold: Mapping[str, float] | None = None,
@@ -64,8 +64,9 @@ def identify(
     filter error with maximum likelihood and white Gaussian noise of unknown variance.
 
     model: with the values at which the search begins.
-    records: one or more maneuvers, each a path or a dictionary of arrays by name in the model's
-        units: time (s), every input, measured states or outputs, NaN where a sample is missing.
+    records: one or more maneuvers, each a path, a flight, a table of pandas, or a dictionary of
+        arrays by name in the model's units: time (s), every input, measured states or outputs, NaN
+        where a sample is missing.
     free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
         as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
         bias.
@@ -90,7 +91,7 @@ def identify(
             "hold names the unknown input or state", name, (*model.inputs, *model.states)
         )
     model, fixed = _with_given(model, given)
-    listed = [records] if isinstance(records, Record | Mapping | str | Path) else list(records)
+    listed = _listed(records)
     if not listed:
         raise BadInputError("identify has no records; give at least one")
     refuse_unknown("inputs are", inputs, INPUTS)
@@ -133,6 +134,13 @@ def identify(
     return found
 
 
+def _listed(records: Any) -> list[Any]:
+    """Return one or more records as a list."""
+    is_table = hasattr(records, "to_pandas") or hasattr(records, "columns")
+    is_one = is_table or isinstance(records, Record | Mapping | str | Path)
+    return [records] if is_one else list(records)
+
+
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
@@ -161,6 +169,10 @@ def _as_records(
         if isinstance(each, str | Path):
             each = read_record(each, model, held, columns)
         elif not isinstance(each, Record):
+            if hasattr(each, "to_pandas"):  # a flight
+                each = each.to_pandas().reset_index()
+            if hasattr(each, "columns"):  # a table of pandas
+                each = columns_of_table(each, model, f"record {number}")
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))
     return read
@@ -174,7 +186,8 @@ def _free_names(
     Raises BadInputError if there are none, or one is neither a parameter nor an error of a
     column."""
     if isinstance(free, str) or not free:
-        raise BadInputError("free names no parameters; give a list of at least one")
+        possible = ", ".join(model.parameters) or "none"
+        raise BadInputError(f"free names no parameters; give a list of at least one of {possible}")
     errors = sensor_errors(model, (*model.inputs, *measured))
     known = (*model.parameters, *errors)
     names: list[str] = []

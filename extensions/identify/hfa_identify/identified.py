@@ -132,6 +132,14 @@ class Identified(Result, Reported):
         return not list(self.findings)
 
     @property
+    def residuals(self) -> list[dict[str, np.ndarray]]:
+        """Measured quantity -> recorded minus fitted values, (N,), for each record."""
+        names = tuple(self.quantities)
+        return [
+            dict(zip(names, (record.table(names) - y).T, strict=True)) for record, y in self.fitted
+        ]
+
+    @property
     def findings(self) -> Iterator[str]:
         """The findings, worst first."""
         yield from self.faults

@@ -206,7 +206,21 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
     return {name: table[:, place] * factors[place] for place, name in enumerate(names)}
 
 
-def _head(path: Path, cell: str, model: Model) -> tuple[str, float]:
+def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarray]:
+    """Return the columns of a table of pandas in the model's units.
+
+    A name with a unit is read as in a CSV file.
+
+    name: name of the record in messages
+    """
+    columns = {}
+    for cell in map(str, table.columns):
+        column, factor = _head(name, cell, model)
+        columns[column] = factor * _numbers(name, column, table[cell])
+    return columns
+
+
+def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     """Return the name of a column, and the factor of its values."""
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:

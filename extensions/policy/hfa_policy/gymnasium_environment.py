@@ -52,6 +52,16 @@ class AircraftEnvironment(gymnasium.Env):
         """Seconds between two samples."""
         return self.episodes.deployed.deployment.dt
 
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Names or formulas of the observations, in order; with a history those of one sample."""
+        return tuple(self.episodes.deployed.deployment.observation)
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the inputs that the actions move, in order."""
+        return tuple(self.episodes.deployed.deployment.action)
+
     @checks_arguments
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
+from pathlib import Path
 
 import control
 import numpy as np
@@ -12,7 +14,8 @@ from scipy.linalg import expm
 
 import hfa
 from hfa import BadInputError, LinearModel, find_operating_point, linearize
-from hfa_servo.notebook.calls import ARGUMENTS, ATTRIBUTES
+from hfa_servo.notebook.arguments import ARGUMENTS
+from hfa_servo.notebook.calls import ATTRIBUTES
 
 MODEL = hfa.aircraft()
 
@@ -52,6 +55,42 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
     assert named.outputs[:, 0] == pytest.approx(x[[2, 1]], rel=1e-9, abs=1e-9)
     with pytest.raises(BadInputError, match="time is 'throttle'; give a number"):
         linear.step("throttle")
+
+
+def test_other_attributes_are_those_of_python_control() -> None:
+    """Further attributes of a linear model are python-control's, and act on named inputs and
+    outputs."""
+    linear = _linear()
+    assert linear.ninputs == 5
+    assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
+    with pytest.raises(AttributeError, match="LinearModel has no attribute 'dcgane'; did you mean"):
+        linear.dcgane  # noqa: B018
+    loop = linear["pitch_rate", "elevator_center"]
+    margins = control.margin(loop.to_control())
+    assert loop.margin() == margins
+    assert linear.margin(inputs="elevator_center", outputs="pitch_rate") == margins
+    assert linear.margin(input="elevator_center", output="pitch_rate") == margins
+    assert linear.margin("elevator_center", "pitch_rate") == margins
+    assert linear.pole() == pytest.approx(linear.poles())  # a name of MATLAB
+    with pytest.raises(BadInputError, match="unknown input 'elevator'"):
+        linear.damp(inputs="elevator")
+    assert {"damp", "modes", "step"} <= set(dir(linear))
+    held = linear.discretize(0.1)
+    assert np.array_equal(linear.c2d(0.1).A, held.A)
+    assert pytest.approx(expm(0.1 * linear.A)) == held.A
+
+
+def test_functions_of_matrices_take_those_of_the_model() -> None:
+    """ctrb(A, B) and care(A, B, Q, R) of python-control; their errors are one line."""
+    linear = _linear()
+    assert np.array_equal(linear.ctrb(), control.ctrb(linear.A, linear.B))
+    assert np.array_equal(linear.obsv(), control.obsv(linear.A, linear.C))
+    Q, R = np.eye(6), np.eye(5)
+    assert linear.care(Q, R)[2] == pytest.approx(control.lqr(linear.to_control(), Q, R)[0])
+    for failing in (linear.place, linear.margin, lambda: linear.place([-1.0, -2.0])):
+        with pytest.raises(BadInputError, match="python-control's") as error:
+            failing()
+        assert "\n" not in str(error.value)
 
 
 def test_transfer_functions_have_the_response_of_the_model() -> None:
@@ -160,3 +199,141 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
         _linear().success  # noqa: B018
     assert not {*ATTRIBUTES} & {*ATTRIBUTES.values()}
     assert not any(word in names for word, names in ARGUMENTS.items())
+
+
+def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
+    """Model -> OperatingPoint -> LinearModel -> Game, with the keywords of each maker."""
+    point = find_operating_point(MODEL, dihedral=0.2)
+    linear = point.linearize()
+    for made in (linearize(MODEL, dihedral=0.2), MODEL.linearize(dihedral=0.2), linearize(point)):
+        assert np.array_equal(made.A, linear.A)
+    weights = {"Q": np.eye(6), "R": np.eye(5)}
+    K = hfa.solve_game(hfa.game(linear, **weights, delta=200.0)).K
+    for value in (linear, point):
+        assert np.array_equal(hfa.solve_game(value, **weights, delta=200.0).K, K)
+    assert np.array_equal(linear.solve_game(np.eye(6), np.eye(5), delta=200.0).K, K)
+    assert np.array_equal(hfa.lqr(point, **weights).K, hfa.lqr(linear, **weights).K)
+    assert hfa.verify(hfa.solve_game(linear, **weights, delta=200.0), K).ok
+    with pytest.raises(BadInputError, match="linear is a Model; give a LinearModel"):
+        hfa.lqr(MODEL, **weights)
+
+
+def test_a_point_brings_its_model() -> None:
+    """point.fly(K) and hfa.fly(model, K) fly from this point, and from the model's trim."""
+    point = find_operating_point(MODEL, dihedral=0.2)
+    K = hfa.lqr(point, np.eye(6), np.eye(5)).K
+    flown = hfa.fly(MODEL, point, K, 0.1, initial={"alpha": 0.01})
+    for other in (point.fly(K, 0.1, initial={"alpha": 0.01}), point.simulate(K, T=0.1)):
+        assert other.point == point
+    assert np.array_equal(point.fly(K, 0.1, initial={"alpha": 0.01}).states, flown.states)
+    assert MODEL.fly(K, seconds=0.1).point == find_operating_point(MODEL)
+    assert find_operating_point(point, speed=70.0)["speed"] == 70.0
+    with pytest.raises(AttributeError, match="LinearModel has no attribute 'fly'"):
+        point.linearize().fly(K)
+
+
+def test_arguments_of_different_types_take_any_order() -> None:
+    game = hfa.paper.published_game(_linear())
+    K = hfa.solve_game(game).K
+    assert hfa.verify(K, game).ok
+    with pytest.raises(BadInputError, match="no such file"):
+        hfa.verify("x.npz", K)
+
+
+def test_the_text_of_a_file_is_a_model() -> None:
+    named = hfa.trim("examples/navion.py:NAVION", speed=180.0)
+    assert named.model.name == "Navion"
+    with pytest.raises(BadInputError, match="'nothing' is not an aircraft"):
+        hfa.trim("nothing")
+
+
+def test_a_model_trims_itself() -> None:
+    """`model.trim` remains the declared values, and is a function."""
+    assert MODEL.trim(dihedral=0.2) == find_operating_point(MODEL, dihedral=0.2)
+    assert MODEL.trim({"dihedral": 0.2}) == find_operating_point(MODEL, dihedral=0.2)
+    assert MODEL.trim == dict(MODEL.trim.items())
+    changed = MODEL.with_parameters(panel_mass=9.0)
+    assert changed.trim().model is changed
+    assert pickle.loads(pickle.dumps(MODEL)).trim() == find_operating_point(MODEL)
+
+
+def test_keywords_of_a_scenario_make_it() -> None:
+    point = find_operating_point(MODEL)
+    delayed = hfa.fly(MODEL, point, delay=0.02, seconds=0.1)
+    assert delayed.loop.scenario.delay == 0.02
+    with pytest.raises(BadInputError, match="gust is 5; give a gust such as"):
+        hfa.fly(MODEL, point, gust=5)
+
+
+def test_a_linear_model_is_its_matrices() -> None:
+    """It unpacks into A, B, C, D, and is its transfer function at s."""
+    linear = _linear()
+    A, B, C, D = linear
+    system = control.ss(*linear)
+    assert (system.A == A).all()
+    assert (system.D == D).all()
+    assert linear(2j) == pytest.approx(C @ np.linalg.solve(2j * np.eye(6) - A, B) + D)
+    assert (linear.to_scipy().B == B).all()
+    assert linear.linearize() is linear
+    assert np.array_equal(
+        hfa.lqr(system, np.eye(6), np.eye(5)).K, hfa.lqr(A, B, np.eye(6), np.eye(5)).K
+    )
+    assert linear.initial(x0=[0, 0.1, 0, 0, 0, 0])[0].shape[1] == 6
+
+
+def test_modes_are_a_table_and_a_method() -> None:
+    modes = _linear().modes
+    assert modes() is modes
+    assert modes.damping.tolist() == [mode.damping for mode in modes]
+    assert modes.to_pandas().loc["phugoid", "frequency"] == modes["phugoid"].frequency
+    with pytest.raises(AttributeError, match="'dampin'; did you mean damping"):
+        modes.dampin  # noqa: B018
+
+
+def test_sweeps_and_flights_are_tables_and_curves() -> None:
+    """Their methods are those of their table of pandas, whose columns are names."""
+    swept = hfa.sweep(MODEL, at=[0.1, 0.2])
+    assert np.array_equal(hfa.sweep(MODEL, [0.1, 0.2]).A, swept.A)
+    table = swept.to_pandas()
+    assert table["dihedral"].tolist() == [0.1, 0.2]
+    assert table["phugoid damping"][1] == pytest.approx(swept[1].phugoid.damping)
+    assert swept.loc[0.2, "alpha"] == swept["alpha"][1]
+    assert [axes.get_ylabel() for axes in swept.plot("alpha", "throttle")] == [
+        "alpha, deg",
+        "throttle",
+    ]
+    flight = hfa.fly(MODEL, swept[0].point, seconds=0.1)
+    assert flight.describe().loc["max", "speed"] == flight["speed"].max()
+    (axes,) = flight.plot("pitch")
+    assert axes.lines[0].get_ydata() == pytest.approx(np.degrees(flight["pitch"]))
+    point = swept[0].point
+    assert point.to_series()["alpha"] == point["alpha"]
+    pyplot.close("all")
+
+
+def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
+    """hfa.save and hfa.load: the file of a linear model, a solution, a point and a deployment."""
+    linear = _linear()
+    hfa.save(linear, tmp_path / "linear.npz")
+    again = hfa.load(tmp_path / "linear.npz")
+    assert again.states == linear.states
+    assert all(map(np.array_equal, again, linear))
+    solution = hfa.lqr(linear, np.eye(6), np.eye(5))
+    solution.to_json(tmp_path / "solution.json")
+    assert np.array_equal(hfa.solve_game(hfa.game(linear, np.eye(6), np.eye(5))).K, solution.K)
+    linear.point.save(tmp_path / "point.json")
+    assert hfa.load(tmp_path / "point.json", MODEL) == linear.point
+    with pytest.raises(BadInputError, match=r"hfa.load\(FILE, model\)"):
+        hfa.load(tmp_path / "point.json")
+    assert hfa.load("examples/gtm_policy/on_time.toml").dt > 0.0
+    assert hfa.load("examples/uav.toml").name
+    assert hfa.damp(linear)[0].shape == (6,)
+    with pytest.raises(BadInputError, match=r"hfa.care is a method of results .* control\.care"):
+        hfa.care(np.eye(2), np.eye(2), np.eye(2))
+    with pytest.raises(AttributeError, match="did you mean solve_game"):
+        hfa.hinf  # noqa: B018
+
+
+def test_a_solution_draws_its_poles() -> None:
+    assert "poles of A - B K" in hfa.lqr(_linear(), np.eye(6), np.eye(5)).plot().get_title()
+    pyplot.close("all")

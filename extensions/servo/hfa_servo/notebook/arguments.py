@@ -1,0 +1,271 @@
+"""Arguments in other forms: words of other tools, another order, earlier links of a chain.
+
+The chains are Model -> OperatingPoint -> LinearModel -> Game. A function that needs one of them
+also accepts an earlier one, from which it is made, and the keywords that make it.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from controller.game.zero_sum import Game
+from controller.riccati.gare import Solution
+from hfa_aircraft.model import Model
+from hfa_support.arguments import argument_tests, evaluated
+from trim.linear.linear_model import LinearModel
+from trim.point.condition import TrimCondition, release, usual_condition
+from trim.point.operating_point import OperatingPoint
+
+_SAME_ARGUMENTS = """
+K: policy
+T: time seconds timepts
+U: u inputs
+X0: initial initial_state
+aircraft: model
+at: points
+controller: policy
+duration: seconds
+gain: policy
+input: inputs
+output: outputs
+point: points
+sample_time: dt
+start: initial
+seconds: time
+t: time seconds T timepts
+t_final: seconds time
+tf: seconds time
+time_step: dt
+timestep: dt
+u: policy
+w: omega
+x0: initial X0 initial_state
+"""
+#: Keyword of python-control, SciPy or gymnasium -> arguments of the same meaning.
+ARGUMENTS = {
+    word: names.split()
+    for word, names in (line.split(": ") for line in _SAME_ARGUMENTS.strip().splitlines())
+}
+#: The links of the chains, in order; a condition is made of a model and values.
+_LINKS = (Model, TrimCondition, OperatingPoint, LinearModel, Game)
+#: Keywords that make a game of a linear model.
+_OF_GAME = ("Q", "R", "delta", "E")
+
+
+def keywords(known: Sequence[str], named: dict[str, Any]) -> dict[str, Any]:
+    """Return the keywords of a call, with words of other tools replaced by arguments.
+
+    known: arguments of the function
+    """
+    meant: dict[str, Any] = {}
+    for word, value in named.items():
+        same = [each for each in ARGUMENTS.get(word, ()) if each in known]
+        is_other = word not in known and same and same[0] not in {*named, *meant}
+        meant[same[0] if is_other else word] = value
+    return meant
+
+
+def call_meant(
+    function: Callable[..., Any], arguments: tuple[Any, ...], named: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
+    """Return the arguments of a failed call in the form that the function accepts.
+
+    The result is None where no other form is known.
+
+    named: its keywords
+    """
+    signature = inspect.signature(function)
+    words = keywords([each for each in signature.parameters if each != "self"], named)
+    if not any(_link(_classes(function, each)) for each in signature.parameters.values()):
+        return None if words.keys() == named.keys() else (arguments, words)
+    reading = _Reading(function, list(arguments), words)
+    try:
+        signature.bind(*reading.arguments, **reading.words)
+    except TypeError:
+        return None
+    is_same = (reading.arguments, reading.words) == (arguments, named)
+    return None if is_same else (reading.arguments, reading.words)
+
+
+def accepts(function: Callable[..., Any], value: Any) -> bool:
+    """Return whether the first argument of a function may be the value, or is made of it."""
+    function = inspect.unwrap(function)
+    first = next(iter(inspect.signature(function).parameters.values()), None)
+    tests = argument_tests(function, 0)
+    if any(holds(value) for place, _, holds, _ in tests if place == 0):
+        return True
+    link = None if first is None else _link(_classes(function, first))
+    if link is Model:
+        return isinstance(value, OperatingPoint)
+    return link in (LinearModel, Game) and isinstance(value, (OperatingPoint, LinearModel))
+
+
+def _classes(function: Callable[..., Any], parameter: inspect.Parameter) -> tuple[Any, ...]:
+    """Return the members of the annotation of an argument."""
+    annotation = evaluated(parameter.annotation, function)
+    return get_args(annotation) or (annotation,)
+
+
+def _link(classes: Sequence[Any]) -> Any:
+    """Return the link of a chain among classes, or None."""
+    return next((each for each in _LINKS if each in classes), None)
+
+
+class _Reading:
+    """Arguments and words of a call in the form that the function accepts, as far as possible."""
+
+    def __init__(
+        self, function: Callable[..., Any], given: list[Any], words: dict[str, Any]
+    ) -> None:
+        self.function = function
+        self.rest = given
+        self.words = words
+        self.parameters = inspect.signature(function).parameters
+        self.tests = {name: holds for _, name, holds, _ in argument_tests(function, 0)}
+        found: dict[str, Any] = {}
+        for name, parameter in self.parameters.items():
+            if parameter.kind is parameter.POSITIONAL_OR_KEYWORD:
+                self._read(name, parameter, found)
+        self._build(found)
+        self.arguments: tuple[Any, ...] = ()
+        if any(each.kind is each.VAR_POSITIONAL for each in self.parameters.values()):
+            self.arguments = (*found.values(), *self.rest)
+            return
+        self.arguments = tuple(self.rest)  # superfluous ones
+        self.words = {**found, **words}
+
+    def _read(self, name: str, parameter: inspect.Parameter, found: dict[str, Any]) -> None:
+        """Find the value of one argument: as given, of another place, or made of others."""
+        holds = self.tests.get(name)
+        link = _link(_classes(self.function, parameter))
+        if name in self.words:
+            value = self.words[name]
+            if holds is not None and not holds(value):
+                made = self._made(name, link, value, found)
+                self.words[name] = value if made is None else made
+            return
+        first = self.rest[:1]
+        places = [i for i, each in enumerate(self.rest) if link and isinstance(each, link)]
+        if first and (holds is None or holds(first[0])):
+            places = [0]
+        if places:
+            found[name] = self.rest.pop(places[0])
+            return
+        made = self._made(name, link, first[0], found) if first else None
+        if first and (made is not None or link is None):
+            given = self.rest.pop(0)
+            found[name] = given if made is None else made
+            return
+        if parameter.default is parameter.empty:
+            made = self._derived(link, found)
+            if made is not None:
+                found[name] = made
+
+    def _made(self, name: str, link: Any, value: Any, found: Mapping[str, Any]) -> Any:
+        """Return the link that a value makes, or None."""
+        is_file = isinstance(value, (str, Path))
+        model = found.get("model", self.words.get("model"))
+        if link is Model and is_file:
+            return import_module("hfa").load_model(str(value))
+        if link is TrimCondition and isinstance(value, Mapping) and isinstance(model, Model):
+            return release(usual_condition(model), hold=value)
+        if link is OperatingPoint and isinstance(value, LinearModel):
+            return value.point
+        if link is Game:
+            return self._game(value, is_file)
+        if link is LinearModel:
+            return linear_of(value)
+        if name == "grid" and isinstance(model, Model) and model.schedule and np.ndim(value):
+            return {model.schedule: value}
+        if name == "points" and (
+            isinstance(value, (OperatingPoint, LinearModel)) or np.ndim(value) == 0
+        ):
+            return [value.point if isinstance(value, LinearModel) else value]
+        return None
+
+    def _game(self, value: Any, is_file: bool) -> Any:
+        """Return the game of a file, of a solution, or on a linear model with keywords Q, R,
+        delta."""
+        if isinstance(value, Solution):
+            return value.game
+        linear = None if is_file else linear_of(value)
+        if linear is None and not is_file:
+            return None
+        weights = {
+            name: self.words.pop(name)
+            for name in _OF_GAME
+            if name in self.words and name not in self.parameters
+        }
+        hfa = import_module("hfa")
+        if is_file:
+            return hfa.load_game(value, **weights)
+        places = list(self.parameters)
+        following = self.tests.get(places[1]) if len(places) > 1 else None
+        if len(self.rest) > 1 and following is not None and not following(self.rest[1]):
+            matrices = self.rest[1:]
+            self.rest = self.rest[:1]
+            return hfa.game(linear, *matrices, **weights)
+        return hfa.game(linear, **weights)
+
+    def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
+        """Return a missing model or operating point from the other arguments, or None.
+
+        The model is that of a point. The point is the model's trim, at the values of keywords.
+        """
+        if link is Model:
+            given = (*self.rest, *self.words.values())
+            return next((each.model for each in given if isinstance(each, OperatingPoint)), None)
+        model = found.get("model", self.words.get("model"))
+        if link is not OperatingPoint or not isinstance(model, Model):
+            return None
+        known = {*model.holdable, *model.rates, *model.parameters, "hold", "free", "condition"}
+        held = {
+            name: self.words.pop(name)
+            for name in list(self.words)
+            if name in known and name not in self.parameters
+        }
+        return import_module("hfa").find_operating_point(model, **held)
+
+    def _build(self, found: dict[str, Any]) -> None:
+        """Make an argument that is a dataclass of the keywords that are its fields:
+        fly(..., gust=gust) has the scenario of this gust."""
+        unknown = {name for name in self.words if name not in self.parameters}
+        if not unknown:
+            return
+        for name, parameter in self.parameters.items():
+            if name in found or name in self.words:
+                continue
+            kinds: tuple[Any, ...] = _classes(self.function, parameter)
+            for kind in kinds:
+                if not is_dataclass(kind) or kind in _LINKS:
+                    continue
+                if unknown <= {field.name for field in fields(kind)}:
+                    build: Any = kind
+                    self.words[name] = build(**{word: self.words.pop(word) for word in unknown})
+                    return
+
+
+def linear_of(value: Any) -> LinearModel | None:
+    """Return the linear model at an operating point, or of another package's continuous state
+    space, or None for another value."""
+    if isinstance(value, OperatingPoint):
+        return value.linearize()
+    if isinstance(value, LinearModel):
+        return value
+    matrices = [getattr(value, name, None) for name in "ABCD"]
+    if any(matrix is None for matrix in matrices) or getattr(value, "dt", None):
+        return None
+    A, B, C, D = map(np.asarray, matrices)
+    labels: dict[str, Any] = {}
+    for name in ("states", "inputs", "outputs"):
+        names = tuple(getattr(value, f"{name.removesuffix('s')}_labels", ()))
+        if names and all(map(str.isidentifier, names)):
+            labels[name] = names
+    return LinearModel(A, B, C, D, **labels)

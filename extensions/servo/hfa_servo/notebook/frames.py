@@ -1,0 +1,97 @@
+"""Tables of pandas and curves of results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.figure import pyplot_figure
+from hfa_support.reporting.text import shown_unit, shown_values
+from trim.sweeps.sweep import Sweep
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def sweep_frame(swept: Sweep) -> pandas.DataFrame:
+    """Return one row for each point of a sweep.
+
+    The columns are the varied values, the states, the inputs, damping and frequency of each mode,
+    and the reason where there is no trim.
+    """
+    import pandas
+
+    model = swept.model
+    names = dict.fromkeys((*swept.variables, *model.states, *model.inputs))
+    columns: dict[str, Any] = {name: swept[name] for name in names}
+    for mode in swept.modes:
+        columns[f"{mode.name} damping"] = mode.damping[:, 0]
+        columns[f"{mode.name} frequency"] = mode.frequency[:, 0]
+    columns["reason"] = list(swept.reasons)
+    return pandas.DataFrame(columns)
+
+
+def frame(value: Any) -> pandas.DataFrame:
+    """Return the table of a result; that of a sweep is indexed by the varied values."""
+    table: pandas.DataFrame = value.to_pandas()
+    return table.set_index(list(value.variables)) if isinstance(value, Sweep) else table
+
+
+def entries_frame(entries: Any) -> pandas.DataFrame:
+    """Return one row for each entry of named entries, such as modes, indexed by name."""
+    import pandas
+
+    rows = [
+        {name: value for name, value in _values(entry) if not isinstance(value, dict)}
+        for entry in entries
+    ]
+    return pandas.DataFrame(rows).set_index("name")
+
+
+def _values(entry: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of an entry."""
+    yield from (entry._asdict() if hasattr(entry, "_asdict") else vars(entry)).items()
+
+
+def draw_curves(value: Any, *names: Any) -> np.ndarray:
+    """Draw named values of a flight over time, or of a sweep over its last variable, in a figure of
+    pyplot, and return its Axes.
+
+    names: texts, or one list of them
+    """
+    shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
+    series = {name: value[name] for name in shown}
+    model = value.model
+    axes = pyplot_figure(8.0, 1.0 + 2.0 * len(series)).subplots(len(series), sharex=True)
+    if isinstance(value, Sweep):
+        x = value.variables[-1]
+        lines = _lines(value)
+        unit = model.unit(x)
+        times = shown_values(value[x], unit)
+    else:
+        x, unit = "time", model.time_unit
+        lines = [slice(None)]
+        times = value.time
+    for panel, (name, values) in zip(np.ravel(axes), series.items(), strict=True):
+        for line in lines:
+            panel.plot(times[line], shown_values(values, model.unit(name))[line])
+        panel.set_ylabel(_label(name, model.unit(name)))
+        panel.grid(alpha=0.3)
+    panel.set_xlabel(_label(x, unit))
+    return np.ravel(axes)
+
+
+def _label(name: str, unit: str) -> str:
+    """Return the label of an axis."""
+    return name if unit == "1" else f"{name}, {shown_unit(unit)}"
+
+
+def _lines(swept: Sweep) -> list[Any]:
+    """Return the points of each line along the last variable."""
+    size = swept.plan.sizes[-1]
+    if len(swept) % size:
+        raise BadInputError("the sweep has no lines along its last variable")
+    return [slice(first, first + size) for first in range(0, len(swept), size)]

@@ -1,0 +1,103 @@
+"""Further functions of `hfa`: words of other tools, and methods of the first argument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from controller.game.array_file import read_arrays
+from hfa_support.errors import BadInputError
+from hfa_support.reporting.by_name import ByName
+from hfa_support.reporting.report import Reported
+from trim.linear.linear_model import LinearModel
+from trim.linear.mode import Mode
+from trim.point.operating_point import OperatingPoint
+
+_SAME_FUNCTIONS = """
+find_trim: find_operating_point
+findop: find_operating_point
+fly_policy: fly
+linmod: linearize
+load_aircraft: load_model
+load_policy: read_critic
+make_env: environment
+read_model: load_model
+read_policy: read_critic
+ss: LinearModel
+"""
+#: Function of MATLAB or gymnasium -> function of the same meaning.
+FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines())
+
+
+def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
+    """Return the function that an unknown public name of `hfa` means, or None.
+
+    A method of results is a function of its result: hfa.save(linear, FILE), hfa.bode(linear).
+
+    get: returns the object of a public name
+    """
+    if name in FUNCTIONS:
+        known: Callable[..., Any] = get(FUNCTIONS[name])
+        return known
+    if name == "load":
+        return load
+    if name[0] == "_" or not _is_method(name, get):
+        return None
+
+    def of_result(result: Any, *arguments: Any, **named: Any) -> Any:
+        """Return the value of the method of the first argument."""
+        if not isinstance(result, (Reported, Mode, ByName)):
+            raise BadInputError(
+                f"hfa.{name} is a method of results and models, not of a {type(result).__name__}; "
+                f"for matrices write control.{name}"
+            )
+        member = getattr(result, name)
+        return member(*arguments, **named) if callable(member) else member
+
+    of_result.__name__ = name
+    return of_result
+
+
+def _is_method(name: str, get: Callable[[str], Any]) -> bool:
+    """Return whether a result has the method, or python-control a function of a system."""
+    import control
+    from control import matlab
+
+    results = map(get, ("Model", "OperatingPoint", "LinearModel", "Solution", "Flight", "Verdict"))
+    places = (*results, control.StateSpace, control, matlab)
+    return any(callable(getattr(each, name, None)) for each in places)
+
+
+def load(path: str | Path, *more: Any, **named: Any) -> Any:
+    """Return what a file contains: an aircraft, a deployment, a linear model, a game or a critic.
+
+    path: .json, .npz or .mat as `save` writes it, a deployment file, or the text of an aircraft
+    more: the model of an operating point, or the game of a critic
+
+    Raises BadInputError where the contents are of no known kind.
+    """
+    hfa = import_module("hfa")
+    text = str(path)
+    suffix = Path(text).suffix.lower()
+    if suffix == ".toml" and "[observation" in Path(text).read_text("utf-8"):
+        return hfa.Deployment.load(path)
+    if suffix not in (".json", ".npz", ".mat"):
+        return hfa.load_model(text)
+    stored = read_arrays(path)
+    if "operating_point" not in stored and "residuals" in stored:
+        if not more:
+            raise BadInputError(f"{text} is an operating point; write hfa.load(FILE, model)")
+        return OperatingPoint.load(Path(text), *more, **named)
+    if {"Q", "R"} <= {*stored} or ("delta" in stored and "A" in stored):
+        return hfa.load_game(path, **named)
+    if {"A", "B"} <= {*stored}:
+        names: dict[str, Any] = {
+            key: tuple(map(str, stored[key]))
+            for key in ("states", "inputs", "outputs")
+            if key in stored
+        }
+        matrices = [stored[key] for key in "ABCD" if key in stored]
+        return LinearModel(*matrices, **names)
+    return hfa.read_critic(path, *more, **named)
