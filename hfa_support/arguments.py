@@ -19,7 +19,7 @@ else:
     ArrayLike = np.ndarray  # compared as an array of numbers
 
 Public = TypeVar("Public", bound=Callable[..., Any])
-NUMBERS = "an array of numbers"
+_NUMBERS = "an array of numbers"
 #: Whole numbers are below this in size.
 _LARGEST = 2**63
 #: Whether a value is of a kind.
@@ -187,14 +187,14 @@ def _is_array(value: Any) -> bool:
 
 
 def _is_sequence(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and is_read(value)
+    return isinstance(value, Sequence) and not isinstance(value, (str, bytes)) and _is_read(value)
 
 
 def _is_mapping(value: Any) -> bool:
-    return isinstance(value, Mapping) and is_read(value)
+    return isinstance(value, Mapping) and _is_read(value)
 
 
-def is_read(value: Any) -> bool:
+def _is_read(value: Any) -> bool:
     """Return whether the items can be read. A user's class may raise any error."""
     try:
         list(value.items() if isinstance(value, Mapping) else value)
@@ -209,7 +209,7 @@ _KINDS: dict[Any, tuple[_Test, str]] = {
     bool: (lambda value: isinstance(value, (bool, np.bool_)), "True or False"),
     str: (lambda value: isinstance(value, str), "a text"),
     Path: (lambda value: isinstance(value, Path), "a path"),
-    np.ndarray: (_is_array, NUMBERS),
+    np.ndarray: (_is_array, _NUMBERS),
     NoneType: (_is_none, ""),
     None: (_is_none, ""),
 }

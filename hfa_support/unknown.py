@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from hfa_support.arguments import NUMBERS, is_read
 from hfa_support.entry_points import PARTS, offered, part
 from hfa_support.errors import BadInputError, advice, numbers_in, shown
 
@@ -50,7 +49,7 @@ def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     name: name of the function in messages
     wanted: description of the argument
     """
-    if wanted.endswith(NUMBERS) and isinstance(value, (list, tuple, np.ndarray)) and is_read(value):
+    if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)
     return BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
 

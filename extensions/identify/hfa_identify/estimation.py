@@ -169,8 +169,10 @@ def _as_records(
         if isinstance(each, str | Path):
             each = read_record(each, model, held, columns)
         elif not isinstance(each, Record):
-            if hasattr(each, "to_pandas"):  # a flight
-                each = each.to_pandas().reset_index()
+            if hasattr(each, "to_pandas"):  # a flight, whose constant states are no frozen sensors
+                table = each.to_pandas().reset_index()
+                moves = [name in model.inputs or np.ptp(table[name]) > 0.0 for name in table]
+                each = table.loc[:, moves]
             if hasattr(each, "columns"):  # a table of pandas
                 each = columns_of_table(each, model, f"record {number}")
             each = record_of(model, each, held, f"record {number}")

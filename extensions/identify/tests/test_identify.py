@@ -101,6 +101,27 @@ def test_the_true_parameters_lie_within_the_bands():
         assert each.high - each.low < 0.3 * abs(each.value)
 
 
+def test_tables_of_pandas_and_flights_are_records():
+    """A column's unit is read from its name, and residuals are those of the fit."""
+    pandas = pytest.importorskip("pandas")
+    columns = record()
+    table = pandas.DataFrame(columns).rename(columns={"alpha": "alpha [deg]", "time": "time [s]"})
+    table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
+    same = identify(begun(), table, FREE)
+    assert same.parameters["Cm_q"].value == pytest.approx(found().parameters["Cm_q"].value)
+    (residuals,) = same.residuals
+    for name, size in SENSORS.items():
+        assert residuals[name].std() == pytest.approx(size, rel=0.15)
+    with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
+        identify(begun(), table)
+    model = from_derivatives(UAV)
+    moved = {"elevator": [(0.0, 0.03), (1.0, -0.03), (2.0, 0.0)]}
+    flight = hfa.fly(model, policy=moved, seconds=3.0)
+    off = model.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
+    again = identify(off, flight, ["Cm_q"], inputs="steps")
+    assert again.parameters["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
+
+
 def test_the_noise_of_the_sensors_is_found():
     for name, size in SENSORS.items():
         assert found().quantities[name].noise == pytest.approx(size, rel=0.15)

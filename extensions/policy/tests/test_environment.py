@@ -54,6 +54,8 @@ def test_an_environment_needs_no_deployment() -> None:
     """Without one all linear states are observed, 0 at the trim, and all inputs move."""
     model = aircraft("ppo_gtm")
     env = environment(model)
+    assert env.observation_names == model.linear
+    assert env.action_names == tuple(model.inputs)
     observation, info = env.reset(seed=1)
     x = info["X"] - np.array(trims_of(model, None)[0].states)
     rows = [list(model.states).index(name) for name in model.linear]
