@@ -507,8 +507,9 @@ def test_the_edge_by_which_g_varies_most_is_halved() -> None:
     chosen = []
     for a in (0.25, 4.0):
         inequality = _of_two_states(W, 0.5, np.diag([1.0, a]), ONE)
-        models = inequality._values.of(*_still(inequality, boxes))
-        chosen.append(inequality.decisive_edges(boxes, models, np.zeros((1, 2), dtype=bool)))
+        traced = inequality._values.traced(*_still(inequality, boxes))
+        sharpened = inequality._values.sharpened(traced, np.zeros(2, dtype=int), np.arange(2))
+        chosen.append(inequality.decisive_edges(boxes, sharpened.lowered_by))
     assert [edges.tolist() for edges in chosen] == [[0, 0], [1, 0]]
 
 

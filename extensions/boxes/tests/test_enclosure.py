@@ -55,6 +55,96 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
         assert np.all((low <= values) & (values <= high))
 
 
+def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
+    """The linear part of y² is 0 at 0: of exp(y²) = 1 + y² + y⁴ / 2 + .. the rest counts."""
+    y = ca.SX.sym("y", 1)
+    program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)
+    models = program.over(np.zeros((1, 1)), np.full((1, 1), 0.1))
+    assert highest(models, 1)[0, 0] >= np.exp(0.01)
+
+
+@pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
+def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
+    """Inputs have errors, too: the last is known within 0.01 half widths."""
+    generator = np.random.default_rng(0)
+    function = every_operation()
+    centres = generator.uniform(-0.5, 0.5, (100, 3))
+    half_widths = half_width * generator.uniform(0.2, 1.0, centres.shape)
+    program = TaylorProgram(Program(function, "f"), 3)
+    linear = np.zeros((3, 4, 100))
+    linear[:, 0] = centres.T
+    linear[np.arange(3), np.arange(1, 4)] = half_widths.T
+    radius = np.zeros((3, 100))
+    radius[2] = 0.01 * half_widths[:, 2]
+    traced = program.traced(linear, radius)
+    every = np.arange(100)
+    for output in range(function.numel_out(0)):
+        found = program.sharpened(traced, np.full(100, output), every)
+        assert np.all(found.lowest >= lowest(traced.outputs, 3)[output])
+        for _ in range(20):
+            shares = np.clip(generator.uniform(-1.3, 1.3, centres.shape), -1.0, 1.0)
+            off = radius.T * generator.uniform(-1.0, 1.0, centres.shape)
+            values = np.array(function((centres + half_widths * shares + off).T))
+            assert np.all(found.lowest <= values[output])
+
+
+def test_errors_of_two_paths_cancel() -> None:
+    """max(k + 9, 0) - k is 9 where k >= -9; the error of the kink k enters twice."""
+    y = ca.SX.sym("y", 2)
+    k = ca.fmax(y[0] + 0.1 * y[1], 0.0)
+    program = TaylorProgram(Program(ca.Function("f", [y], [ca.fmax(k + 9.0, 0.0) - k]), "f"), 2)
+    box = (np.array([[0.1, 0.0]]), np.ones((1, 2)))
+    assert lowest(program.over(*box), 2)[0, 0] < 8.5
+    linear = np.zeros((2, 3, 1))
+    linear[:, 0], linear[[0, 1], [1, 2]] = box[0].T, box[1].T
+    traced = program.traced(linear, np.zeros((2, 1)))
+    first = np.zeros(1, dtype=int)
+    assert program.sharpened(traced, first, first).lowest == pytest.approx([9.0], abs=1e-9)
+    program._row = 1e-3  # rounding of the weights that cancel counts
+    assert program.sharpened(traced, first, first).lowest < 9.0 - 4e-3 * traced.outputs.radius[0, 0]
+
+
+def _rounded(y: ca.SX) -> dict[str, ca.SX]:
+    kink = ca.fmax(y[0] + 0.1 * y[1] + 2.0, 0.0)
+    return {
+        "outputs": y[0] + 0.1 * y[1] + 2.0,
+        "kinks": kink,
+        "rows of kinks": 1e6 * ca.fmax(1e-3 * y[0] + 0.1 * y[1] + 2.0, 0.0),
+        "products": kink * (0.3 * y[0] + y[1] + 2.0),
+        "curves": 1e6 * ca.sqrt(y[0] + 2.0) / (y[1] + 3.0),
+    }
+
+
+@pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
+def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
+    """Where no errors cancel, and rounding alone causes them."""
+    y = ca.SX.sym("y", 2)
+    program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
+    linear = np.zeros((2, 3, 1))
+    linear[:, 0] = 0.3
+    linear[[0, 1], [1, 2]] = 1e-12
+    traced = program.traced(linear, np.zeros((2, 1)))
+    first = np.zeros(1, dtype=int)
+    found = program.sharpened(traced, first, first).lowest[0]
+    bound = lowest(traced.outputs, 2)[0, 0]
+    assert bound <= found <= bound + 1e-3 * traced.outputs.radius[0, 0]
+
+
+def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
+    """The kink of |y_0| is crossed along y_0 alone, whatever the slope along y_1."""
+    y = ca.SX.sym("y", 2)
+    function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
+    program = TaylorProgram(Program(function, "f"), 2)
+    linear = np.array([[[0.1], [1.0], [0.0]], [[0.0], [0.0], [1.0]]])
+    first = np.zeros(1, dtype=int)
+    traced = program.traced(linear, np.zeros((2, 1)))
+    kinks = program.sharpened(traced, first, first).lowered_by[0] - np.abs(
+        traced.outputs.c[0, 1:3, 0]
+    )
+    assert kinks[0] > 0.4
+    assert kinks[1] < 1e-9
+
+
 def test_squared_squares_hold_the_ends_of_boxes() -> None:
     """The linear part of y² is 0 at the center of the first box, and the rest is all of it."""
     y = ca.SX.sym("y", 1)

@@ -210,15 +210,19 @@ class CostInequality(OnPiece):
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
         guess = Guess(v, np.einsum("bmn,nk,bk->bmk", slopes, N, boxes.half_widths))
-        models = self._values.of(*self._inputs(boxes, guess))
+        traced = self._values.traced(*self._inputs(boxes, guess))
+        models = traced.outputs
         refute(boxes.centres, models.value[0] + models.radius[0], self.within)
-        bound = lowest(models, self.n)[0]
+        every = np.arange(len(v))
+        sharpened = self._values.sharpened(traced, np.zeros_like(every), every)
+        bound = sharpened.lowest
         may_be = np.flatnonzero((bound > 0.0) & (boxes.reach < 1.0))
         guess_there = Guess(guess.value[may_be], guess.slopes[may_be])
         bound[may_be] -= self._loss(boxes.part(may_be), guess_there)
         is_positive = (bound > 0.0) & (boxes.reach < 1.0)
         in_hole = boxes.reach <= 2.0**-self.hole
-        return self.decisive_edges(boxes, models, (is_positive | in_hole)[None])
+        edges = self.decisive_edges(boxes, sharpened.lowered_by)
+        return np.where(is_positive | in_hole, -1, edges)
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Return Taylor models of y, z, v and the equilibrium error on boxes."""

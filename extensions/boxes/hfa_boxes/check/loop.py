@@ -110,13 +110,20 @@ class Decrease(OnPiece):
 
         Raises RefutedError at a point where a function is negative.
         """
-        models = self._functions.of(*self.symbols_on(boxes))
+        traced = self._functions.traced(*self.symbols_on(boxes))
+        models = traced.outputs
+        refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
         proved = lowest(models, self.n) > 0.0
         proved[0] |= boxes.reach <= 2.0**-self.hole
-        refute(boxes.centres, np.min(models.value + models.radius, axis=0), self.within)
-        proved[0] &= boxes.reach < 1.0
-        with np.errstate(all="ignore"):
-            return self.decisive_edges(boxes, models, proved)
+        is_inside = boxes.reach < 1.0
+        edges = np.full(len(boxes.centres), -1)
+        left = np.flatnonzero(~(proved.all(axis=0) & is_inside))
+        first = np.argmin(proved[:, left], axis=0)
+        sharpened = self._functions.sharpened(traced, first, left)
+        proved[first, left] |= sharpened.lowest > 0.0
+        edges[left] = self.decisive_edges(boxes.part(left), sharpened.lowered_by)
+        edges[proved.all(axis=0) & is_inside] = -1
+        return edges
 
     @cached_property
     def _rates(self) -> tuple[ca.SX, ca.SX]:

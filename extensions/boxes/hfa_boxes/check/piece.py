@@ -19,7 +19,7 @@ from hfa_boxes.check.cover import Boxes, Question, cover
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
 from hfa_boxes.enclosure.program import Program
-from hfa_boxes.enclosure.taylor import Models, TaylorProgram, lowered_by, lowest
+from hfa_boxes.enclosure.taylor import TaylorProgram, amounts_by_edge, lowest
 from hfa_proof.arithmetic.balls import matrix
 from hfa_proof.checker.reading import Fields, Rejected, Terms, require, rows_of
 from hfa_support.progress import Progress
@@ -191,32 +191,26 @@ class OnPiece(Question):
         level = self._level.over(boxes.centres, boxes.half_widths)
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
-    def decisive_edges(self, boxes: Boxes, models: Models, proved: np.ndarray) -> np.ndarray:
-        """Return the edge to halve of each box, and -1 where all functions are proved, (N,).
+    def decisive_edges(self, boxes: Boxes, lowered_by: np.ndarray) -> np.ndarray:
+        """Return the edge to halve of each box, (N,).
 
-        It is the edge along which the first unproved function varies most, or W where a box meets a
+        It is the edge that lowers the bound of a function most, or that of W where a box meets a
         face of the cube. For a box about the equilibrium it is the widest. No edge is halved much
         more often than another.
 
-        models: Taylor models of the functions
-        proved: (functions, N), flags of the proved functions
+        lowered_by: (N, n), the amount by which each edge lowers the bound
         """
-        edges = np.full(len(boxes.centres), -1)
-        undecided = np.flatnonzero(~proved.all(axis=0))
-        boxes = boxes.part(undecided)
         half_widths = boxes.half_widths
-        shares = half_widths / half_widths.sum(axis=1, keepdims=True)
-        first = models.part(np.argmin(proved[:, undecided], axis=0), undecided)
-        sizes = lowered_by(first, self.n)[0].T + first.radius[0][:, None] * shares
+        sizes = np.where(np.isfinite(lowered_by), lowered_by, half_widths)
         on_face = np.flatnonzero(boxes.reach >= 1.0)
         if len(on_face):
             level = self._level.over(boxes.centres[on_face], half_widths[on_face])
-            sizes[on_face] = lowered_by(level, self.n)[0].T
+            with np.errstate(all="ignore"):
+                sizes[on_face] = amounts_by_edge(level, self.n)[0].T
         about_zero = np.all(np.abs(boxes.centres) <= half_widths, axis=1)
         sizes[about_zero] = half_widths[about_zero]
         is_short = boxes.depths > boxes.depths.min(axis=1, keepdims=True) + _FLATTEST
-        edges[undecided] = np.argmax(np.where(is_short, -np.inf, sizes), axis=1)
-        return edges
+        return np.argmax(np.where(is_short, -np.inf, sizes), axis=1)
 
     @cached_property
     def _level(self) -> TaylorProgram:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,10 +59,12 @@ class Models(NamedTuple):
 
     c: (values, 1 + n + n (n + 1) / 2, boxes), coefficients
     radius: (values, boxes), radii
+    own: (values, boxes), the part of each radius that no multiple of an earlier error causes
     """
 
     c: np.ndarray
     radius: np.ndarray
+    own: np.ndarray
 
     @property
     def value(self) -> np.ndarray:
@@ -71,7 +73,40 @@ class Models(NamedTuple):
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
         """Return one model whose value on each box is that of the index in `values`."""
-        return Models(self.c[values, :, boxes].T[None], self.radius[values, boxes][None])
+        of_radius = (each[values, boxes][None] for each in (self.radius, self.own))
+        return Models(self.c[values, :, boxes].T[None], *of_radius)
+
+
+class Step(NamedTuple):
+    """Models of the nodes of a group.
+
+    arguments: models of the rows of each argument
+    factors: for each argument (values, boxes), the multiple of its error in the error of the nodes
+    nodes: models of the nodes
+    """
+
+    arguments: Sequence[Models]
+    factors: Sequence[np.ndarray]
+    nodes: Models
+
+
+class Traced(NamedTuple):
+    """Models of inputs, steps and outputs."""
+
+    inputs: Models
+    steps: Sequence[Step]
+    outputs: Models
+
+
+class Sharpened(NamedTuple):
+    """Lower bounds of one output on each box.
+
+    lowest: (boxes,)
+    lowered_by: (boxes, n), the amount by which each s_i lowers it, approximately
+    """
+
+    lowest: np.ndarray
+    lowered_by: np.ndarray
 
 
 class _Sizes(NamedTuple):
@@ -123,28 +158,83 @@ class TaylorProgram:
         linear: (inputs, 1 + n, boxes), coefficients c
         radius: (inputs, boxes)
         """
-        with np.errstate(all="ignore"):
-            return self._of(linear, radius)
+        return self.traced(linear, radius).outputs
 
-    def _of(self, linear: np.ndarray, radius: np.ndarray) -> Models:
+    def traced(self, linear: np.ndarray, radius: np.ndarray) -> Traced:
+        """Return `of` with the models of all nodes."""
+        with np.errstate(all="ignore"):
+            return self._traced(linear, radius)
+
+    def _traced(self, linear: np.ndarray, radius: np.ndarray) -> Traced:
         n = self.n
         inputs, _, boxes = linear.shape
         c = np.zeros((1 + inputs, 1 + n + len(self._pairs.first), boxes))
         c[0, 0] = 1.0
         c[1:, : 1 + n] = linear
-        known = [Models(c, np.concatenate([np.zeros((1, boxes)), radius]))]
+        radii = np.concatenate([np.zeros((1, boxes)), radius])
+        known = [Models(c, radii, radii)]
         sizes = [_sizes(known[0], n).whole]
+        steps = []
         for group in self.program.groups:
-            models = self._result(group, known, sizes)
-            known.append(models)
-            sizes.append(_sizes(models, n).whole)
-        return self._rows(self.program.outputs, known, sizes)
+            step = self._step(group, known, sizes)
+            steps.append(step)
+            known.append(step.nodes)
+            sizes.append(_sizes(step.nodes, n).whole)
+        return Traced(known[0], steps, self._rows(self.program.outputs, known, sizes))
 
-    def _result(self, group: Group, known: Sequence[Models], sizes: Sequence[np.ndarray]) -> Models:
+    def _step(self, group: Group, known: Sequence[Models], sizes: Sequence[np.ndarray]) -> Step:
         arguments = [self._rows(argument, known, sizes) for argument in group.arguments]
         if group.kind == "product":
             return self._product(*arguments)
         return self._function(group.kind, arguments[0])
+
+    def sharpened(self, traced: Traced, which: np.ndarray, boxes: np.ndarray) -> Sharpened:
+        """Return bounds at least those of `lowest`, of one output on each box.
+
+        which: (N,), indices of outputs; boxes: (N,), indices of boxes
+
+        The error of an output is the sum of the own errors of all nodes, each times its weight: the
+        sum of the products of factors along all paths from the node to the output, with signs.
+        """
+        n = self.n
+        with np.errstate(all="ignore"):
+            total, causes = self._errors(traced, which, boxes)
+            model = traced.outputs.part(which, boxes)
+            # the weights are rounded relative to sizes that the radius holds
+            bound = (total + 4.0 * self._row * model.radius) * _UPWARD + _TINY
+            model = model._replace(radius=np.fmin(bound, model.radius))
+            return Sharpened(lowest(model, n)[0], (amounts_by_edge(model, n)[0] + causes).T)
+
+    def _errors(
+        self, traced: Traced, which: np.ndarray, boxes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sum of the own errors times the sizes of their weights, (N,).
+
+        The second array is the part that each s_i causes, approximately, (n, N).
+        """
+        total = traced.outputs.own[which, boxes]
+        causes = np.zeros((self.n, len(boxes)))
+        weights: dict[int, Any] = {
+            group: _dense(block)[which].T for group, block in self.program.outputs.blocks.items()
+        }
+        groups = list(zip(self.program.groups, traced.steps, strict=True))
+        for number, (group, step) in reversed(list(enumerate(groups, start=1))):
+            weight = weights.pop(number, None)
+            if weight is None:
+                continue
+            own = np.abs(weight) * step.nodes.own[:, boxes]
+            total = total + own.sum(axis=0)
+            for argument, rows, factor in zip(
+                group.arguments, step.arguments, step.factors, strict=True
+            ):
+                causes += _caused(own, rows.c[:, 1 : self.n + 1, boxes]) / len(group.arguments)
+                along = weight * factor[:, boxes]
+                total = total + np.sum(np.abs(along) * rows.own[:, boxes], axis=0)
+                for earlier, block in argument.blocks.items():
+                    weights[earlier] = weights.get(earlier, 0.0) + block.T @ along
+        if 0 in weights:
+            total = total + np.sum(np.abs(weights[0]) * traced.inputs.own[:, boxes], axis=0)
+        return total, causes
 
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
@@ -162,12 +252,12 @@ class TaylorProgram:
             radius = radius + weights @ models.radius
             size = size + weights @ sizes[group]
         if isinstance(c, float):  # a row without terms
-            first = known[0]
-            return Models(np.zeros_like(first.c[:1]), np.zeros_like(first.radius[:1]))
-        rounded = np.asarray(radius + self._row * size)
-        return Models(c, rounded * _UPWARD + _TINY)
+            zero = np.zeros_like(known[0].radius[:1])
+            return Models(np.zeros_like(known[0].c[:1]), zero, zero)
+        own = np.asarray(self._row * size) * _UPWARD + _TINY
+        return Models(c, (radius + own) * _UPWARD, own)
 
-    def _product(self, a: Models, b: Models) -> Models:
+    def _product(self, a: Models, b: Models) -> Step:
         n = self.n
         i, j, factor = self._pairs
         of_a = _sizes(a, n)
@@ -180,12 +270,15 @@ class TaylorProgram:
         b1 = b.c[:, 1 : n + 1]
         crossed = a1[:, i] * b1[:, j] + a1[:, j] * b1[:, i]
         c[:, n + 1 :] += 0.5 * factor * crossed
-        rest = of_a.linear * of_b.square + of_a.square * of_b.linear + of_a.square * of_b.square
-        rest += of_a.whole * b.radius + of_b.whole * a.radius
-        radius = (rest + _PRODUCT * of_a.whole * of_b.whole) * _UPWARD + _TINY
-        return Models(c, radius)
+        size_a = np.abs(a.value)
+        size_b = np.abs(b.value)
+        own = of_a.linear * of_b.square + of_a.square * of_b.linear + of_a.square * of_b.square
+        own += (of_a.whole - size_a) * b.radius + (of_b.whole - size_b) * a.radius
+        own = (own + _PRODUCT * of_a.whole * of_b.whole) * _UPWARD + _TINY
+        radius = (own + size_a * b.radius + size_b * a.radius) * _UPWARD
+        return Step((a, b), (b.value, a.value), Models(c, radius, own))
 
-    def _function(self, kind: str, a: Models) -> Models:
+    def _function(self, kind: str, a: Models) -> Step:
         """Return a function of one variable: its curve or its line, whichever has the smaller
         remainder."""
         n = self.n
@@ -212,7 +305,7 @@ class TaylorProgram:
 
     def _composed(
         self, parabola: Parabola, a: Models, of_square: np.ndarray, deviation: np.ndarray
-    ) -> Models:
+    ) -> Step:
         n = self.n
         i, j, factor = self._pairs
         slope = np.abs(parabola.slope)
@@ -221,9 +314,27 @@ class TaylorProgram:
         c[:, 0] = parabola.value
         a1 = a.c[:, 1 : n + 1]
         c[:, n + 1 :] += parabola.bend[:, None] * (factor * (a1[:, i] * a1[:, j]))
-        radius = parabola.rest + slope * a.radius + bend * of_square
         size = np.abs(parabola.value) + deviation * (slope + bend * deviation)
-        return Models(c, (radius + _PRODUCT * size) * _UPWARD + _TINY)
+        own = (parabola.rest + bend * of_square + _PRODUCT * size) * _UPWARD + _TINY
+        radius = (own + slope * a.radius) * _UPWARD
+        return Step((a,), (parabola.slope,), Models(c, radius, own))
+
+
+def _dense(block: Any) -> np.ndarray:
+    return block if isinstance(block, np.ndarray) else np.asarray(block.toarray())
+
+
+def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
+    """Return the part of the sum of errors that each s_i causes, (n, boxes).
+
+    It is in proportion to the coefficient of s_i in the argument.
+
+    errors: (values, boxes)
+    linear: (values, n, boxes), coefficients of the arguments
+    """
+    sizes = np.abs(linear)
+    shares = errors / (sizes.sum(axis=1) + _TINY)
+    return np.asarray(np.einsum("vnb,vb->nb", sizes, shares))
 
 
 def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
@@ -252,7 +363,7 @@ def lowest(models: Models, n: int) -> np.ndarray:
 
 def highest(models: Models, n: int) -> np.ndarray:
     """Return upper bounds on the boxes, (values, boxes)."""
-    return -lowest(Models(-models.c, models.radius), n)
+    return -lowest(models._replace(c=-models.c), n)
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
@@ -262,7 +373,7 @@ def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(inside, at_vertex, squares - linear))
 
 
-def lowered_by(models: Models, n: int) -> np.ndarray:
+def amounts_by_edge(models: Models, n: int) -> np.ndarray:
     """Return the amounts by which each s_i lowers the second bound of `lowest`, (values, n, boxes).
 
     No proof depends on them.
