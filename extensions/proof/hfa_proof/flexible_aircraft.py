@@ -14,20 +14,22 @@ from hfa_support.provenance import parameter_hash
 
 @cache
 def aircraft_of(dynamics: str) -> Model | None:
-    """Return the aircraft with these dynamics, or None where it has none of this name."""
+    """Return the aircraft with these dynamics, or None for an unknown name."""
     return aircraft(dynamics) if dynamics in (*VARIANTS, *further_dynamics()) else None
 
 
 def standard_errors_of(dynamics: str, parameters: ParameterSet) -> Mapping[str, float]:
     """Return the standard errors of the parameters of these dynamics, by name.
 
-    Dynamics of other packages have parameters without standard errors: none then."""
+    The result is empty for dynamics of other packages, whose parameters have no standard errors.
+    """
     return parameters.standard_errors if dynamics in VARIANTS else {}
 
 
 def identity_of(parameters: Mapping[str, float]) -> tuple[str, str] | None:
-    """Return the name of a set of parameters and its hash, or None for those of another
-    aircraft."""
+    """Return the name of a set of parameters and its hash, or None for parameters of another
+    aircraft.
+    """
     if set(parameters) != set(Parameters._fields):
         return None
     values = Parameters(**parameters)

@@ -31,8 +31,10 @@ not_negative = partial(number, declared=Number(0.0))
 
 
 def interval(text: str) -> tuple[float, ...]:
-    """Return the ends of `LOW:HIGH`, or of one number, exactly as written, because a proof is about
-    these numbers."""
+    """Return the ends of `LOW:HIGH`, or of one number, exactly as written.
+
+    A proof is about these numbers.
+    """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH, the lower end first")
@@ -40,7 +42,7 @@ def interval(text: str) -> tuple[float, ...]:
 
 
 def positive_interval(text: str) -> tuple[float, float]:
-    """LOW:HIGH, both positive."""
+    """Return the ends of LOW:HIGH, both positive."""
     ends = interval(text)
     if not ends[0] > 0.0:
         raise BadInputError(f"is {text}; it must be positive")
@@ -48,7 +50,7 @@ def positive_interval(text: str) -> tuple[float, float]:
 
 
 def interval_of(model: Model, text: str) -> tuple[float, ...]:
-    """LOW:HIGH of the scheduling variable, or one value, as written."""
+    """Return the ends of LOW:HIGH of the scheduling variable, or one value, as written."""
     return interval(text)
 
 
@@ -60,7 +62,7 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
     start: None = None
 
     def ends(self, family: Family) -> tuple[float, float]:
-        """LOW:HIGH of --at, as typed, refused where no trim can be."""
+        """Return LOW:HIGH of --at, as typed. Values without a trim are refused."""
         if len(self.at or ()) != 2:
             scheduled_name = family.model.schedule or "the scheduling variable"
             raise BadInputError(
@@ -72,9 +74,10 @@ class RangeOptions(AircraftOptions, TrimOptions, OutputOptions):
 
 
 def family_of(request: TrimOptions, errors: float = 0.0) -> Family:
-    """Return the aircraft and the flights that the options name; the scheduling variable is left.
+    """Return the aircraft and the flights that the options name, for any scheduling value.
 
-    errors: every identified parameter may be off by this many of its standard errors."""
+    errors: number of its standard errors by which every identified parameter may be wrong
+    """
     from hfa_proof.search.family import Family
 
     standard_errors: Mapping[str, float] = {}
@@ -95,8 +98,10 @@ def refuse_no_certificate(output: Path | None) -> None:
 
 
 def loop_of_file(weights: Path, design: Any, model: Model, intervals: Intervals | None) -> Loop:
-    """Return the loop under the gains of a file; with a design a controller with memory on its
-    actuators."""
+    """Return the loop under the gains of a file.
+
+    With a design it is the loop of a controller with memory on its actuators.
+    """
     from hfa_proof.search.loops import loop_of_schedule, loop_of_servo
 
     if design is None:

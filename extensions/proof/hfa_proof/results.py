@@ -35,7 +35,7 @@ class Subject(Protocol):
 
     @property
     def held(self) -> Mapping[str, float]:
-        """Each other state -> the value that it keeps."""
+        """Each other state -> its constant value."""
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -47,7 +47,7 @@ class Subject(Protocol):
 
 
 class ProvedResult(Result):
-    """A result that is proved of an aircraft about a trim."""
+    """A proved result about an aircraft at a trim."""
 
     @property
     def subject(self) -> Subject:
@@ -56,7 +56,7 @@ class ProvedResult(Result):
 
     @property
     def proved(self) -> bool:
-        """Always true, because an unproved claim is not printed."""
+        """True, because an unproved claim is not printed."""
         return True
 
     @property
@@ -86,14 +86,14 @@ class ProvedResult(Result):
 
 
 def limits_in_words(subject: Subject, name: str) -> list[str]:
-    """Lowest and highest value of a signal; "-" where it has no limit."""
+    """Return the lowest and highest value of a signal as text, "-" where it has no limit."""
     ends = subject.limits.get(name, (-np.inf, np.inf))
     model = subject.model
     return [model.describe(name, end) if np.isfinite(end) else "-" for end in ends]
 
 
 def place_in_words(subject: Subject, place: Sequence[float] | np.ndarray) -> str:
-    """Deviations (n,) of the states."""
+    """Return deviations (n,) of the states as text."""
     pairs = zip(subject.states, np.asarray(place).tolist(), strict=True)
     return ", ".join(f"{name} {subject.model.describe(name, value)}" for name, value in pairs)
 

@@ -2,7 +2,7 @@
 shown.
 
 Each kind of statement has one table of its fields. A field with a subject is compared where the
-user gave it; the title names the subjects that were not given.
+user gave it. The title names the subjects that were not given.
 """
 
 from __future__ import annotations
@@ -135,8 +135,10 @@ def _first_other(name: str, stated: Any, own: Given) -> str:
 
 
 def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of every entry. Raises LookupError for an entry that is not in the
-    table."""
+    """Yield path and value of every entry.
+
+    Raises LookupError for an entry that is not in the table.
+    """
     waiting = [(name, value) for name, value in content.items()]
     while waiting:
         path, value = waiting.pop(0)
@@ -149,8 +151,10 @@ def entries_of(content: Mapping[str, Any], table: FieldTable) -> Iterator[tuple[
 
 
 def qualified(claim: str, not_given: Iterable[str]) -> str:
-    """Return a claim with the subjects that the user did not give; the subjects are on a second
-    line where one is longer than 100 columns."""
+    """Return a claim with the subjects that the user did not give.
+
+    The subjects are on a second line where one is longer than 100 columns.
+    """
     names = list(not_given)
     if not names:
         return claim
@@ -162,7 +166,10 @@ def qualified(claim: str, not_given: Iterable[str]) -> str:
 
 def first_line(claim: str, not_given: Iterable[str], not_covered: str) -> str:
     """Return a claim, the subjects that the user did not give, and the effects that are not
-    covered. A word that would make a line longer than 100 columns begins a new line."""
+    covered.
+
+    A word that would make a line longer than 100 columns begins a new line.
+    """
     line = qualified(claim, not_given)
     whole = f"{line}, without {not_covered}"
     return whole if len(whole) <= _COLUMNS else f"{line}\nwithout {not_covered}"

@@ -1,10 +1,10 @@
 """Identification of the mistake in a wrong critic, where its numbers reveal one.
 
-A mistake is named only when the critic without it, or the answer of the other game, is the exact
-one but for a small part of the error (`_EXACT`). Where none is, a usual mistake may leave a larger
-part, as in a critic that was learned of noisy data (`_WITH_NOISE`). A network is judged by its
-derivatives at the origin and by the quadratic V and linear u nearest to it over the box; neither is
-exact, so that a part may be left too (`_OF_NETWORKS`).
+A mistake is named only when the critic without it, or the answer of the other game, is nearly
+exact: only a small part of the error may be left (`_EXACT`). Otherwise a usual mistake may leave a
+larger part, as in a critic that was learned from noisy data (`_WITH_NOISE`). A network is judged by
+its derivatives at the origin and by the quadratic V and linear u nearest to it over the box.
+Neither is exact, so that a part may be left too (`_OF_NETWORKS`).
 """
 
 from __future__ import annotations
@@ -70,14 +70,13 @@ _PER_DEGREE = 180.0 / math.pi
 class Demands(NamedTuple):
     """Threshold that a cause must reach to be named.
 
-    left: what was fitted (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
+    left: fitted numbers (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
         tens of entries cannot be explained by a few numbers.
-    least: a smaller error requires as much as `_EXACT`.
+    least: error below which `_EXACT` is required.
     entry: largest distance of an entry from its value under the hypothesis (`View.entry_errors`). A
-    norm is
-        that of the few largest entries.
-    share: least number of entries, as a part of the informative ones. A network that is right but
-        for its noise has no digit of what hardly counts in its box.
+        norm depends on the few largest entries alone.
+    share: least number of entries, as a part of the informative ones. Entries that hardly count in
+        the box of a network have no correct digit where it is noisy.
     """
 
     left: Mapping[str, float]
@@ -98,9 +97,9 @@ _CLEAR = 1.0 / 3.0
 class Cause(NamedTuple):
     """A mistake that explains an error.
 
-    share: the part of the error that is left, of what may be left: 1 is just enough.
+    share: the part of the error that is left, relative to the largest permitted part.
     error: the remainder, relative to the exact matrix.
-    says: text of the mistake, or "" for none.
+    says: text of the mistake, or "" without one.
     """
 
     share: float
@@ -117,8 +116,9 @@ def error_of(view: View, matrix: np.ndarray) -> float:
 
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
-    """Return the hypothesis that explains most of the error, of those that are about as good the
-    first."""
+    """Return the hypothesis that explains most of the error, the first of those that are about as
+    good.
+    """
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
         return _NO_CAUSE
@@ -140,8 +140,9 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Return whether the entries, and not their norm alone, are near the values of the
-    hypothesis."""
+    """Return whether the entries, and not only their norm, are near the values of the
+    hypothesis.
+    """
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
@@ -205,13 +206,15 @@ def diagnose_discrete(
     others: Mapping[str, DiscreteGame],
     box: np.ndarray,
 ) -> str:
-    """Return the mistake in a critic in discrete time, or the other problem that it solves, or
-    "".
+    """Return the mistake in a critic in discrete time, or the other problem that it solves, or "".
 
-    game: in continuous time; of a plant that is declared discrete its matrices taken for that
-    exact: of the problem in discrete time
-    continuous: sentences about the answer of the game others: sentences about its answer -> a
-    problem in discrete time box: (n,), half widths of the box of states, of a network
+    game: the game in continuous time; for a plant that is declared discrete its matrices are
+        regarded as continuous
+    exact: exact solution of the problem in discrete time
+    critic: P and K, K alone, or a network
+    continuous: sentences about the answer of the game
+    others: sentences about its answer -> a problem in discrete time
+    box: (n,), half widths of the box of states, of a network
     """
 
     def problems(view: View) -> Iterator[Hypothesis]:
@@ -239,8 +242,10 @@ class _Others:
         self._families = lru_cache(lambda: families(game, nearby))
 
     def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
-        """Yield the answers of other games. For a critic near the LQR's, another game must explain
-        its difference from the LQR's."""
+        """Yield the answers of other games.
+
+        For a critic near the LQR's, another game must explain its difference from the LQR's.
+        """
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
         for hypothesis in answers(view, lqr, _EXACT.left[""]):
@@ -268,10 +273,9 @@ class _Others:
 def _of_view(
     view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
 ) -> str:
-    """Return the best explanation: usual mistakes, then other games, then mistakes with noise, or
-    "".
+    """Return the best explanation, or "".
 
-    Other games take longer.
+    Usual mistakes are tried first, then other games, which take longer, then mistakes with noise.
     """
     cause = named(view, usual, _EXACT)
     if not cause.says:
@@ -423,8 +427,10 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
 
 
 def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
-    """Return the quadratic V and the linear u nearest to a network over the box, by least squares,
-    without constant terms and, of V, linear terms."""
+    """Return the quadratic V and the linear u nearest to a network over the box, by least squares.
+
+    The fit has no constant terms and, for V, no linear terms.
+    """
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))
     symbols = critic.symbols

@@ -1,6 +1,6 @@
 """Common mistakes in critics, each in words and with the critic that would result without it.
 
-Each is a guess from the critic's own numbers; only the comparison with the exact answer makes it a
+Each is a guess from the critic's own numbers. Only the comparison with the exact answer makes it a
 cause (`diagnosis`).
 """
 
@@ -52,10 +52,11 @@ class View(NamedTuple):
     """A matrix of the critic with the exact one.
 
     kind: "P" or "K".
-    judged: (k, n), of the critic.
+    judged: (k, n), matrix of the critic.
     exact: (k, n).
     weights: (k, n), of the entries in an error.
-    units: (n,), of the states, in which each adds about as much to the exact value: 1 / √P_ii.
+    units: (n,), of the states, in which each contributes about equally to the exact value: 1 /
+        √P_ii.
     """
 
     kind: str
@@ -75,12 +76,11 @@ class View(NamedTuple):
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Return the distance of each entry from its value under a hypothesis, in comparable units,
-        (entries,).
+        """Return the distance of each entry from its value under a hypothesis, (entries,).
 
-        The critic without the mistake is compared with the exact one, and a critic that is taken
-        for the answer of another game with that answer, in the sizes of that answer. Entries that
-        are small in both are omitted.
+        The distances are in comparable units. The critic without the mistake is compared with the
+        exact one. A critic that is regarded as the answer of another game is compared with that
+        answer, in its sizes. Entries that are small in both are omitted.
         """
         tested = hypothesis.undo
         right = self.exact
@@ -102,7 +102,8 @@ class View(NamedTuple):
 
     def relative(self) -> View:
         """Return the view with every entry relative to its exact value, or to a small part of the
-        largest."""
+        largest.
+        """
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
@@ -154,8 +155,8 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
     """Yield mistakes of a matrix: sign, factor, order, units of states and inputs, a wrong entry.
 
-    For P also one triangle, and the factor 2 off the diagonal; for K a missing R⁻¹, and the order
-    of its entries.
+    For P they include a missing triangle and the factor 2 off the diagonal. For K they include a
+    missing R⁻¹ and the order of its entries.
     """
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
@@ -205,8 +206,10 @@ def _nearest_power_of_ten(ratio: float) -> int:
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
-    """Yield a wrong sign or decimal point of the entry with the largest error, for P together with
-    its mirror image."""
+    """Yield a wrong sign or decimal point of the entry with the largest error.
+
+    For P its mirror image is changed too.
+    """
     if view.known < 1 + REDUNDANT:
         return
     errors = np.abs(view.judged - view.exact) * view.weights
@@ -275,7 +278,8 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 def _symmetric_factors(view: View) -> np.ndarray:
     """Return t, (n,), with given_ij ≈ t_i t_j exact_ij.
 
-    It begins with the diagonal; then each t_i is fitted by least squares with the others fixed.
+    The fit begins with the diagonal. Then each t_i is fitted by least squares with the others
+    fixed.
     """
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
@@ -294,8 +298,10 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Yield signs, degrees and scales implied by the factors of states or inputs: the mistake,
-    what each must be divided by, and what was fitted."""
+    """Yield signs, degrees and scales implied by the factors of states or inputs.
+
+    Each is the text of the mistake, the divisors of the states or inputs, and the fitted numbers.
+    """
     flipped = factors < 0.0
     with np.errstate(all="ignore"):
         angles = np.abs(np.log(np.abs(factors) / degree)) < _DEGREE_BAND

@@ -1,9 +1,8 @@
 """Search for another game that a critic solves: other delta, Q, R, discount, step or scheduling
 value.
 
-Along one parameter the game whose answer is nearest is found by a search; diagonal Q and R follow
-from P, because the Riccati equation is linear in them. The game is then solved, and only its answer
-counts.
+Along one parameter a search finds the game whose answer is nearest. Diagonal Q and R follow from P,
+because the Riccati equation is linear in them. The game is then solved, and only its answer counts.
 """
 
 from __future__ import annotations
@@ -57,12 +56,12 @@ class Answer(NamedTuple):
 class Family(NamedTuple):
     """Games along one parameter x.
 
-    says: (noun, x) -> whose answer it is.
-    answer: x -> the answer. Raises NoSolutionError where none exists.
-    starts: where a search of x begins, or none for one game alone.
+    says: (noun, x) -> description of the game.
+    answer: x -> the answer. Raises NoSolutionError where no answer exists.
+    starts: initial x of a search, or none for one game alone.
     is_lqr: whether it is the game without disturbance.
-    plausible: the least and the largest x that are usual on this plant, or None for any
-        between the starts or as far beyond them.
+    plausible: the least and the largest x that are usual on this plant, or None for any between the
+        starts or as far beyond them.
     """
 
     says: Callable[[str, float], str]
@@ -83,7 +82,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
     """Return the families of other games: LQR, named games, and games along one parameter.
 
     The parameters are delta, scheduling value, Q, R and discount. In discrete time A and B are
-    taken as those of a step, or sampled.
+    regarded as those of a step, or sampled.
     """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
@@ -155,8 +154,10 @@ def _named(description: str, game: Game) -> Family:
 
 
 def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
-    """Return the family of games along a positive parameter exp(x), shown between `what` and
-    `unit`."""
+    """Return the family of games along a positive parameter exp(x).
+
+    Its value is printed between `what` and `unit`.
+    """
     return _another(
         lambda x: f"{what} {math.exp(x):.4g} {unit}",
         lambda x: game_at(math.exp(x)),
@@ -242,7 +243,7 @@ def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
     """Yield the game of each family whose answer is nearest.
 
-    explained: how far a search must take the difference down.
+    explained: value to which a search must reduce the difference
     """
     few = view.known <= REDUNDANT  # a few numbers fit many games
     for family in candidates:
@@ -257,7 +258,7 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
     """Yield (name, solution) for games with another diagonal Q or R whose value may be P.
 
-    game: whose diagonal weights are varied; a Q or R that is not diagonal is not
+    game: game whose diagonal weights are varied; a Q or R that is not diagonal is kept
     P: (n, n)
 
     A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is linear in q and 1/r.
@@ -314,8 +315,8 @@ def _with_weights(
 def _nearest(view: View, family: Family, explained: float) -> float | None:
     """Return the parameter at which the solution differs least, by least squares.
 
-    It lies between the starts or as far beyond them. None when the difference does not fall to
-    `_REACHED` of the best start's.
+    It lies between the starts or as far beyond them. The result is None when the difference does
+    not decrease to `_REACHED` of the best start's.
     """
     from scipy.optimize import least_squares
 

@@ -37,11 +37,14 @@ _FLOWN = 40
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
     """Return a figure of sections in which all deviations but two are 0, for the first pairs of
-    states. Each shows the proved set, the lowest level with V' >= 0, the level of the nearest
-    initial condition that does not converge, and the first such condition on each of some rays.
-    Angles are in degrees.
+    states.
 
-    box: (n,), largest deviations at which a critic is compared, in the units of the states"""
+    Each section shows the proved set, the lowest level with V' >= 0, and the level of the nearest
+    initial condition that does not converge. It also shows the first such condition on each of some
+    rays. Angles are in degrees.
+
+    box: (n,), largest deviations at which a critic is compared, in the units of the states
+    """
     from matplotlib.figure import Figure
 
     states = region.plant.loop.states
@@ -77,8 +80,7 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
 
 
 def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
-    """Draw the levels of one section, and the first initial conditions in its plane that do not
-    converge."""
+    """Draw the levels of one section, and the first initial conditions that do not converge."""
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
@@ -110,8 +112,10 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
 
 def _draw_box(axes: Axes, x: float, y: float) -> None:
-    """Draw the box of half widths x and y; the view includes its sides where they are near, else
-    the label states them."""
+    """Draw the box of half widths x and y.
+
+    The view includes its sides where they are near. Otherwise the label states them.
+    """
     axes.plot(x * _CORNERS[0], y * _CORNERS[1], "k:", label="box of a critic's comparison")
     for half, side in ((x, axes.xaxis), (y, axes.yaxis)):
         low, high = side.get_view_interval()

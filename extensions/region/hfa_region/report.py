@@ -79,7 +79,7 @@ def region_report(region: Region) -> Report:
 def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a checked certificate.
 
-    not_given: parts of its subject that the user did not give; the title names them
+    not_given: parts of its subject that the user did not give, which the title names
     """
     statement = verified.statement
     checked = CheckedSet(

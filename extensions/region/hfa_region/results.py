@@ -70,8 +70,9 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the set's deviation from the trim; most of this box is outside
-        the set."""
+        """State -> upper bound of the set's deviation from the trim. Most of this box is outside
+        the set.
+        """
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
     @property
@@ -103,12 +104,12 @@ class FoundSet(ProvedSet):
     """A set that a search has found and proved.
 
     origin: the kind of V.
-    decrease_fails_at: the lowest V at which V' >= 0 was found, or None where none was.
-    leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit;
-        None where none does.
-    lost_at: the lowest V of an initial condition whose trajectory diverges; None where none does.
-        Trajectories that neither converge nor diverge within the time are not counted.
-    limits_that_bind: signals whose limits the set touches, nearly.
+    decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
+    leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit, or
+        None.
+    lost_at: the lowest V of an initial condition whose trajectory diverges, or None. Trajectories
+        that neither converge nor diverge within the time are not counted.
+    limits_that_bind: signals whose limits the set nearly touches.
     stopped: "interrupted" after Ctrl-C, else "".
     """
 
@@ -129,7 +130,7 @@ class FoundSet(ProvedSet):
 
 @dataclass(frozen=True)
 class NothingProved(Result):
-    """A search that proved no set.
+    """The result of a search that proved no set.
 
     proved: False.
     """
@@ -141,7 +142,7 @@ class NothingProved(Result):
 class WithRegion(Result):
     """The fields that `--region S` adds to a result.
 
-    region: of attraction of the saturated loop.
+    region: region of attraction of the saturated loop.
     """
 
     region: FoundSet | NothingProved | None = None

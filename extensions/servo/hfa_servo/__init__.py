@@ -1,5 +1,4 @@
-"""Subjects of the design of a controller: the aircraft with actuators, integrals of outputs and
-weights."""
+"""Design of controllers: the aircraft with actuators, integrals of outputs and weights."""
 
 from hfa_support.public_names import public_names
 

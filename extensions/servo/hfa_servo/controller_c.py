@@ -84,7 +84,8 @@ def commandable(controller: ScheduledController) -> tuple[str, ...]:
 
 def longest_step(controller: ScheduledController) -> float:
     """Return the longest step, s: 1 ms, or less where the fastest mode of the controller requires
-    it."""
+    it.
+    """
     return 1.0 / max(float(np.abs(np.linalg.eigvals(controller.A)).max(initial=0.0)), 1e3)
 
 
@@ -113,8 +114,10 @@ def commanded_policy(
 def controller_steering(
     controller: ScheduledController, model: Model, point: OperatingPoint
 ) -> Steering:
-    """Return the controller with the command filter as states, v = the commands. Raises
-    BadInputError like `commanded_policy`."""
+    """Return the controller with the command filter as states, v = the commands.
+
+    Raises BadInputError like `commanded_policy`.
+    """
     commanded = commanded_policy(controller, model, point)
     names = commandable(controller)
     units = {name: signal_unit(model, name) for name in names}
@@ -142,8 +145,8 @@ def c_controller_texts(
     """Return file name -> text: header, source and, with actuators, an example.
 
     Raises BadInputError when the controller was made for another model or other values of the
-    scheduling variable, an actuator cannot hold the trim, or the controller measures what these
-    actuators do not have.
+    scheduling variable, an actuator cannot hold the trim, or the controller measures quantities
+    that these actuators lack.
     """
     header, source, example = CONTROLLER_FILES
     commanded = commanded_policy(controller, model, point)

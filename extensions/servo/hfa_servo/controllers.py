@@ -38,8 +38,8 @@ class LinearController:
     """Controller x' = A x + B [y; w] + W (u_applied - u), u = C x + D [y; w] at one scheduling
     value.
 
-    limit: the smallest delta of the game or, of a shaped loop, the smallest gamma
-    checks: what certifies it
+    limit: the smallest delta of the game or, for a shaped loop, the smallest gamma
+    checks: checks that certify it
     """
 
     A: np.ndarray
@@ -55,7 +55,7 @@ class Feedback(NamedTuple):
     """Controller x' = A x + B y + W (u_applied - u), u = C x + D y, with y the sensors of a design
     model.
 
-    limit, checks: as of `LinearController`
+    limit, checks: as for `LinearController`
     """
 
     A: np.ndarray
@@ -75,12 +75,12 @@ def design_controller(
     *,
     progress: Progress | None = None,
 ) -> ScheduledController:
-    """Return the controllers of a design at increasing values of the scheduling variable,
-    `breakpoints` (N,).
+    """Return the controllers of a design at increasing values of the scheduling variable.
 
-    Raises BadInputError for a model that is not scheduled over one of its linear states.
-    Raises NoSolutionError that names the breakpoint at which there is no trim or no certified
-    controller.
+    breakpoints: (N,), these values
+
+    Raises BadInputError for a model that is not scheduled over one of its linear states. Raises a
+    NoSolutionError that names the breakpoint at which there is no trim or no certified controller.
     """
     by = model.schedule
     if by not in model.linear:
@@ -128,7 +128,10 @@ def design_controller(
 
 
 def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
-    """Warn where entries of A and B are means of two slopes; name the first, and their number."""
+    """Warn where entries of A and B are means of two slopes.
+
+    The warning names the first, and their number.
+    """
     kinked = [linear for linear in linear_models if linear.kinks]
     if kinked:
         first = kinked[0]
@@ -139,10 +142,12 @@ def _warn_of_kinks(linear_models: Sequence[LinearModel]) -> None:
 
 
 def controller_at(model: Model, linear: LinearModel, design: Design) -> LinearController:
-    """Return the controller of one linear model. Raises NoSolutionError when it is not certified.
+    """Return the controller of one linear model.
 
-    The gain u = -K z, or the central controller of the game from the sensors; the integrals, which
-    either sees, are states of the controller behind its own: e' = y - r.
+    It is the gain u = -K z, or the central controller of the game from the sensors. Both see the
+    integrals, which are states of the controller behind its own: e' = y - r.
+
+    Raises NoSolutionError when it is not certified.
     """
     built = design_model(model, linear, design)
     design = built.design
@@ -206,11 +211,10 @@ def _output_feedback(built: DesignModel) -> Feedback:
 
 
 def _shaped(model: Model, built: DesignModel, shaping: Shaping) -> LinearController:
-    """Return the controller with x = [x_m; states of the weights; x̂]: u = u_m - W1 F x̂, where x̂
-    observes the shaped plant from y_s = W2 (y - y_m).
+    """Return the controller of a loop shaping, with x = [x_m; states of the weights; x̂].
 
-    x_m, u_m, y_m: of the model that the commands go through. The observer receives the inputs that
-    are applied.
+    u = u_m - W1 F x̂, where x̂ observes the shaped plant from y_s = W2 (y - y_m). x_m, u_m and y_m
+    are those of the model that the commands drive. The observer receives the applied inputs.
     """
     design = built.design
     z = np.zeros
@@ -289,8 +293,10 @@ def _names(design: Design) -> tuple[tuple[str, ...], tuple[str, ...], tuple[floa
 
 
 def _measurements(design: Design) -> tuple[str, ...]:
-    """Return the measured signals: the sensors, or all states with integrated outputs for their
-    integrals."""
+    """Return the measured signals.
+
+    They are the sensors, or all states with integrated outputs for their integrals.
+    """
     names = design.sensors or design.plant_states
     plain = [name for name in names if not name.endswith("_integral")]
     return tuple(dict.fromkeys([*plain, *design.integrals]))

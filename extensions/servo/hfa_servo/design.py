@@ -1,7 +1,6 @@
-"""Design of a controller: inputs with actuators, integrated outputs, and weights, in files for any
-`Model`.
+"""Design of a controller: inputs with actuators, integrated outputs, and weights.
 
-Names of states and signals imply their unit.
+Designs are stored in files for any `Model`. Names of states and signals imply their unit.
 """
 
 from __future__ import annotations
@@ -47,8 +46,13 @@ _ENDS = {
 class Actuator:
     """Actuator of order 1, a' = -ω a + ω λ u, or of order 2, a'' = -ω² a - 2 ζ ω a' + ω² λ u.
 
-    bandwidth ω: rad/s. damping ζ: 1, of order 2. effectiveness λ: 1, the share of the command that
-    arrives. Raises BadInputError when the order is another or a number is not positive."""
+    order: 1 or 2
+    bandwidth: ω, rad/s
+    damping: ζ, of order 2
+    effectiveness: λ, the share of the command that arrives
+
+    Raises BadInputError when the order is another or a number is not positive.
+    """
 
     order: int = 1
     bandwidth: float = 2.0
@@ -130,18 +134,19 @@ class Design:
     `integrals`.
 
     name: name of a shipped design or its file
-    inputs: all of the model unless given
+    inputs: by default all of the model
     actuators: input -> actuator; an input without one acts at once
     integrals: outputs
-    disturbances: where they enter -> intensity, which scales the squared columns of E; "states":
-        the rates of the linear states (the paper's), "commands": the inputs, or a disturbance of
-        the model
+    disturbances: place where a disturbance enters -> intensity, which scales the squared columns of
+        E. The places are "states", the rates of the linear states (the paper's), "commands", the
+        inputs, or a disturbance of the model.
     state_weights, input_weights: diagonal of Q and R by name, in the names of `states` and
         `inputs`; a state without a weight has 0
     delta: delta of the game, inf for an LQR
     sensors: state or output -> intensity of its noise
     shaping: settings of a controller by loop shaping, which has no game
-    variants: name of a model's equations -> the design's name model: whose names these are
+    variants: name of a model's equations -> the entries of the design for these equations
+    model: the model of the names
 
     Raises BadInputError when a name is unknown or given twice.
     """
@@ -185,8 +190,10 @@ class Design:
             self._check_shaping(where, self.shaping)
 
     def _check_shaping(self, where: str, shaping: Shaping) -> None:
-        """Raise BadInputError when a loop shaping has an unknown name, lacks an actuator or a rate
-        weight of an input, or has tables that do not fit its breakpoints.
+        """Raise BadInputError for a loop shaping that is incomplete or inconsistent.
+
+        It may have an unknown name, lack an actuator or a rate weight of an input, or have tables
+        that do not fit its breakpoints.
 
         where: beginning of a message: "design NAME:"
         """
@@ -305,20 +312,20 @@ def load_design(name: str, model: Model) -> Design:
     """Return a design by its name in `NAMED`, or from the user's file, for a model in its declared
     units.
 
-    inputs, integrals: lists of names
-    disturbance: where it enters, "states", "commands" or one of the model's, or the table
-        [disturbance] of several with their intensities
-    delta: a number, inf for none
-    [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
-    [weights.states], [weights.inputs]: name = weight
-    [sensors]: output or state = its intensity
-    or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed)
-    [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
-    [shaping.schedule]: output = factors
-    [shaping.following]: filter, bandwidth, and by name outputs, states, rates
-    [newton.TABLE]: entries that replace those above for these equations
+    - inputs, integrals: lists of names
+    - disturbance: "states", "commands" or one of the model's disturbances, or the table
+      [disturbance] of several with their intensities
+    - delta: a number, inf for no disturbance
+    - [actuators.INPUT]: order, bandwidth (rad/s), damping, effectiveness
+    - [weights.states], [weights.inputs]: name = weight
+    - [sensors]: output or state = its intensity
+    - or [shaping]: factor, dihedrals (deg; speeds where the model is scheduled over speed)
+    - [shaping.inputs], [shaping.outputs.NAME]: gain; gain, corner, lag
+    - [shaping.schedule]: output = factors
+    - [shaping.following]: filter, bandwidth, and by name outputs, states, rates
+    - [newton.TABLE]: entries that replace those above for these equations
 
-    Raises BadInputError that names the file, the entry and the fault.
+    Raises a BadInputError that names the file, the entry and the fault.
     """
     data = read_named("design", name, NAMED, "hfa_servo", {...: None})
     return design_of(name, data, native_of(model))
@@ -398,8 +405,9 @@ def _actuators_of(name: str, entries: Mapping[str, Any]) -> dict[str, Actuator]:
 
 
 def _merged(whole: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entries of `whole` replaced by those of `changes`; tables are merged entry by
-    entry."""
+    """Return the entries of `whole` replaced by those of `changes`. Tables are merged entry by
+    entry.
+    """
     merged = {**whole, **changes}
     for key, change in changes.items():
         if isinstance(whole.get(key), dict) and isinstance(change, dict):

@@ -1,5 +1,4 @@
-"""Design model: a linear model with actuators and integrals in one set of matrices, with its
-names."""
+"""Design model: a linear model with actuators and integrals in one set of matrices."""
 
 from __future__ import annotations
 
@@ -31,7 +30,8 @@ class DesignModel(Reported):
     """Design model z' = A z + B u + E w, y = C z + D u + noise, about an operating point of
     `model`.
 
-    design: the designed quantity model: the linear model of the aircraft
+    design: the design
+    model: the linear model of the aircraft
     A: (n, n)
     B: (n, m)
     E: (n, k), the columns of each disturbance times the root of its intensity
@@ -39,7 +39,7 @@ class DesignModel(Reported):
     D: (p, m), of the sensors
 
     z are the states of the linear model, then actuator positions and rates, then integrals
-    (`states`). Units are those of the linear model; an integral has its output's times s.
+    (`states`). Units are those of the linear model. An integral has its output's unit times s.
     """
 
     design: Design
@@ -85,8 +85,9 @@ class DesignModel(Reported):
     def game(self) -> Game:
         """J = ∫ z'Qz + u'Ru - δ² w'w with the weights of the design.
 
-        Raises BadInputError when an integrated output cannot be brought to a value of choice and
-        held there, or the design has no game."""
+        Raises BadInputError when the design has no game, or when the inputs cannot hold an
+        integrated output at an arbitrary value.
+        """
         if self.design.shaping is not None:
             raise BadInputError(
                 f"design {self.design.name} is a loop shaping and has no game; make it with hfa"
@@ -124,13 +125,14 @@ class DesignModel(Reported):
 
 @checks_arguments
 def design_model(model: Model, linear: LinearModel, design: Design) -> DesignModel:
-    """Return the design model of x' = A x + B a + E w with actuators from commands to a, and with
-    e' and y = C x + D a + F w; y may also be a state of z.
+    """Return the design model of x' = A x + B a + E w with actuators from commands to a.
 
-    linear: made of this model
+    It includes e' and y = C x + D a + F w. y may also be a state of z.
 
-    Raises BadInputError when an output is not one, or when a sensor sees a disturbance itself: its
-    noise must not depend on the disturbance.
+    linear: the linear model
+
+    Raises BadInputError for an unknown output, or when a sensor sees a disturbance itself, because
+    its noise must not depend on the disturbance.
     """
     design = design.of(model)
     n = len(linear.states)
@@ -211,8 +213,9 @@ def _refuse_seen_disturbances(
 def watched_outputs(
     model: Model, point: OperatingPoint, names: tuple[str, ...], **winds: Any
 ) -> tuple[np.ndarray, ...]:
-    """C, D, F of the named outputs and parts of outputs (`Model.measurable`), rows of zeros for
-    other names, and E.
+    """Return C, D, F of the named outputs and parts of outputs (`Model.measurable`), and E.
+
+    Rows of other names are zero.
 
     winds: winds of `linearize`
     """
@@ -239,8 +242,9 @@ def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
 
 
 def _full_rank(rows: np.ndarray) -> bool:
-    """Return whether the rows are independent by more than rounding, whatever the units of rows and
-    columns."""
+    """Return whether the rows are independent by more than rounding, in any units of rows and
+    columns.
+    """
     scaled = rows.copy()
     for axis in (1, 0, 1, 0, 1):
         size = np.linalg.norm(scaled, axis=axis, keepdims=True)

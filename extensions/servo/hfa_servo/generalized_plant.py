@@ -1,11 +1,11 @@
-"""H-infinity control of a generalized plant, as `hinfsyn` takes it: state or output feedback,
-certified.
+"""H-infinity control of a generalized plant, as for `hinfsyn`: state or output feedback, certified.
 
-x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u;  wanted: ‖z‖ < δ ‖w‖
-for every w.
+x' = A x + B1 w + B2 u,  z = C1 x + D11 w + D12 u,  y = C2 x + D21 w + D22 u
 
-Each Riccati equation is that of a `Game` (`Side`), which is solved and certified as any other.
-Source: Zhou, Doyle and Glover, Robust and Optimal Control, Chapter 17; Glover and Doyle 1988."""
+The controller must achieve ‖z‖ < δ ‖w‖ for every w. Each Riccati equation is that of a `Game`
+(`Side`), which is solved and certified like any other. Source: Zhou, Doyle and Glover, Robust and
+Optimal Control, Chapter 17; Glover and Doyle 1988.
+"""
 
 from __future__ import annotations
 
@@ -83,20 +83,21 @@ Controller = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GeneralizedPlant(Reported):
-    """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u;
-    without C2 exactly the states are measured (state feedback).
+    """Generalized plant x' = A x + B1 w + B2 u, z = C1 x + D11 w + D12 u, y = C2 x + D21 w + D22 u.
+
+    Without C2 exactly the states are measured (state feedback).
 
     A: (n, n)
     B1: (n, k)
     B2: (n, m)
     C1: (r, n)
     D12: (r, m)
-    C2: (p, n), without rows where not given
+    C2: (p, n), without rows by default
     D21: (p, k)
-    D11: (r, k), 0 where not given
-    D22: (p, m), 0 where not given
+    D11: (r, k), by default 0
+    D22: (p, m), by default 0
 
-    Raises BadInputError for a wrong shape, and where D12 has not the rank m or D21 not the rank p.
+    Raises BadInputError for a wrong shape, and unless D12 has rank m and D21 rank p.
     """
 
     A: np.ndarray
@@ -160,7 +161,7 @@ class GeneralizedPlant(Reported):
 
     @cached_property
     def sides(self) -> tuple[Side, ...]:
-        """Control side, and with measurements the filter side."""
+        """Control side and, with measurements, the filter side."""
         control = Side(self.A, self.B1, self.B2, self.C1, self.D11, self.D12)
         if not len(self.C2):
             return (control,)
@@ -177,9 +178,15 @@ class GeneralizedPlant(Reported):
     def measured(
         cls, game: Game, C: np.ndarray, V: np.ndarray, D: np.ndarray | None = None
     ) -> GeneralizedPlant:
-        """Return the game with the measurements y = C z + D u + n, n noise of intensity V: from w =
-        (d, v) to z = (Q^½ x, R^½ u) with n = V^½ v. C: (p, n), D: (p, m) or 0, V: (p, p) positive
-        definite. Its controller is the LQG one at δ inf."""
+        """Return the game with the measurements y = C z + D u + n, where n is noise of intensity V.
+
+        The plant is that from w = (d, v) to z = (Q^½ x, R^½ u) with n = V^½ v. Its controller is
+        the LQG one at δ = inf.
+
+        C: (p, n)
+        D: (p, m) or 0
+        V: (p, p), positive definite
+        """
         V = checked_matrix("V", V, LARGEST)
         check_definite("V", V, strictly=True)
         n, m = game.B.shape
@@ -245,10 +252,9 @@ class GeneralizedPlant(Reported):
         return self.in_axes(self.axes)
 
     def minimum_delta(self) -> DeltaMin:
-        """Return the smallest δ for which `solve_plant` has a controller, to `TOLERANCE`
-        relative.
+        """Return the smallest δ for which `solve_plant` has a controller, to `TOLERANCE` relative.
 
-        Found by bisection of log δ. Raises NoSolutionError when no δ will do.
+        It is found by bisection of log δ. Raises NoSolutionError when no δ suffices.
         """
         check_modes(self)
         without = conditions(self, math.inf)
@@ -270,11 +276,13 @@ class GeneralizedPlant(Reported):
 def stored_plant(
     path: str | Path, found: dict[str, Any] | None = None
 ) -> tuple[GeneralizedPlant, float | None, tuple[str, ...]]:
-    """Return the generalized plant in a file with A, B1, B2, C1, D12 and optionally C2, D21, D11,
-    D22, delta; its delta or None, and notes.
+    """Return the generalized plant in a file, its delta or None, and notes.
 
-    found: its entries that `read_arrays` has read already. Raises BadInputError that names the
-    file.
+    The file has A, B1, B2, C1, D12 and optionally C2, D21, D11, D22 and delta.
+
+    found: its entries that `read_arrays` has read already
+
+    Raises a BadInputError that names the file.
     """
     names = [field.name for field in fields(GeneralizedPlant)]
     with said_of(path):
@@ -308,13 +316,13 @@ def _check_rank(name: str, matrix: np.ndarray, kind: str, needed: str) -> None:
 class OutputFeedback(Reported):
     """Certified controller x̂' = Ak x̂ + Bk y, u = Ck x̂ + Dk y.
 
-    Ak: (n, n) of the controller
+    Ak: (n, n)
     Bk: (n, p)
     Ck: (m, n)
     Dk: (m, p)
     X: (n, n), stabilizing solution of the control equation
     Y: (n, n), stabilizing solution of the filter equation
-    delta: delta of the plant's game: the gain from w to z is below it
+    delta: delta of the plant's game; the gain from w to z is below it
     coupling: ρ(X Y) / δ², below 1
     checks: checks of the two equations' certificates, the coupling, the closed loop and the second
         derivation
@@ -338,7 +346,7 @@ class StateFeedback(Reported):
     P: (n, n), the stabilizing solution
     K: (m, n), gain, u = -K x
     disturbance_gain: L, (k, n), worst disturbance w = L x
-    delta: delta of the plant's game: the gain from w to z is below it
+    delta: delta of the plant's game; the gain from w to z is below it
     checks: checks of the certificate and the closed loop
     """
 
@@ -353,14 +361,19 @@ class StateFeedback(Reported):
 def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
     """Return the central controller with ‖z‖ < δ ‖w‖, or without C2 the gain K.
 
-    Where nothing crosses and D11 = 0:  A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y the
-    same of the transposed plant,  Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1
-    B1'X + B2 Ck - Bk C2, R = D12'D12, V = D21 D21'. Source: Doyle, Glover, Khargonekar, Francis,
-    IEEE Trans. Automatic Control 34 (1989), 831-847, Theorem 3.
+    Where nothing crosses and D11 = 0:
 
-    It takes δ above what D11 lets past every controller, X >= 0 and Y >= 0 stabilize, ρ(XY) <
-    δ². Raises NoSolutionError that names the one that fails with delta_min, the mode that violates
-    an assumption, or the check."""
+        A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0,  Y likewise of the transposed plant,
+        Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2,
+        R = D12'D12,  V = D21 D21'
+
+    A controller exists where δ is above the gain of D11 that no controller can reduce, X >= 0 and Y
+    >= 0 stabilize, and ρ(XY) < δ². Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans.
+    Automatic Control 34 (1989), 831-847, Theorem 3.
+
+    Raises NoSolutionError. Its message names the condition that fails with delta_min, the mode that
+    violates an assumption, or the check.
+    """
     check_modes(plant)
     try:
         return _certified(plant, delta)
@@ -369,8 +382,10 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
 
 def _certified(plant: GeneralizedPlant, delta: float) -> OutputFeedback | StateFeedback:
-    """Return the solution with its checks. Raises NoSolutionError, without advice, if none
-    exists."""
+    """Return the solution with its checks.
+
+    Raises NoSolutionError, without advice, if no solution exists.
+    """
     answer = conditions(plant, delta)
     if not answer.exists:
         verdict = "is open" if answer.exists is None else "fails"
@@ -451,9 +466,13 @@ def central_controller(
 ) -> Controller:
     """Return the central controller of any X and Y, without a certificate.
 
-    With F1, F2 of X, L1, L2 of Y and Z = (I - δ⁻² Y X)⁻¹, D22 = 0:  Ck = F2 - Dk (C2 + D21 F1), Bk
-    = Z ((B2 + L1 D12) Dk - L2),  Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1), and Dk the best against
-    D11 alone."""
+    With F1, F2 of X, L1, L2 of Y, Z = (I - δ⁻² Y X)⁻¹ and D22 = 0:
+
+        Ck = F2 - Dk (C2 + D21 F1),  Bk = Z ((B2 + L1 D12) Dk - L2),
+        Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1)
+
+    Dk is the best against D11 alone.
+    """
     control, filter_ = plant.sides
     F1, F2 = control.policies(X, delta)
     L1, L2 = (each.T for each in filter_.policies(Y, delta))
@@ -474,11 +493,14 @@ def central_controller(
 
 
 def _feedthrough(plant: GeneralizedPlant, delta: float) -> np.ndarray:
-    """Dk that makes D11 + D12 Dk D21 smallest, and with it the controller central: in orthonormal
-    axes of z and w
+    """Return the Dk that makes D11 + D12 Dk D21 smallest, and with it the controller central.
 
-    -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12 of the four blocks D11 D12 D21 D22 of D11, the last what
-    u and y both reach."""
+    In orthonormal axes of z and w it is
+
+        -D22 - D21 D11' (δ² I - D11 D11')⁻¹ D12
+
+    of the four blocks D11 D12 D21 D22 of D11. The last block is the one that both u and y reach.
+    """
     m = plant.D12.shape[1]
     p = len(plant.D21)
     (U, R), (V, S) = (np.linalg.qr(each, mode="complete") for each in (plant.D12, plant.D21.T))
@@ -510,7 +532,10 @@ def closed_plant(plant: GeneralizedPlant, controller: Controller) -> Controller:
 def loop_checks(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> tuple[Check, ...]:
-    """Return the closed loop is stable and, by the bounded-real lemma, of gain below δ."""
+    """Return the checks that the closed loop is stable and has a gain below δ.
+
+    The gain is checked by the bounded-real lemma.
+    """
     abscissa = spectrum(A).abscissa
     found = [
         below(
@@ -530,8 +555,8 @@ def loop_checks(
 def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
     """Return the L2 gain from w to z under the H2-optimal controller, which is not below δ_min.
 
-    The search for δ_min starts above it: it has the units of δ, whatever these are. The result is
-    inf if rounding hides that controller.
+    The search for δ_min starts above it, because it has the units of δ, whatever these are. The
+    result is inf if rounding hides that controller.
     """
     values = []
     for side in plant.sides:
@@ -550,8 +575,8 @@ def _gain_of_optimal_loop(plant: GeneralizedPlant) -> float:
 def check_modes(plant: GeneralizedPlant) -> None:
     """Raise NoSolutionError unless both Riccati equations can have a stabilizing solution.
 
-    u must reach and y must observe every mode that is not stable, and neither u to z nor w to y may
-    have a zero on the imaginary axis. The message names the mode or the zero.
+    u must reach and y must observe every mode that is not stable. Neither the path from u to z nor
+    that from w to y may have a zero on the imaginary axis. The message names the mode or the zero.
     """
     for side, sentences in zip(plant.sides, _OBSTACLES, strict=False):
         found = obstacle(NormalForm.of(side.game(math.inf)), *sentences)
@@ -588,10 +613,10 @@ def _response_difference(one: Controller, other: Controller) -> float:
 
 
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
-    """Return whether the conditions for a controller hold, and the first that does not; no
-    certificates.
+    """Return whether the conditions for a controller hold, and the first that does not.
 
-    Source: Zhou, Doyle and Glover, Theorem 17.1."""
+    There are no certificates. Source: Zhou, Doyle and Glover, Theorem 17.1.
+    """
     if not delta > plant.floor * (1.0 + SHARP):
         surely = delta < plant.floor * (1.0 - SHARP)
         reason = f"D11 alone causes a gain of {plant.floor:.6g} under every controller"
@@ -620,11 +645,12 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
 def _coupling_by_signs(control: Found, filter_: Found, delta: float) -> Answer:
     """Return whether ρ(XY) < δ², given that X and Y exist.
 
-    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces that is
-    [[X1'X2, X2'Y2/δ], [Y2'X2/δ, Y1'Y2]] > 0, whose signs are seen where X or Y is too large.
-    Where X or Y is singular it is never above 0, and this stays open.
-    Source: Benner, Byers, Mehrmann and Xu, A robust numerical method for the γ-iteration in
-    H-infinity control, Linear Algebra and its Applications 425 (2007)."""
+    With the bases [X1; X2] and [Y1; Y2] of the stable subspaces the condition is [[X1'X2, X2'Y2/δ],
+    [Y2'X2/δ, Y1'Y2]] > 0. Its signs are visible where X or Y is too large. Where X or Y is singular
+    the matrix is never positive definite, and the question stays open. Source: Benner, Byers,
+    Mehrmann and Xu, A robust numerical method for the γ-iteration in H-infinity control, Linear
+    Algebra and its Applications 425 (2007).
+    """
     assert control.subspace is not None
     assert filter_.subspace is not None
     X1, X2 = np.split(control.subspace.basis, 2)
@@ -649,8 +675,9 @@ def _coupling_by_radius(
 ) -> Answer:
     """Return whether ρ(XY) < δ² by more than the error of ρ.
 
-    ρ(XY) = max a'X a over the a with a a' <= Y, and to first order a change of X adds a'(dX)a at
-    the greatest; b = X a ρ^-½ does the same for Y."""
+    ρ(XY) = max a'X a over the a with a a' <= Y. To first order a change of X adds a'(dX)a at the
+    maximizing a. b = X a ρ^-½ does the same for Y.
+    """
     radius, a = _radius(X, Y)
     if radius == 0.0:
         return Answer(True)
@@ -666,7 +693,10 @@ def _coupling_by_radius(
 
 def _keeps_gain(plant: GeneralizedPlant, X: np.ndarray, Y: np.ndarray, delta: float) -> bool:
     """Return whether the closed loop with the controller of X and Y is verified to have a gain
-    below δ, in which case all conditions hold independent of errors in X and Y."""
+    below δ.
+
+    Then all conditions hold, independent of errors in X and Y.
+    """
     try:
         controller = central_controller(plant, X, Y, delta)
         return all(check.ok for check in loop_checks(*closed_plant(plant, controller), delta))
@@ -688,8 +718,9 @@ def _radius(X: np.ndarray, Y: np.ndarray) -> tuple[float, np.ndarray]:
 def scaled_root(M: np.ndarray) -> np.ndarray:
     """Return F (n, n) with F F' = M for a positive semidefinite M, rows in the units of M.
 
-    M = diag(d) N diag(d) with d_i = sqrt(M_ii), F = diag(d) N^½: a change of units scales F row by
-    row, and no small entry vanishes in the rounding of a large one."""
+    M = diag(d) N diag(d) with d_i = sqrt(M_ii), and F = diag(d) N^½. A change of units scales F row
+    by row, and no small entry vanishes in the rounding of a large one.
+    """
     d = np.sqrt(np.diag(M).clip(0.0))
     safe = np.where(d > 0.0, d, 1.0)
     return np.asarray(d[:, None] * square_root(M / np.outer(safe, safe)))

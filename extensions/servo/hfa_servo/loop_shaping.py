@@ -1,11 +1,11 @@
-"""H-infinity loop shaping (McFarlane and Glover) with model following: the controller of one linear
-model.
+"""H-infinity loop shaping (McFarlane and Glover) with model following, for one linear model.
 
 The plant G, with the actuators of the design, is shaped: G_s = W2 G W1, W1 of gains, W2 of k (1 +
-c/s)/(1 + τ s). G_s = M⁻¹ N, M M* + N N* = I, is stabilized for all (M + Δ_M)⁻¹ (N + Δ_N), ‖[Δ_N
-Δ_M]‖∞ < 1/γ. The commands drive a model of the aircraft with its own optimal law, so that the loop
-acts only on the difference from the model. Sources: McFarlane and Glover, IEEE Trans. Automatic
-Control 37 (1992), 759-769; Francis, SIAM J. Control 15 (1977), 486-505."""
+c/s)/(1 + τ s). With G_s = M⁻¹ N, M M* + N N* = I, the controller stabilizes all (M + Δ_M)⁻¹ (N +
+Δ_N), ‖[Δ_N Δ_M]‖∞ < 1/γ. The commands drive a model of the aircraft with its own optimal law, so
+that the loop acts only on the difference from the model. Sources: McFarlane and Glover, IEEE Trans.
+Automatic Control 37 (1992), 759-769; Francis, SIAM J. Control 15 (1977), 486-505.
+"""
 
 from __future__ import annotations
 
@@ -36,12 +36,15 @@ class Robust(NamedTuple):
 
 
 def robust_controller(A: np.ndarray, B: np.ndarray, C: np.ndarray, factor: float = 1.1) -> Robust:
-    """Return the central controller of γ = factor γ_min that stabilizes all plants within 1/γ of C
-    (sI - A)⁻¹ B.
+    """Return the central controller of γ = factor γ_min, which stabilizes all plants near C (sI -
+    A)⁻¹ B.
 
-    With A'X + XA - XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0: γ_min² = 1 + ρ(XZ), F = B'X, H =
-    γ² ((γ² - 1) I - ZX)⁻¹ Z C'. Raises NoSolutionError when a mode that does not decay is not
-    reached or not seen."""
+    The distance is 1/γ. With A'X + XA - XBB'X + C'C = 0 and AZ + ZA' - ZC'CZ + BB' = 0:
+
+        γ_min² = 1 + ρ(XZ),  F = B'X,  H = γ² ((γ² - 1) I - ZX)⁻¹ Z C'
+
+    Raises NoSolutionError when a mode that does not decay is not reached or not seen.
+    """
     from scipy.linalg import solve_continuous_are
 
     try:
@@ -125,11 +128,11 @@ def following_model(
     paid: np.ndarray,
     rates: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return A and B of x_m' = A x_m + B w, where x_m = [x; u] is the optimal response of x' = A x
-    + B u to commands w of the outputs `regulated` x, w = [r; r'; r_end].
+    """Return A and B of x_m' = A x_m + B w, the optimal response to commands of outputs.
 
-    u' = Γ w - K (x_m - Π w): Π, Γ hold the outputs on the commands for ever (Francis), K is the LQR
-    of the remaining distance of x_m.
+    x_m = [x; u] is the response of x' = A x + B u to commands w = [r; r'; r_end] of the outputs
+    `regulated` x. u' = Γ w - K (x_m - Π w). Π and Γ hold the outputs on the commands permanently
+    (Francis). K is the LQR of the remaining distance of x_m.
 
     regulated: (q, n)
     chosen: weights of the squared errors, command filter

@@ -16,9 +16,10 @@ from trim.point.operating_point import OperatingPoint
 class MeasuredOutputs:
     """Outputs y - Y0 = C x + D a + F w + G a' of the linear model at a trim, by name.
 
-    x, a, a': deviations of the states of the linear model, of the positions of the actuators, and
-        the rates of the actuators; INPUT_position and INPUT_rate are outputs too
-    w: the updraft, of a model that has one: an accelerometer feels alpha through the air
+    x, a and a' are the deviations of the states of the linear model, the deviations of the
+    positions of the actuators, and the rates of the actuators. INPUT_position and INPUT_rate are
+    outputs too. w is the updraft, for a model that has one. An accelerometer measures alpha through
+    the air.
     """
 
     def __init__(self, model: Model, point: OperatingPoint, names: tuple[str, ...]) -> None:

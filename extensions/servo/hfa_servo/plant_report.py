@@ -42,8 +42,8 @@ class PlantSolution(Result, Reported):
     """The controller of a generalized plant, its delta compared with the smallest, and its loop.
 
     plant: the plant of the game.
-    smallest: delta_min of the plant
-    solution: the controller
+    smallest: delta_min of the plant.
+    solution: the controller.
     closed_loop_eigenvalues: 1/s.
     warnings: limits of the result.
     """
@@ -173,7 +173,8 @@ class StateSolution(PlantSolution):
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
     """Return the report on the controller of a generalized plant, of the arrays of its file.
 
-    delta: bound of the gain; None: in the notation of the file."""
+    delta: bound of the gain in the notation of the file, or None for that of the file
+    """
     plant, stored_delta, notes = stored_plant(file, arrays)
     bound = stored_delta if delta is None else delta
     return solution_of_plant(plant, bound, str(file), notes).report()
@@ -184,11 +185,11 @@ def solution_of_plant(
 ) -> PlantSolution:
     """Return the controller of a generalized plant.
 
-    delta: bound of the gain; None: `USUAL_MARGIN` times the smallest
+    delta: bound of the gain; by default `USUAL_MARGIN` times the smallest
     origin: name of the plant
-    notes: what was noticed when it was read
+    notes: notes of its reader
 
-    Raises NoSolutionError that names the assumption or the condition that fails.
+    Raises a NoSolutionError that names the assumption or the condition that fails.
     """
     smallest = plant.minimum_delta()
     if delta is None:

@@ -1,9 +1,11 @@
-"""The control side of a generalized plant as a game; the filter side is that of its transpose.
+"""The control side of a generalized plant as a game.
 
-Completing the squares in u and then in w makes its Riccati equation that of a `Game`: [C D] is
-split into the part that u can cancel and the rest, whose feedthrough D becomes a change of A, E and
-C. Cancellation leaves rounding of the size of its terms, which is stored with the game. Source:
-Zhou, Doyle and Glover, Robust and Optimal Control, Theorem 17.1 and Section 17.2."""
+The filter side is the control side of the transposed plant. Completing the squares in u and then in
+w makes its Riccati equation that of a `Game`. [C D] is split into the part that u can cancel and
+the rest, whose feedthrough D becomes a change of A, E and C. Cancellation leaves rounding of the
+size of its terms, which is stored with the game. Source: Zhou, Doyle and Glover, Robust and Optimal
+Control, Theorem 17.1 and Section 17.2.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,10 @@ class Reduced(NamedTuple):
 
 
 class Side(NamedTuple):
-    """One side x' = A x + E w + B u, z = C x + D w + N u of the problem: the plant for the control,
-    or its transpose for the filter."""
+    """One side x' = A x + E w + B u, z = C x + D w + N u of the problem.
+
+    It is the plant for the control, or its transpose for the filter.
+    """
 
     A: np.ndarray
     E: np.ndarray

@@ -11,8 +11,9 @@ from hfa_support.reporting.results import Matrix, Result, Stack, Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControllerTable(Result):
-    """A controller at each value of the scheduling variable: x' = A x + B y + W (applied - u),
-    u = C x + D y.
+    """A controller at each value of the scheduling variable.
+
+    x' = A x + B y + W (applied - u), u = C x + D y.
 
     feedback: feedback of the states or of outputs.
     dynamics: published or newton, or the name of another model.
@@ -28,7 +29,7 @@ class ControllerTable(Result):
     C: (N, m, n).
     D: (N, m, p).
     W: (N, n, m), input of applied minus commanded u.
-    command_filter: bandwidth rad/s and damping, empty for none.
+    command_filter: bandwidth rad/s and damping, empty without a filter.
     """
 
     feedback: Literal["state", "output"]

@@ -50,12 +50,12 @@ _TEXTS = ("name", "feedback", "dynamics", "parameters")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduledController(ByValue, Reported):
-    """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y,
-    U_command = U0 + u, x(0) = 0.
+    """Scheduled controller x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
 
-    η is the measured scheduling variable of `model`; every matrix is linear in it between
-    `breakpoints` and constant beyond the ends. y = [measured; commanded], as deviations from the
-    trim X0, U0 in which the flight begins. u_applied: u after the limits, u itself without any.
+    U_command = U0 + u, x(0) = 0. η is the measured scheduling variable of `model`. Every matrix is
+    linear in it between `breakpoints` and constant beyond the ends. y = [measured; commanded], as
+    deviations from the trim X0, U0 in which the flight begins. u_applied is u after the limits, or
+    u itself without limits.
 
     name: name of its design
     feedback: "state" or "output"
@@ -68,14 +68,14 @@ class ScheduledController(ByValue, Reported):
     states: names of x, (n,)
     measurements: states, outputs or parts of them and, as INPUT_position and INPUT_rate, those of
         the actuators
-    commands: OUTPUT_command r, OUTPUT_command_rate r', OUTPUT_command_end, the value that the
-        command filter is on its way to; the controller itself integrates measured minus commanded
+    commands: OUTPUT_command r, OUTPUT_command_rate r', and OUTPUT_command_end, the target of the
+        command filter. The controller itself integrates measured minus commanded.
     inputs: names of u, (m,); the others stay at U0
     trim_states, trim_inputs: (N, all of the model's), trims at the breakpoints
     dynamics, parameters: the model's name and the `parameter_hash` of its values
     command_filter: bandwidth (rad/s) and damping of the controller's own filter, or ()
     about: the table of its design, provenance
-    model: whose names these are
+    model: the model of the names
 
     Raises BadInputError when a shape, an order or a name is wrong.
     """
@@ -118,8 +118,7 @@ class ScheduledController(ByValue, Reported):
             raise BadInputError(f"{where} two states have one name; give each its own")
 
     def _check_names(self, where: str) -> None:
-        """Raise BadInputError for a measurement, a command or an input that the model does not
-        have."""
+        """Raise BadInputError for a measurement, a command or an input that the model lacks."""
         model = self.model
         moved = {f"{name}_{what}" for name in model.inputs for what in ("position", "rate")}
         followed = {f"{name}{end}" for name in model.measurable for end in COMMAND_SIGNALS}
@@ -186,8 +185,10 @@ class ScheduledController(ByValue, Reported):
         return GainSchedule(self.breakpoints, gains, self.model)
 
     def refuse_other(self, model: Model, lowest: float, highest: float) -> None:
-        """Raise BadInputError when it was made for another model, or lowest to highest leaves its
-        breakpoints."""
+        """Raise BadInputError when it was made for another model.
+
+        The range from lowest to highest must be within its breakpoints.
+        """
         if model.name != self.dynamics:
             choose = ""
             if self.dynamics in model.extras.variants:
@@ -224,7 +225,8 @@ class ScheduledController(ByValue, Reported):
 
     def report(self) -> Report:
         """Return the report of the design: delta, delta_min or gamma_min of each angle,
-        certificate."""
+        certificate.
+        """
         rows = self.about.get("angles", [])
         limit = "delta_min" if any("delta_min" in row for row in rows) else "gamma_min"
         by = self.model.schedule
@@ -330,12 +332,12 @@ def _factors(before: Model, after: Model, names: Iterable[str]) -> np.ndarray:
 
 
 def _key(model: Model) -> str:
-    """Name of the values of the scheduling variable in files and data."""
+    """Return the name of the values of the scheduling variable in files and data."""
     return f"{model.schedule}s" if model.extras.names_schedule else "places"
 
 
 def _stored(controller: ScheduledController) -> dict[str, Any]:
-    """Return the arrays, names and texts of a controller by the keys that files and data have."""
+    """Return the arrays, names and texts of a controller by the keys of files and data."""
     content: dict[str, Any] = {key: getattr(controller, key) for key in _TEXTS}
     content |= {key: list(getattr(controller, key)) for key in _NAMES}
     for key in _ARRAYS:
@@ -346,11 +348,12 @@ def _stored(controller: ScheduledController) -> dict[str, Any]:
 
 @checks_arguments
 def save_controller(path: str | Path, controller: ScheduledController) -> None:
-    """Write .npz, stacks (N, rows, columns) as in Python, or .mat, stacks (rows, columns, N); whole
-    or not at all.
+    """Write a controller to a file, whole or not at all.
 
-    Names are arrays of text (.mat: cells); `about` is JSON text. BadInputError for another suffix
-    or folder."""
+    A .npz file has stacks (N, rows, columns) as in Python, a .mat file stacks (rows, columns, N).
+    Names are arrays of text (.mat: cells). `about` is JSON text. Raises BadInputError for another
+    suffix or a folder that does not exist.
+    """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise BadInputError(

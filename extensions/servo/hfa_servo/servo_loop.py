@@ -1,5 +1,6 @@
 """Closed loop of a controller on a plant with chosen actuators: its poles and single-loop
-margins."""
+margins.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ TOGETHER = "all inputs"
 @dataclass(frozen=True, eq=False)
 class ServoLoop:
     """Loop of x' = A x + B u, y = C x and x_c' = Ak x_c + Bk y, u = Ck x_c + Dk y, at constant
-    commands."""
+    commands.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -56,8 +58,10 @@ class ServoLoop:
 
     @property
     def closed(self) -> np.ndarray:
-        """Matrix of [x; x_c] of the closed loop. Raises NoSolutionError where its numbers
-        overflow."""
+        """Matrix of [x; x_c] of the closed loop.
+
+        Raises NoSolutionError where its numbers overflow.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             by_plant = np.vstack([self.A + self.B @ self.Dk @ self.C, self.Bk @ self.C])
             matrix = np.hstack([by_plant, np.vstack([self.B @ self.Ck, self.Ak])])
@@ -77,8 +81,9 @@ def servo_plant(
     controller: ScheduledController,
     actuators: Mapping[str, Actuator],
 ) -> DesignModel:
-    """Return the linear model with these actuators, its sensors the measurements of the
-    controller."""
+    """Return the linear model with these actuators. Its sensors are the measurements of the
+    controller.
+    """
     loop = Design(
         "loop",
         controller.inputs,
@@ -114,7 +119,7 @@ def servo_margins(
     """Return the margins of every input and sensor with all other loops closed, and of all inputs
     alike.
 
-    The last has one factor, phase or delay in all inputs. Raises NoSolutionError when the loop is
+    For all inputs one factor, phase or delay is common. Raises NoSolutionError when the loop is
     unstable.
     """
     closed = loop.closed
@@ -141,9 +146,9 @@ def servo_margins(
 class LoopRow(NamedTuple):
     """Loop at one scheduling value, with an actuator at each input.
 
-    scheduled_at: the value
+    scheduled_at: the scheduling value
     abscissa: 1/s
-    loops: name of the loop -> its margins, none where unstable
+    loops: name of the loop -> its margins, empty where unstable
     """
 
     scheduled_at: float
@@ -183,7 +188,7 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        """Check that every loop is stable."""
+        """Checks that every loop is stable."""
         worst = max(self.rows, key=lambda row: row.abscissa)
         unstable = sum(row.abscissa >= 0.0 for row in self.rows)
         reason = (
@@ -222,8 +227,11 @@ class MarginTable(Checked, Result, Reported):
 
     @property
     def data_rows(self) -> list[dict[str, Any]]:
-        """Return one row for each scheduling value and set of actuators: abscissa, and for each
-        loop gain (dB), phase (deg), crossover (rad/s) and delay (s)."""
+        """Return one row for each scheduling value and set of actuators.
+
+        A row has the abscissa, and for each loop gain (dB), phase (deg), crossover (rad/s) and
+        delay (s).
+        """
         by = self.controller.model.schedule
         rows = []
         for row in self.rows:
@@ -252,8 +260,10 @@ class MarginTable(Checked, Result, Reported):
 def _smallest_table(
     names: tuple[str, ...], cells_by_name: Mapping[tuple[str, ...], list[_Cell]]
 ) -> Table:
-    """Return one row for each: the smallest gain, phase and delay margin, and the places of gain
-    and phase."""
+    """Return one row for each subject: the smallest gain, phase and delay margin.
+
+    The row also names the places of gain and phase.
+    """
     rows = []
     for words, cells in cells_by_name.items():
         gain = min(cells, key=lambda cell: cell.margin.gain)
@@ -273,8 +283,11 @@ def check_margins(
     *,
     progress: Progress | None = None,
 ) -> MarginTable:
-    """Margins about the trims at `scheduling_values` (N,), behind actuators of both orders and
-    these bandwidths (rad/s), alike in all inputs, or without actuators where `bandwidths` is empty.
+    """Return the margins about the trims at scheduling values.
+
+    scheduling_values: (N,)
+    bandwidths: bandwidths, rad/s, of actuators of both orders, equal in all inputs, or empty for no
+        actuators
 
     Raises BadInputError when the controller is for another model or for other scheduling values.
     """

@@ -27,13 +27,13 @@ _MATRICES = ("A", "B", "C", "D", "W")
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ServoPolicy(Policy):
-    """Policy x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y, η the measured
-    scheduling state, x the memory.
+    """Policy x' = A(η) x + B(η) y + W(η) (u_applied - u), u = C(η) x + D(η) y.
 
-    controller: whose matrices these are
-    commands: what its outputs are to follow: `CommandSteps`, or another value with its names, at,
-        rate and end
-    outputs: its measurements: `MeasuredOutputs`, or another value with its at
+    η is the measured scheduling state, and x is the memory.
+
+    controller: controller with these matrices
+    commands: `CommandSteps` of its outputs, or another value with its names, at, rate and end
+    outputs: `MeasuredOutputs`, or another value with its at
     regulated: the commanded outputs
     scheduled_at: η of the trim in which the flight begins
     """
@@ -67,7 +67,7 @@ class ServoPolicy(Policy):
         return rate + ca.mtimes(W, ca.mtimes(ca.DM(self._chosen.T), missed))
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
-        """Tracking errors of the commanded outputs."""
+        """Return the tracking errors of the commanded outputs."""
         if not isinstance(self.commands, CommandSteps):
             return {}
         return {
@@ -80,7 +80,7 @@ class ServoPolicy(Policy):
         }
 
     def _inputs(self, t: ca.SX, measurements: Measurements) -> ca.SX:
-        """Return [measured; commands]; an output without a command is held at its trim."""
+        """Return [measured; commands]. An output without a command is held at its trim."""
         values = dict(
             zip(
                 COMMAND_SIGNALS,
@@ -121,7 +121,7 @@ class ServoPolicy(Policy):
 class MatrixTables:
     """Matrices (N, rows, columns) that are linear between breakpoints, as one CasADi function.
 
-    The function is called, not expanded.
+    The function is called and not expanded.
     """
 
     def __init__(self, breakpoints: np.ndarray, stacks: Sequence[np.ndarray]) -> None:
@@ -145,9 +145,11 @@ def servo_policy(
 ) -> ServoPolicy:
     """Return the policy of the controller about a trim of its model, with commands.
 
-    Its `fastest` is that of the controller alone: an estimator's mode, which the loop hardly moves;
-    a gain without memory has none. BadInputError when it was made for another model or other values
-    of the scheduling variable, or lacks a commanded output.
+    Its `fastest` is that of the controller alone: the mode of an estimator, which the loop hardly
+    moves. A gain without memory has no such mode.
+
+    Raises BadInputError when the controller was made for another model or other values of the
+    scheduling variable, or lacks a commanded output.
     """
     followed = [name.removesuffix(COMMAND_SIGNALS[0]) for name in controller.commands]
     for name in commands.names:

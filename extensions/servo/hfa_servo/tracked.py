@@ -16,6 +16,7 @@ class Tracked(NamedTuple):
 
     output, command: (N,), deviations from trim
     rms, largest: of their difference, in `unit`
+    unit: unit of the output
     """
 
     name: str

@@ -12,14 +12,16 @@ from controller.riccati.normal_form import NormalForm
 
 
 def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
-    """Return the effect of rounding on v'P v for the stabilizing P, to first order, or inf where
-    rounding hides whether L is stable.
+    """Return the effect of rounding on v'P v for the stabilizing P, to first order.
 
-    form: not turned
-    P: (n, n) and v: (n,), in the user's coordinates
+    The result is inf where rounding hides whether L is stable.
 
-    A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P, and v'D
-    v is the sum of Z R entry by entry where L Z + Z L' = -v v'. The weights are therefore 2 P Z for
+    form: normal form of the game, not turned
+    P: (n, n), in the user's coordinates
+    v: (n,), in the user's coordinates
+
+    A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P. v'D v
+    is the sum of Z R entry by entry where L Z + Z L' = -v v'. The weights are therefore 2 P Z for
     A, 2 P Z P B for B, 2 P Z P E / δ² for E, and Z for Q, entry by entry. Source: Kenney and Hewer,
     The sensitivity of the algebraic and differential Riccati equations, SIAM J. Control and
     Optimization 28 (1990).

@@ -100,8 +100,10 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None, policy: ca.Function | None
 ) -> tuple[BoxStatement, BoxWitness]:
-    """Return statement and witness of a certificate's content. Raises Malformed, which names an
-    invalid entry."""
+    """Return statement and witness of a certificate's content.
+
+    Raises Malformed, which names an invalid entry.
+    """
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = BoxStatement.read(entries.value("statement", lambda value: True), model, policy)
@@ -118,6 +120,6 @@ def read_content(
 def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; its digest does not cover `origin`."""
+    """Write a certificate. Its digest does not cover `origin`."""
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
     write_sealed(path, KIND, statement.content(), evidence, origin)

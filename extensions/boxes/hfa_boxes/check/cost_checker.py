@@ -113,8 +113,10 @@ def check_cost_certificate(
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Return statement and witness of a certificate's content. Raises Malformed, which names an
-    invalid entry."""
+    """Return statement and witness of a certificate's content.
+
+    Raises Malformed, which names an invalid entry.
+    """
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = CostStatement.read(entries.value("statement", lambda value: True), model)
@@ -135,7 +137,7 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
 def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; its digest does not cover `origin`."""
+    """Write a certificate. Its digest does not cover `origin`."""
     evidence = {
         "solved": list(witness.solved),
         "boxes": list(witness.boxes),

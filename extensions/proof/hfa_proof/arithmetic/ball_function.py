@@ -21,9 +21,9 @@ class BallFunction:
     """A CasADi `SX` function, evaluated on `flint.arb`, `flint.arb_series` and Taylor models.
 
     A series represents its Taylor polynomial in one variable, so that running the instructions on
-    series differentiates automatically. Numbers in the function are the doubles that CasADi holds.
+    series differentiates automatically. Numbers in the function are the doubles of CasADi.
 
-    Raises BadInputError that names an operation that balls do not support.
+    Raises a BadInputError that names an operation that balls do not support.
     """
 
     def __init__(self, function: ca.Function, name: str = "") -> None:
@@ -44,7 +44,7 @@ class BallFunction:
             self._steps.append((code, operation, targets, sources))
 
     def __call__(self, *arguments: Sequence[Any]) -> list[list[Any]]:
-        """The outputs, each as a list of its nonzeros in CasADi's order (column by column).
+        """Return the outputs, each as a list of its nonzeros in CasADi's order (column by column).
 
         arguments: the nonzeros of each input, in the same order
 
@@ -96,7 +96,10 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
 
 
 def constant_part(value: Any) -> Any:
-    """Return the ball of a value: of a power series its value at 0, of a Taylor model its range."""
+    """Return the ball of a value.
+
+    For a power series it is the value at 0, for a Taylor model the range.
+    """
     if isinstance(value, arb):
         return value
     if isinstance(value, arb_series):
@@ -105,8 +108,10 @@ def constant_part(value: Any) -> Any:
 
 
 def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
-    """Return the smaller and the larger of two values. Raises Undecided when their balls
-    overlap."""
+    """Return the smaller and the larger of two values.
+
+    Raises Undecided when their balls overlap.
+    """
     first = constant_part(x)
     second = constant_part(y)
     if not (first <= second or first > second):
@@ -115,15 +120,20 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _arctangent(y: Any, x: Any) -> Any:
-    """Return atan2(y, x) = atan(y / x) for x > 0. Raises Undecided for an x that may not be
-    positive."""
+    """Return atan2(y, x) = atan(y / x) for x > 0.
+
+    Raises Undecided for an x that may not be positive.
+    """
     if not constant_part(x) > 0:
         raise Undecided("atan2 with a second argument that may not be positive")
     return (y / x).atan()
 
 
 def _power(x: Any, y: Any) -> Any:
-    """Return x^y = exp(y log x) for x > 0. Raises Undecided for an x that may not be positive."""
+    """Return x^y = exp(y log x) for x > 0.
+
+    Raises Undecided for an x that may not be positive.
+    """
     if not constant_part(x) > 0:
         raise Undecided("a power of a base that may not be positive")
     return (y * x.log()).exp()

@@ -1,9 +1,10 @@
-"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that holds every rounding.
+"""Balls of real numbers (python-flint, Arb): a midpoint and a radius that includes every rounding.
 
 Every value is an enclosure: a result contains the exact result for all numbers in the arguments. A
 comparison of balls is true only when it holds for all of their numbers. Source: Johansson, Arb:
 efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE Transactions on Computers 66
-(2017)."""
+(2017).
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ def matrix(values: Any) -> arb_mat:
 
 
 def hull(low: np.ndarray, high: np.ndarray) -> arb_mat:
-    """Return a matrix of balls that hold the intervals between two matrices of doubles."""
+    """Return a matrix of balls that contain the intervals between two matrices of doubles."""
     rows, columns = low.shape
     pairs = zip(low.ravel().tolist(), high.ravel().tolist(), strict=True)
     return arb_mat(rows, columns, [arb(a).union(arb(b)) for a, b in pairs])
@@ -57,11 +58,11 @@ def norm(entries: Iterable[arb]) -> arb:
 
 
 def pivots(values: arb_mat) -> list[arb] | None:
-    """Return D of L D L' = M for every symmetric M in the matrix of balls, or None for a pivot near
-    0.
+    """Return D of L D L' = M for every symmetric M in the matrix of balls.
 
-    The signs of D are those of the eigenvalues (Sylvester's law of inertia). Only the lower
-    triangle is read."""
+    The result is None for a pivot near 0. The signs of D are those of the eigenvalues (Sylvester's
+    law of inertia). Only the lower triangle is read.
+    """
     rows = values.tolist()
     diagonal = []
     for k in range(len(rows)):
@@ -77,8 +78,10 @@ def pivots(values: arb_mat) -> list[arb] | None:
 
 
 def is_positive_definite(values: arb_mat) -> bool:
-    """Return whether every symmetric matrix in the matrix of balls is positive definite; False also
-    where that is not decided."""
+    """Return whether every symmetric matrix in the matrix of balls is positive definite.
+
+    The result is False also where that is not decided.
+    """
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)
 
@@ -87,8 +90,10 @@ def lowest_sign(values: np.ndarray) -> int:
     """Return the sign of the lowest eigenvalue of a symmetric matrix of doubles, in rational
     arithmetic.
 
-    1: positive definite. 0: positive semidefinite and singular. -1: neither. Elimination without
-    rounding: where a pivot is 0, a semidefinite matrix has a row of zeros."""
+    It is 1 for a positive definite matrix, 0 for a positive semidefinite and singular one, and -1
+    otherwise. The elimination has no rounding. Where a pivot is 0, a semidefinite matrix has a row
+    of zeros.
+    """
     rows = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in values.tolist()]
     sign = 1
     for k in range(len(rows)):

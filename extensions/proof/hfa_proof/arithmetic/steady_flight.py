@@ -1,5 +1,4 @@
-"""A model's steady flights and linear models as functions that run on balls, series and Taylor
-models."""
+"""Steady flights and linear models of a model as functions on balls, series and Taylor models."""
 
 from __future__ import annotations
 
@@ -38,16 +37,16 @@ class LinearParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SteadyFlight:
-    """The equations F(w; imposed, parameters) = 0 of a trim, w its unknowns.
+    """The equations F(w; imposed, parameters) = 0 of a trim, with w its unknowns.
 
     balanced: BallFunction (v, p) -> the balanced rates, then the imposed outputs
     linear_parts: BallFunction (v, p) -> the parts of `LinearParts`
     variables: names of v, the imposed and the free variables
     parameters: names of p
     imposed_outputs: names of the outputs that the trim imposes
-    names: states, inputs and outputs whose values `LinearParts.values` holds
+    names: states, inputs and outputs whose values are in `LinearParts.values`
     unknowns: names of w
-    moving_rows: the equations that an unknown moves
+    moving_rows: indices of the equations that an unknown moves
     heights: number of rows of each part of `LinearParts`
     """
 
@@ -120,8 +119,8 @@ def _steady_flight(
     """Return `steady_flight`, cached.
 
     unknowns: unknowns of the trim
-    imposed_outputs: that the trim imposes
-    outputs: those, and others whose values are wanted
+    imposed_outputs: outputs that the trim imposes
+    outputs: the imposed outputs, and others whose values are required
     measured: outputs of the linear model
     """
     states = list(model.states)

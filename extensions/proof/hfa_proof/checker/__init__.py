@@ -1,1 +1,1 @@
-"""The checker of certificates: it shares nothing with the prover."""
+"""The checker of certificates. It shares nothing with the prover."""

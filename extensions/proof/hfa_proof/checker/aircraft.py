@@ -14,7 +14,9 @@ SAME_TRIM = 1e-6
 
 
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
-    """Return the model of a statement: the HFA's, or the user's own, which must be the same.
+    """Return the model of a statement: the HFA's or the user's own.
+
+    The user's model must be that of the statement.
 
     name: name of the dynamics, as in the statement
     source: the hash of the user's file, "" for the HFA

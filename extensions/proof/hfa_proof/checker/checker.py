@@ -1,8 +1,8 @@
-"""Checks a certificate: reads its statement and its witness, and proves the statement.
+"""Checker of a certificate, which reads its statement and its witness and proves the statement.
 
-The search and the prover need not be trusted: the checker shares only the model and the
-arithmetic with them. Every quantity is a Taylor model in the position s within a box and the errors
-t of the parameters.
+The search and the prover need not be trusted. The checker shares only the model and the arithmetic
+with them. Every quantity is a Taylor model in the position s within a box and the errors t of the
+parameters.
 
     statement.py  the claim                  witness.py  its evidence
     trims.py      trims and linear models    loop.py     the loop
@@ -104,7 +104,7 @@ def check_certificate(
 
 
 def _check(statement: Statement, entries: Fields, progress: Progress | None) -> int:
-    """Number of boxes that prove the statement. Raises Rejected unless they do."""
+    """Return the number of boxes that prove the statement. Raises Rejected unless they do."""
     if isinstance(statement, ScheduleStatement):
         return check_schedule(statement, ScheduleWitness.read(entries, statement), progress)
     if isinstance(statement, GameStatement):
@@ -193,8 +193,10 @@ def _ends_of_cell(cell: tuple[TrimBox, Any]) -> list[tuple[float, float]]:
 def _check_scheduled_rate(
     statement: ScheduleStatement, motion: Motion, progress: Progress | None
 ) -> list[LinearModelBox]:
-    """Check V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η', hence for all
-    between."""
+    """Check V' = ζ'(F'P + P F + η' dP/dη) ζ < 0 for both signs of the largest η'.
+
+    It then holds for all rates between them.
+    """
     flight = statement.flight
     boxes = covering(
         "the boxes of the motion", [(flight.low, flight.high)], motion.boxes, _ends_of_cell
@@ -248,8 +250,9 @@ def _plant(
 ) -> tuple[TaylorModel, TaylorModel]:
     """Return A and B, for the stored doubles or for every decimal that rounds to them.
 
-    The trim of the doubles lies within its radii about the center, and therefore within the larger
-    radii for all decimals, within which each trim is unique. All trims are therefore one branch."""
+    The trim of the doubles lies within its radii about the center. These are within the larger
+    radii for all decimals, in which each trim is unique. All trims are therefore one branch.
+    """
     plant = statement.plant
     if isinstance(plant, Plant):
         return TaylorModel(matrix(plant.A)), TaylorModel(matrix(plant.B))
@@ -286,8 +289,10 @@ def check_models(
 def interpolation_errors(
     tables: ModelsStatement, linear: LinearModelBox, exact: Solution
 ) -> dict[str, arb]:
-    """Return bounds on a box of |A - Â| / |A|, likewise of B and K, and of |U - Û| in nominal
-    values."""
+    """Return bounds on a box of the relative errors of A, B and K, and of the error of U.
+
+    They are |A - Â| / |A|, likewise of B and K, and |U - Û| in nominal values.
+    """
     model = tables.flight.model
     nominal = np.array([model.signals[name].nominal for name in model.inputs])
     errors = {}

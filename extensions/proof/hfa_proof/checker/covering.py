@@ -70,7 +70,7 @@ def _holds(box: Box, part: Box) -> bool:
 def _halves(part: Box, boxes: Sequence[Box]) -> list[Box]:
     """Return the part, divided at an end of a box.
 
-    boxes: that meet the part and do not hold it, so that an end lies inside
+    boxes: boxes that meet the part and do not contain it, so that an end lies inside
     """
     cuts = []
     for i, (least, most) in enumerate(part):

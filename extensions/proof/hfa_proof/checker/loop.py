@@ -31,8 +31,9 @@ from hfa_proof.checker.trims import LinearModelBox
 
 @dataclass(frozen=True, eq=False)
 class LoopBox:
-    """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box, with v the delayed and scaled commands u
-    = U ζ.
+    """Closed loop ζ' = base ζ + ω (lag ζ + G v) on a box.
+
+    v are the delayed and scaled commands u = U ζ.
 
     base: (n, n), the aircraft and the controller
     lag: (n, n), the own dynamics of actuators of 1 rad/s

@@ -1,9 +1,9 @@
 """Eigenvalues on both sides of a line, for every matrix of a box.
 
-If H is symmetric and -(A'H + H A + 2 a H) is positive definite, A has as many eigenvalues with
+Let H be symmetric and -(A'H + H A + 2 a H) positive definite. Then A has as many eigenvalues with
 Re λ > -a as H has negative ones, and none with Re λ = -a (Ostrowski and Schneider, J. Math. Anal.
-Appl. 4, 1962); with H > 0 it is Lyapunov's theorem. For a fixed H the matrix is affine in A and
-positive definite matrices form a convex cone: the corners of a box decide.
+Appl. 4, 1962). With H > 0 it is Lyapunov's theorem. For a fixed H the matrix is affine in A, and
+positive definite matrices form a convex cone. The corners of a box are therefore sufficient.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def modes_right_of(A: TaylorModel, line: Line) -> int:
 def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
     """Return bounds on the number of eigenvalues with a positive real part, for every A.
 
-    A line on the right of the axis gives the first, one on the left the second, the axis both.
+    A line on the right of the axis gives the lower bound, one on the left the upper bound, and the
+    axis both.
     """
     count = modes_right_of(A, line)
     least = count if line.rate <= 0.0 else 0
@@ -48,8 +49,11 @@ def least_and_most(A: TaylorModel, line: Line) -> tuple[int, int]:
 def check_motion(
     loop: TaylorModel, P: TaylorModel, growth: arb_mat, turn_of_box: np.ndarray
 ) -> None:
-    """Raise Rejected unless V = ζ'P ζ, P > 0, is proved to decrease: A'P + P A ± growth < 0 on the
-    box, with growth the change of P at the largest rate."""
+    """Raise Rejected unless V = ζ'P ζ, P > 0, is proved to decrease.
+
+    The condition is A'P + P A ± growth < 0 on the box, with growth the change of P at the largest
+    rate.
+    """
     turn = matrix(turn_of_box)
     for end in (P.parts[0] - P.parts[1], P.parts[0] + P.parts[1]):
         if -1 in eigenvalue_signs(end, turn):
@@ -63,7 +67,8 @@ def check_motion(
 def check_positive(form: TaylorModel, turn: arb_mat) -> None:
     """Raise Rejected unless every symmetric matrix of the form is positive definite.
 
-    turn: coordinates in which that is decided; the errors of the parameters are small in them
+    turn: coordinates in which that is decided, because the errors of the parameters are small in
+        them
     """
     turned = form.map(lambda part: turn.transpose() * part * turn)
     if not all(is_positive_definite(corner) for corner in turned.corners()):
@@ -82,18 +87,21 @@ def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
 
 
 def check_pieces(loop: LoopBox, actuators: UncertainActuators, pieces: list[Piece]) -> None:
-    """Raise Rejected unless it is proved that ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t -
-    τ_i(t)), u = U ζ is stable for each constant ω of the interval, all λ within theirs and delays
-    up to the one stated.
+    """Raise Rejected unless a loop with uncertain actuators is proved to be stable.
 
-    In v = λ_0 (u + d) + e, λ_0 is the middle and r the half width of the effectiveness: |e| <= |z|,
-    z = r (u + d); d = u(t - τ) - u is minus an integral of u' = q / τ over at most τ, so that the
-    integral of d² is at most that of q² (Kao and Lincoln, Automatica 40, 2004). V = ζ'H ζ with the
-    integrals of q² decreases if for all ζ, d, e that are not all 0
+    The loop is ζ' = base ζ + ω (lag ζ + G v), v_i = λ_i(t) u_i(t - τ_i(t)), u = U ζ. It is stable
+    for each constant ω of the interval, all λ within their intervals and delays up to the stated
+    one.
+
+    In v = λ_0 (u + d) + e, λ_0 is the middle and r the half width of the effectiveness, so that |e|
+    <= |z|, z = r (u + d). d = u(t - τ) - u is minus an integral of u' = q / τ over at most τ, so
+    that the integral of d² is at most that of q² (Kao and Lincoln, Automatica 40, 2004). V = ζ'H ζ
+    with the integrals of q² decreases if for all ζ, d, e that are not all 0
 
         2 ζ'H ζ' + q'X_1 q - d'X_1 d + z'X_2 z - e'X_2 e < 0,   H > 0,  X_1, X_2 >= 0 diagonal.
 
-    The left side is convex in ω: the ends of a piece decide. Raises Rejected unless proved."""
+    The left side is convex in ω. The ends of a piece are therefore sufficient.
+    """
     pieces = covering("the pieces", [actuators.bandwidth], pieces, lambda piece: [piece.bandwidth])
     least, most = map(arb, actuators.effectiveness)
     n = loop.G.nrows()

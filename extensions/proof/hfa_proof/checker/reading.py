@@ -1,5 +1,7 @@
-"""Reading of the entries of a certificate, each once and with its type; remaining entries are
-refused."""
+"""Reading of the entries of a certificate, each once and with its type.
+
+Remaining entries are refused.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 class Fields:
-    """The entries of a JSON object. Each is read once; `close` refuses unread entries.
+    """The entries of a JSON object. Each is read once, and `close` refuses unread entries.
 
     where: name of the object in messages
     """
@@ -77,7 +79,7 @@ class Fields:
         self._remaining: dict[str, Any] = dict(content)
 
     def has(self, name: str) -> bool:
-        """Return whether the entry is there and not yet taken."""
+        """Return whether the entry exists and is not yet read."""
         return name in self._remaining
 
     def close(self) -> None:
@@ -118,30 +120,30 @@ class Fields:
         return bool(self.value(name, lambda value: isinstance(value, bool)))
 
     def count(self, name: str, most: int) -> int:
-        """Return a whole number from 0 to `most`."""
+        """Read a whole number from 0 to `most`."""
         return int(self.value(name, lambda value: type(value) is int and 0 <= value <= most))
 
     def number(self, name: str, least: float = -math.inf, above: float = -math.inf) -> float:
-        """Return a finite number, at least `least` and larger than `above`."""
+        """Read a finite number, at least `least` and larger than `above`."""
         value = float(self.array(name))
         require(value >= least and value > above, self._called(name), value)
         return value
 
     def positive(self, name: str) -> float:
-        """Return a positive number, or inf for "inf"."""
+        """Read a positive number, or inf for "inf"."""
         if self._remaining.get(name) == "inf":
             del self._remaining[name]
             return math.inf
         return self.number(name, above=0.0)
 
     def pair(self, name: str, least: float = -math.inf) -> tuple[float, float]:
-        """Return two numbers in order, at least `least`."""
+        """Read two numbers in order, at least `least`."""
         low, high = self.array(name, 2).tolist()
         require(least <= low <= high, self._called(name), [low, high])
         return low, high
 
     def numbers(self, name: str, allowed: Any) -> dict[str, float]:
-        """Return numbers by allowed names."""
+        """Read numbers by allowed names."""
         entries = self.fields(name)
         values = {}
         for key in list(entries._remaining):
@@ -150,13 +152,15 @@ class Fields:
         return values
 
     def all_numbers(self, name: str, names: Sequence[str]) -> dict[str, float]:
-        """Return a number for each of the names, in order."""
+        """Read a number for each of the names, in order."""
         numbers = self.numbers(name, names)
         require(set(numbers) == set(names), self._called(name), sorted(numbers))
         return {each: numbers[each] for each in names}
 
     def terms(self, name: str, variables: int, highest: int) -> Terms:
-        """Terms of a polynomial, at least one, each of degree 2 to `highest` and listed once."""
+        """Read terms of a polynomial, at least one, each of degree 2 to `highest` and listed
+        once.
+        """
         listed = self.value(name, lambda value: isinstance(value, list) and bool(value))
         terms = []
         for number, entry in enumerate(listed):
@@ -171,7 +175,7 @@ class Fields:
         return tuple(terms)
 
     def array(self, name: str, *shape: int | None) -> np.ndarray:
-        """Return an entry of nested lists of finite numbers as an array.
+        """Read an entry of nested lists of finite numbers as an array.
 
         name: name of the entry
         shape: length of each level of lists, or None for any length
@@ -194,13 +198,13 @@ class Fields:
         return values
 
     def symmetric(self, name: str, n: int) -> np.ndarray:
-        """Return a matrix that equals its transpose exactly."""
+        """Read a matrix that equals its transpose exactly."""
         values = self.array(name, n, n)
         require(np.array_equal(values, values.T), f"{self._called(name)}: not symmetric")
         return values
 
     def balls(self, name: str, *shape: int) -> Any:
-        """Return nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
+        """Read nested lists of numbers as balls: doubles exactly, decimals in quotes enclosed."""
         entries = self.value(name, lambda value: True)
         return _walked(self._called(name), entries, list(shape), _ball)
 

@@ -2,8 +2,8 @@
 
     A'P + P A + Q - P S P = 0,   S = B R⁻¹ B' - E E' / delta²,   K = R⁻¹ B' P.
 
-A solution with A - S P Hurwitz is the only one. The game has a value if and only if it exists and
-is positive semidefinite; the delta that have one are an interval up to infinity (Basar and
+A solution with A - S P Hurwitz is unique. The game has a value if and only if this solution exists
+and is positive semidefinite. The delta with a value are an interval up to infinity (Basar and
 Bernhard, H-infinity-Optimal Control, 1995, Theorem 4.11).
 """
 
@@ -38,11 +38,13 @@ class Solution(NamedTuple):
 def solution_on(
     weights: Weights, A: TaylorModel, B: TaylorModel, box: SolutionBox, lowest: int
 ) -> Solution:
-    """Return the solution that makes A - S P Hurwitz. Raises Rejected unless it is proved to be
-    near the stated P(s), and its lowest eigenvalue to have the sign `lowest`.
+    """Return the solution that makes A - S P Hurwitz.
 
-    F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A - S P) at symmetric P,
-    and its one root near a symmetric P(s) is symmetric, because its transpose is a root too."""
+    Raises Rejected unless it is proved to be near the stated P(s), and its lowest eigenvalue to
+    have the sign `lowest`. F(P) = A'P + P A + Q - P S P has the derivative E -> (A - S P)'E + E (A
+    - S P) at symmetric P. Its one root near a symmetric P(s) is symmetric, because its transpose is
+    a root too.
+    """
     units = matrix(np.diag(box.units))
     n = len(box.units)
     S = riccati_S(weights, B)
@@ -68,8 +70,10 @@ def solution_on(
 
 
 def lyapunov_operator(loop: arb_mat) -> arb_mat:
-    """Return L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row: (L E)_ij = Σ A_c,ki E_kj
-    + E_im A_c,mj."""
+    """Return L(E) = A_c'E + E A_c as a matrix, (n², n²), of E row by row.
+
+    (L E)_ij = Σ A_c,ki E_kj + E_im A_c,mj.
+    """
     entries = [divmod(entry, loop.nrows()) for entry in range(loop.nrows() ** 2)]
     return arb_mat(
         [[loop[k, i] * (j == m) + loop[m, j] * (i == k) for k, m in entries] for i, j in entries]
@@ -90,11 +94,11 @@ def riccati_S(weights: Weights, B: TaylorModel) -> TaylorModel:
 def check_axis(
     weights: Weights, A: TaylorModel, B: TaylorModel, frequencies: Sequence[float]
 ) -> None:
-    """Raise Rejected unless H = [[A, -S], [-Q, -A']] has an eigenvalue j ω, so that no solution
-    exists.
+    """Raise Rejected unless H = [[A, -S], [-Q, -A']] is proved to have an eigenvalue j ω.
 
-    The spectrum of H is symmetric, so that det(j ω I - H) is real: where it changes its sign there
-    is one. Raises Rejected unless it is proved to do so among the frequencies, rad/s."""
+    No solution exists then. The spectrum of H is symmetric, so that det(j ω I - H) is real. There
+    is an eigenvalue where it changes its sign. The change is proved among the frequencies, rad/s.
+    """
     rows = hamiltonian_rows(A.range(), riccati_S(weights, B).range(), matrix(weights.Q))
     H = acb_mat(rows)
     identity = acb_mat(matrix(np.eye(len(rows))))
@@ -118,7 +122,7 @@ def weights_of_basis(P: arb_mat, size: int) -> arb_mat:
 
 
 def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
-    """Return P, (n, n), of the quadratic part of W'ψ(z); halves of doubles are exact."""
+    """Return P, (n, n), of the quadratic part of W'ψ(z). Halves of doubles are exact."""
     P = np.zeros((n, n))
     upper = np.triu_indices(n)
     P[upper] = np.asarray(W, dtype=float).ravel()[: len(upper[0])] / 2.0
@@ -126,8 +130,10 @@ def matrix_of_weights(W: np.ndarray, n: int) -> np.ndarray:
 
 
 def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray]) -> None:
-    """Raise Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`, of P and of the quadratic part of
-    W."""
+    """Raise Rejected unless K is R⁻¹ B' P to within `SAME_GAIN`.
+
+    P is the critic's and that of the quadratic part of W.
+    """
     K = matrix(critic["K"])
     values = [critic["P"]] if "P" in critic else []
     if "W" in critic:
@@ -140,10 +146,10 @@ def check_gain(weights: Weights, B: TaylorModel, critic: Mapping[str, np.ndarray
 
 
 def distance_bounds(differences: TaylorModel, sizes: Sequence[arb] | None) -> tuple[arb, arb]:
-    """Return the least and the largest Frobenius norm of differences, relative to sizes if
-    given.
+    """Return the least and the largest Frobenius norm of differences, relative to sizes if given.
 
-    A norm is convex: it is largest at a corner."""
+    A norm is convex and therefore largest at a corner.
+    """
     whole = arb(1) if sizes is None else norm(sizes)
     least = norm(differences.range().entries()) / whole
     norms = [norm(corner.entries()) for corner in differences.corners()]

@@ -21,11 +21,12 @@ _CLOSING = ("digest", "provenance", "checksum")
 def sealed(head: str, origin: str) -> str:
     """Return the text of a certificate.
 
-    head: its JSON object without the last brace; `digest`, the SHA-256 of this, is added
-    origin: its provenance, JSON; `checksum`, the SHA-256 of all before, is added
+    head: its JSON object without the last brace. `digest`, the SHA-256 of this, is added.
+    origin: its provenance, JSON. `checksum`, the SHA-256 of all before, is added.
 
-    An edited digit of any number shows; the digest covers the statement and the witness and not the
-    date of the proof."""
+    An edited digit of any number is detected. The digest covers the statement and the witness, but
+    not the date of the proof.
+    """
     digest = hashlib.sha256(head.encode()).hexdigest()
     whole = f'{head}, "digest": "{digest}", "provenance": {origin}'
     checksum = hashlib.sha256(whole.encode()).hexdigest()
@@ -41,8 +42,10 @@ def claims_of(content: dict[str, Any]) -> Fields:
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a certificate. Raises BadInputError when the file is not a certificate or
-    was edited."""
+    """Return the kind of a certificate.
+
+    Raises BadInputError when the file is not a certificate or was edited.
+    """
     content, _ = read_sealed(path)
     return str(content.get("kind"))
 
@@ -82,7 +85,7 @@ def write_sealed(
 ) -> None:
     """Write a certificate, every number a double in full.
 
-    origin: of which run it is, which is not in its digest
+    origin: provenance of its run, which is not in its digest
     """
     content = {
         "schema": SCHEMA,

@@ -1,9 +1,9 @@
-"""The statement of a certificate. The checker interprets or refuses every field, the digest covers
-all of them, and a report shows them. Evidence is elsewhere (`witness.py`) and cannot change a
-claim.
+"""The statement of a certificate.
 
-Scheduling values are written as people write them, angles in degrees, because their doubles are
-exact; all other numbers are in the units of the model.
+The checker interprets or refuses every field. The digest covers all fields, and a report shows
+them. Evidence is elsewhere (`witness.py`) and cannot change a claim. Scheduling values are written
+as people write them, angles in degrees, because their doubles are exact. All other numbers are in
+the units of the model.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ from hfa_support.reporting.results import Stack, Vector
 
 
 class Run(NamedTuple):
-    """At every scheduling value from `low` to `high`, at least `least` and at most `most`
-    eigenvalues have a positive real part, and none is on the axis where the two are equal."""
+    """Bounds of the number of eigenvalues with a positive real part, from `low` to `high`.
+
+    At every scheduling value there are at least `least` and at most `most`. Where the two are equal
+    no eigenvalue is on the axis.
+    """
 
     low: float
     high: float
@@ -35,7 +38,7 @@ class Run(NamedTuple):
 
 
 class StatedTrim(NamedTuple):
-    """The trim at a scheduling value, within `SAME_TRIM`: where a model has several, this one.
+    """The trim at a scheduling value, within `SAME_TRIM`. It selects one where a model has several.
 
     unknowns: name -> value
     """
@@ -46,8 +49,9 @@ class StatedTrim(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Trims of an aircraft at every scheduling value from `low` to `high`, all states, inputs and
-    outputs within their limits.
+    """Trims of an aircraft at every scheduling value from `low` to `high`.
+
+    All states, inputs and outputs are within their limits.
 
     model: the equations; its name, units and the hash of its source files are in the statement
     parameters: every parameter of the model -> value
@@ -69,8 +73,10 @@ class Flight:
     trims: tuple[StatedTrim, ...]
 
     def value(self, scheduling_value: Any) -> Any:
-        """The value in the unit of the model, as a ball or a double; an angle is in rad, with π
-        enclosed."""
+        """Return the value in the unit of the model, as a ball or a double.
+
+        An angle is in rad, with π enclosed.
+        """
         return in_model_unit(self.model, scheduling_value)
 
     @property
@@ -81,7 +87,10 @@ class Flight:
 
     @classmethod
     def read(cls, entries: Fields, model: Model, *, point: bool) -> Flight:
-        """Return the flight of a certificate. point: whether `low` and `high` are one value."""
+        """Return the flight of a certificate.
+
+        point: whether `low` and `high` are one value
+        """
         for name, fact in facts_of(model).items():
             entries.same(name, fact)
         scheduled = model.schedule
@@ -150,7 +159,7 @@ class Weights:
     Q: (n, n), symmetric, positive semidefinite, decided exactly
     R: (m, m), symmetric, positive definite
     E: (n, q), disturbance matrix
-    delta: disturbance weight, inf for none
+    delta: disturbance weight, inf without a disturbance
     """
 
     Q: np.ndarray
@@ -177,13 +186,14 @@ class Controller:
     breakpoints.
 
     Gains u = -K x are a controller without states, D = -K.
+
     breakpoints: (g,), increasing
     A: (g, k, k)
     B: (g, k, p)
     C: (g, a, k)
     D: (g, a, p)
     measurements: (p,), linear states, outputs, OUTPUT_PART, and INPUT_position of actuators
-    inputs: (a,), the inputs that u moves; the others rest
+    inputs: (a,), the inputs that u moves; the others are constant
     """
 
     breakpoints: np.ndarray
@@ -196,7 +206,10 @@ class Controller:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> Controller:
-        """Read a controller. Raises Malformed for a name that is not the model's."""
+        """Return the controller of a certificate.
+
+        Raises Malformed for a name that is not the model's.
+        """
         breakpoints = entries.increasing("breakpoints")
         inputs = entries.texts("inputs", model.inputs)
         positions = [f"{name}_position" for name in inputs]
@@ -230,6 +243,7 @@ class FixedActuators:
     """One actuator for each of the controller's inputs.
 
     order 1: a' = ω (λ u - a). order 2: a'' = ω² (λ u - a) - 2 d ω a'.
+
     order: (a,), 1 or 2
     damping: (a,), d, of order 2
     bandwidth: (a,), ω, rad/s
@@ -286,13 +300,13 @@ Actuators = FixedActuators | UncertainActuators
 
 @dataclass(frozen=True, eq=False)
 class ScheduleStatement:
-    """The loop of a flight, a controller and perhaps actuators, at every scheduling value.
+    """The loop of a flight, a controller and optionally actuators, at every scheduling value.
 
     loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
     modes: unstable modes of the aircraft alone, likewise
     decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
         1/s, or 0 if there is no such run
-    scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or none
+    scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or None
     """
 
     flight: Flight
@@ -305,7 +319,10 @@ class ScheduleStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ScheduleStatement:
-        """Malformed names the first wrong entry."""
+        """Return the statement of a certificate.
+
+        Raises a Malformed error that names the first wrong entry.
+        """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         controller = Controller.read(entries.fields("controller"), model)
         actuators: Actuators | None = None
@@ -337,13 +354,13 @@ class GameStatement:
     """The exact solution of a game, and the distance of a critic from it.
 
     plant: linear model of a flight at one scheduling value, or matrices
-    decimals: `distances` and `loop` hold for every number that reads as these doubles; else, and
-        `delta_min` and `modes` always, for the doubles alone
+    decimals: whether `distances` and `loop` hold for every decimal number that rounds to these
+        doubles, or for the doubles alone; `delta_min` and `modes` hold for the doubles alone
     critic: K (m, n), and P (n, n) or W (weights, 1) if it has them
     gain_of_value: whether K is R⁻¹ B' P of the critic's P and W, to within `SAME_GAIN`
     distances: name of each of the critic's parts -> bounds of |X - X*| / |X*| (Frobenius)
     loop: least and most unstable modes of A - B K with the critic's K
-    delta_min: the game has no value at the first and a value at the second; or none
+    delta_min: a delta without a value of the game, and one with a value; or None
     modes: least and most unstable modes of A, with delta_min
     """
 
@@ -364,7 +381,7 @@ class GameStatement:
         entries: entries of the statement
         model: model of the aircraft, or None where the game is of a plant's matrices
 
-        Raises Malformed that names the first wrong entry.
+        Raises a Malformed error that names the first wrong entry.
         """
         plant: Flight | Plant
         if model is None:
@@ -420,7 +437,10 @@ class ModelsStatement:
 
     @classmethod
     def read(cls, entries: Fields, model: Model) -> ModelsStatement:
-        """Malformed names the first wrong entry."""
+        """Return the statement of a certificate.
+
+        Raises a Malformed error that names the first wrong entry.
+        """
         flight = Flight.read(entries.fields("flight"), model, point=False)
         n = len(model.linear)
         m = len(model.inputs)
@@ -450,7 +470,10 @@ KINDS: dict[str, Any] = {
 
 
 def read_statement(kind: Any, content: Any, own: Model | None) -> Statement:
-    """Return the statement in a file; own: the user's model, if the statement concerns one."""
+    """Return the statement in a file.
+
+    own: the user's model, if the statement concerns one
+    """
     require(isinstance(kind, str) and kind in KINDS, "kind", kind)
     entries = Fields("statement", content)
     model = None
@@ -530,7 +553,7 @@ def facts_of(model: Model) -> dict[str, Any]:
 
 
 def in_model_unit(model: Model, scheduling_value: Any) -> Any:
-    """Return a scheduling value of a file in the unit of the model; degrees become rad."""
+    """Return a scheduling value of a file in the unit of the model. Degrees become rad."""
     if model.schedule_unit != "deg":
         return scheduling_value
     if isinstance(scheduling_value, arb):
@@ -556,7 +579,8 @@ def loop_size(model: Model, controller: Controller, actuators: Actuators | None)
 def _read_limits(entries: Fields, model: Model) -> dict[str, tuple[float, float]]:
     """Return signal -> limits of a certificate.
 
-    Every signal with a limit in the model has one, none wider; others are optional.
+    Every signal with a limit in the model has one, which is not wider. Limits of other signals are
+    optional.
     """
     stated = entries.fields("limits")
     limits = {}
@@ -580,12 +604,13 @@ def _read_orders(entries: Fields, count: int) -> tuple[int, ...]:
 def _read_runs(entries: Fields, name: str, flight: Flight, size: int) -> tuple[Run, ...]:
     """Return the runs of a certificate's entry.
 
-    entries: where the entry is
+    entries: object that contains the entry
     name: name of the entry, rows [low, high, least, most]
-    flight: from whose low end to whose high end the runs must follow each other without a gap
-    size: how many eigenvalues there are
+    flight: flight from whose low end to whose high end the runs must follow each other without a
+        gap
+    size: number of eigenvalues
 
-    Raises Malformed that names the entry when its rows are anything else.
+    Raises a Malformed error that names the entry when its rows are anything else.
     """
     runs: list[Run] = []
     for row in entries.array(name, None, 4).tolist():

@@ -1,8 +1,8 @@
 """Trims and linear models on a box of scheduling values, proved to exist.
 
-The trims solve F(w, η) = 0. Krawczyk's test along the stated polynomial ŵ(s): with C ≈ F_w⁻¹ and
-e = w - ŵ, if |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is one and only one root with
-|e_i| <= r_i at every s, and it is smooth in s.
+The trims solve F(w, η) = 0. Krawczyk's test is applied along the stated polynomial ŵ(s). Let C ≈
+F_w⁻¹ and e = w - ŵ. If |C F(ŵ)| + |I - C F_w| < 1 in units of the radii, there is exactly one root
+with |e_i| <= r_i at every s, and it is smooth in s.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class LinearModelBox:
     C: (k, n), of the measured outputs
     D: (k, m)
     inputs: (m, 1), of the trims
-    offsets: unknown -> where about its polynomial the trim is
+    offsets: unknown -> position of the trim relative to its polynomial
     """
 
     trim: TrimBox
@@ -51,11 +51,12 @@ class LinearModelBox:
 def linear_model_on(
     flight: Flight, trim: TrimBox, measured: Sequence[str] = (), *, decimals: bool = True
 ) -> LinearModelBox:
-    """Return the linear model on a box. Raises Rejected unless it is proved to contain a trim
-    within all limits.
+    """Return the linear model on a box.
 
-    decimals: cover all decimals that round to the parameters and imposed values, not only the
-        doubles
+    decimals: whether to cover all decimals that round to the parameters and imposed values, not
+        only the doubles
+
+    Raises Rejected unless the box is proved to contain a trim within all limits.
     """
     model = flight.model
     equations = equations_of(flight, measured)
@@ -120,9 +121,11 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
 
 
 def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
-    """Raise Rejected unless every value that the trim finds lies within its limits.
+    """Raise Rejected unless every value of the trim lies within its limits.
 
-    flight: its limits; a value that it imposes was compared when the statement was read
+    Imposed values were compared when the statement was read.
+
+    flight: flight with the limits
     values: name -> value on the box
     """
     for name, (least, most) in flight.limits.items():
@@ -134,12 +137,15 @@ def _check_limits(flight: Flight, values: Mapping[str, Any]) -> None:
 
 
 def _is_zero(values: Iterable[Any]) -> bool:
-    """Return whether all are exactly 0."""
+    """Return whether all numbers are exactly 0."""
     return all(part == 0 for value in values for part in TaylorModel.of(value).parts)
 
 
 def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
-    """Rows of scalars as the Taylor model of a matrix; columns: of a matrix without rows."""
+    """Return rows of scalars as the Taylor model of a matrix.
+
+    columns: number of columns of a matrix without rows
+    """
     if not rows:
         return TaylorModel(arb_mat(0, columns))
     parts = [TaylorModel.of(entry).parts for row in rows for entry in row]
@@ -148,11 +154,11 @@ def stacked(rows: list[list[Any]], columns: int = 1) -> TaylorModel:
 
 
 def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
-    """Every stated trim is one, and the boxes from it to the next stated trim, at least one, are on
-    its branch.
+    """Check that every stated trim is a trim, with the boxes up to the next one on its branch.
 
-    Two boxes are on one branch if at a common scheduling value the trim of one lies where the other
-    has only its own trim. Raises Rejected unless proved."""
+    At least one box follows each stated trim. Two boxes are on one branch if at a common scheduling
+    value the trim of one lies where the other has only its own trim. Raises Rejected unless proved.
+    """
     starts = [trim.breakpoint for trim in flight.trims]
     ascending = sorted(boxes, key=lambda box: (box.trim.low, box.trim.high))
     if ascending and not (starts and starts[0] <= ascending[0].trim.low):
@@ -165,8 +171,10 @@ def check_branches(flight: Flight, boxes: Sequence[LinearModelBox]) -> None:
 def _check_branch(
     stated: LinearModelBox, boxes: Sequence[LinearModelBox], following: float
 ) -> None:
-    """The boxes, ascending, begin at a stated trim, are on its branch and end below the following
-    stated trim."""
+    """Check that ascending boxes begin at a stated trim and are on its branch.
+
+    They must end below the following stated trim.
+    """
     start = stated.trim.low
     covering(
         "the trims of the boxes",
@@ -188,7 +196,9 @@ def _check_branch(
 
 
 def _stated_trim(flight: Flight, trim: StatedTrim) -> LinearModelBox:
-    """Return the one trim within `SAME_TRIM` of the stated one, the parameters without errors."""
+    """Return the one trim within `SAME_TRIM` of the stated one, without errors of the
+    parameters.
+    """
     polynomials = {name: [arb(x), arb(0), arb(0)] for name, x in trim.unknowns.items()}
     radii = {name: arb(SAME_TRIM * flight.model.signals[name].nominal) for name in trim.unknowns}
     box = TrimBox(trim.breakpoint, trim.breakpoint, polynomials, radii)
@@ -204,8 +214,11 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of the other box lies where this box has only its own trim, for all
-    errors of the parameters if both boxes have them, else without errors."""
+    """Return whether the trim of the other box lies where this box has only its own trim.
+
+    It must do so for all errors of the parameters if both boxes have them, otherwise without
+    errors.
+    """
     for name, offset in other.offsets.items():
         here = _polynomial_at(box.trim, name, scheduling_value)
         there = _polynomial_at(other.trim, name, scheduling_value)

@@ -1,6 +1,7 @@
-"""The evidence for a statement. A wrong entry makes a check fail. No entry is part of the claim.
+"""The evidence for a statement.
 
-s from -1 to 1 is the position in a box of scheduling values: the value is middle + s radius.
+A wrong entry makes a check fail. No entry is part of the claim. s from -1 to 1 is the position in a
+box of scheduling values: the value is middle + s radius.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from hfa_proof.checker.statement import (
 
 @dataclass(frozen=True, eq=False)
 class TrimBox:
-    """From `low` to `high` each unknown lies within its radius of c0 + c1 s + c2 s² + Σ z_k t_k,
-    |t_k| <= 1 the errors of the parameters in their half widths.
+    """Enclosure of the trims from `low` to `high`.
+
+    Each unknown lies within its radius of c0 + c1 s + c2 s² + Σ z_k t_k. |t_k| <= 1 are the errors
+    of the parameters in their half widths.
 
     polynomials: unknown -> (c0, c1, c2, z_1, ...)
     radii: unknown -> radius
@@ -41,7 +44,7 @@ class TrimBox:
 
     @classmethod
     def read(cls, entries: Fields, flight: Flight) -> TrimBox:
-        """Read the entries `range` and `trim`; others may follow."""
+        """Read the entries `range` and `trim`. Others may follow."""
         low, high = entries.pair("range")
         require(flight.low <= low < high <= flight.high, "range", [low, high])
         trims = entries.fields("trim")
@@ -69,7 +72,10 @@ class Line:
 
     @classmethod
     def read(cls, entries: Fields, n: int, *, rated: bool = True) -> Line:
-        """Return the line of a certificate. rated: whether it has an entry `rate`."""
+        """Return the line of a certificate.
+
+        rated: whether it has an entry `rate`
+        """
         rate = entries.number("rate") if rated else 0.0
         return cls(entries.symmetric("H", n), entries.array("turn", n, n), rate)
 
@@ -103,8 +109,10 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class ModesBox:
-    """Evidence for the unstable modes on a box. proof: a line, or the pieces of uncertain
-    actuators, for the matrices of a box."""
+    """Evidence for the unstable modes on a box.
+
+    proof: a line, or the pieces of uncertain actuators, for the matrices of a box
+    """
 
     trim: TrimBox
     proof: Line | list[Piece]
@@ -112,7 +120,7 @@ class ModesBox:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Lyapunov function V = ζ'P ζ, P linear between breakpoints, for a moving scheduling value.
+    """Lyapunov function V = ζ'P ζ for a moving scheduling value, with P linear between breakpoints.
 
     breakpoints: (l,)
     P: (l, n, n), symmetric
@@ -128,10 +136,10 @@ class Motion:
         """Return the motion of a certificate.
 
         entries: entries of the motion
-        flight: whose trims the boxes enclose
+        flight: flight whose trims the boxes enclose
         n: number of states of the loop
 
-        Raises Malformed that names the invalid entry.
+        Raises a Malformed error that names the invalid entry.
         """
         breakpoints = entries.increasing("breakpoints")
         P = entries.array("P", len(breakpoints), n, n)
@@ -147,8 +155,10 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class ScheduleWitness:
-    """Evidence for a schedule. loop, modes: boxes whose bounds together are those of the
-    statement's runs."""
+    """Evidence for a schedule.
+
+    loop, modes: boxes whose bounds together are those of the statement's runs
+    """
 
     loop: list[ModesBox]
     modes: list[ModesBox]
@@ -185,13 +195,14 @@ class ScheduleWitness:
 
 @dataclass(frozen=True, eq=False)
 class SolutionBox:
-    """The solution of the Riccati equation, in states measured in `units`, lies within `reach` of
-    P(s) in every entry.
+    """Enclosure of the solution of the Riccati equation, in states measured in `units`.
+
+    Every entry lies within `reach` of that of P(s).
 
     units: (n,), positive
     P: matrix of balls, or a Taylor model of one; symmetric
     reach: ball
-    line: proves A - S P Hurwitz
+    line: evidence that A - S P is Hurwitz
     """
 
     units: np.ndarray
@@ -201,7 +212,10 @@ class SolutionBox:
 
     @classmethod
     def read(cls, entries: Fields, n: int, orders: int) -> SolutionBox:
-        """Return the evidence of a certificate. orders: coefficients of P in s."""
+        """Return the evidence of a certificate.
+
+        orders: number of coefficients of P in s
+        """
         units = entries.array("units", n)
         require(bool(np.all(units > 0.0)), "units")
         coefficients = entries.balls("P", orders, n, n)
@@ -219,12 +233,13 @@ class SolutionBox:
 
 @dataclass(frozen=True, eq=False)
 class PointTrim:
-    """The trim at one scheduling value, about the same center for the doubles and for every number
-    that reads as them.
+    """The trim at one scheduling value, for the doubles and for every number that rounds to them.
+
+    Both are enclosed about one center.
 
     center: unknown -> ball
-    radii: unknown -> how near the trim of the doubles is
-    wide_radii: unknown -> how near all of them are, at least the radius
+    radii: unknown -> radius about the center that contains the trim of the doubles
+    wide_radii: unknown -> radius that contains all trims, at least the radius of the doubles
     """
 
     center: dict[str, list[arb]]
@@ -247,11 +262,15 @@ class PointTrim:
 
 @dataclass(frozen=True, eq=False)
 class GameWitness:
-    """Evidence for a statement about a game. trim: None of a plant. solution: at the game's delta.
-    loop, modes: lines of A - B K and of A.
-    value: the solution at the upper end of delta_min. refused: at the lower end a solution whose
-    lowest eigenvalue is negative, or frequencies, rad/s, between which the Hamiltonian has an
-    eigenvalue on the axis."""
+    """Evidence for a statement about a game.
+
+    trim: the trim, or None for a plant
+    solution: the solution at the game's delta
+    loop, modes: lines of A - B K and of A
+    value: the solution at the upper end of delta_min
+    refused: evidence at the lower end of delta_min: a solution whose lowest eigenvalue is negative,
+        or frequencies, rad/s, between which the Hamiltonian has an eigenvalue on the axis
+    """
 
     trim: PointTrim | None
     solution: SolutionBox
@@ -287,8 +306,10 @@ class GameWitness:
 
 @dataclass(frozen=True, eq=False)
 class ModelsWitness:
-    """Evidence for interpolated models. cells: trims and the solution of the game on boxes that
-    cover the interval."""
+    """Evidence for interpolated models.
+
+    cells: trims and the solution of the game on boxes that cover the interval
+    """
 
     cells: list[tuple[TrimBox, SolutionBox]]
 

@@ -37,7 +37,7 @@ class CheckRequest(PlantOptions, OutputOptions):
     design: Any = design_option("design with the actuators of the controller in --weights")
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the file of your own aircraft; the report names that of the certificate."""
+        """Return the file of the user's own aircraft. The report names that of the certificate."""
         return self._origin_of_file({}) if self.own else {}
 
 

@@ -64,7 +64,7 @@ def at_one_value(request: PlantOptions) -> Any:
 def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     """Return path of an entry -> value from the user's options.
 
-    statement: which was proved
+    statement: the proved statement
     request: options of the command
 
     Raises BadInputError for an option that names a field which the statement does not have.
@@ -105,7 +105,7 @@ def _given_flight(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 
 
 def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
-    """Q, R and delta that were typed, and E of the usual game."""
+    """Return Q, R and delta as typed, and E of the usual game."""
     given = {
         f"weights.{name}": Given(value, f"--{name}")
         for name, value in request.changed_weights().items()
@@ -137,8 +137,11 @@ def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, G
 
 
 def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
-    """K, P and W of --weights. Raises NoSolutionError where the file has no K and the statement's K
-    is not the gain of its P or W."""
+    """Return K, P and W of --weights.
+
+    Raises NoSolutionError where the file has no K and the statement's K is not the gain of its P or
+    W.
+    """
     request.refuse(("design",), "belongs to a schedule, but the certificate is about a game")
     if request.weights is None:
         request.refuse(("basis",), "belongs to W; add --weights FILE")

@@ -54,13 +54,14 @@ class Proof(Reported):
 
     @property
     def kind(self) -> str:
-        """schedule, game or models."""
+        """Kind of the certificate: schedule, game or models."""
         return next(name for name, kind in KINDS.items() if isinstance(self.statement, kind))
 
     @property
     def proved(self) -> bool:
-        """True if the whole claim is proved; a grid of models is one that is proved, or none is
-        found."""
+        """True if the whole claim is proved. A grid of models is always proved where it is
+        found.
+        """
         return isinstance(self.statement, ModelsStatement) or bool(self.data["proved"])
 
     def report(self) -> Report:
@@ -68,10 +69,11 @@ class Proof(Reported):
         return proof_report(self.statement, self.data)
 
     def write(self, path: Path, origin: Provenance) -> None:
-        """Write the certificate, with all digits of every double. The digest does not cover the
-        run.
+        """Write the certificate, with all digits of every double.
 
-        Raises NoSolutionError where nothing is proved that it could state."""
+        The digest does not cover the run. Raises NoSolutionError where no part of the claim is
+        proved.
+        """
         if not self.witness:
             raise NoSolutionError("nothing is proved; there is nothing to certify")
         witness = witness_content(self.witness)
@@ -90,7 +92,7 @@ def witness_content(value: Any) -> Any:
 
 
 class CertificateFile:
-    """The file of a running proof: valid at any time, with the part proved so far."""
+    """The file of a running proof, valid at any time, with the part proved so far."""
 
     def __init__(self, path: Path, origin: Provenance, *, resume: bool = False) -> None:
         self.path = path
@@ -109,10 +111,11 @@ class CertificateFile:
     def known(self, statement: ScheduleStatement, model: Model) -> Content:
         """Return the witness of an earlier run, verified again.
 
-        statement: the statement to prove; its flight without trims, controller and actuators
+        statement: the statement to prove: its flight without trims, controller and actuators
 
         Raises BadInputError when the file is not a certificate of this statement, or does not prove
-        it."""
+        it.
+        """
         if not self._resume:
             return {}
         try:

@@ -42,11 +42,13 @@ from hfa_support.reporting.text import Table
 
 
 def checked_report(verified: Verified, not_given: Sequence[str] = ()) -> Report:
-    """Return the report of a verified statement: aircraft, flight, controller, limits, weights, and
-    whether it is proved on the whole interval.
+    """Return the report of a verified statement.
+
+    It contains aircraft, flight, controller, limits and weights, and whether the statement is
+    proved on the whole interval.
 
     verified: the statement that the checker proved
-    not_given: parts of its subject that the user did not give; the title names them
+    not_given: parts of its subject that the user did not give, which the title names
     """
     statement = verified.statement
     content = content_of(statement)
@@ -170,7 +172,7 @@ def _values_said(model: Model, values: Mapping[str, float]) -> str:
 
 
 def _controller_said(statement: ScheduleStatement) -> list[str]:
-    """Names and sizes of the controller, and all of the actuators."""
+    """Return names and sizes of the controller, and the actuators, in words."""
     controller: Controller = statement.controller
     lines = [
         f"controller: {len(controller.breakpoints)} breakpoints, {controller.A.shape[1]} states, "
@@ -191,7 +193,7 @@ def _plain(value: Any) -> str:
 
 
 def _game_parts(statement: GameStatement, data: Content) -> list[Part]:
-    """Distances and modes, which are added to the data too."""
+    """Return the distances and modes, which are added to the data too."""
     rows = [
         (name, at_least(low, 6), at_most(high, 6))
         for name, (low, high) in statement.distances.items()
@@ -239,8 +241,9 @@ def _weights_said(weights: Weights) -> list[str]:
 
 
 def _matrix_said(values: np.ndarray) -> str:
-    """Return a short text for a matrix: I, its diagonal, or its SHA-256; the data contain its
-    entries."""
+    """Return a short text for a matrix: I, its diagonal, or its SHA-256. The data contain its
+    entries.
+    """
     diagonal = np.diag(values)
     if values.shape[0] == values.shape[1] and np.array_equal(values, np.diag(diagonal)):
         if set(diagonal.tolist()) == {1.0}:

@@ -1,6 +1,6 @@
-"""Steady flights of a model that differ in its scheduling variable alone, and their trims on boxes.
+"""Steady flights of a model that differ only in its scheduling variable, and their trims on boxes.
 
-The checker's own test, called on every box, proves the results that are found here in doubles.
+The results are found here in doubles. The checker's own test, called on every box, proves them.
 """
 
 from __future__ import annotations
@@ -67,9 +67,10 @@ def bisected(
     """Yield each box with the result of `prove`, or its halves where it returns None or cannot
     decide.
 
-    A box no wider than `narrowest` is not halved but comes with None. Boxes up to `start` are
-    passed over, and bisected as if none of them had been proved as a whole: a continued proof has
-    the same boxes there."""
+    A box no wider than `narrowest` is not halved and is yielded with None. Boxes up to `start` are
+    skipped. They are bisected as if no box among them had been proved as a whole, so that a
+    continued proof has the same boxes there.
+    """
     waiting = list(boxes)[::-1]
     while waiting:
         box = waiting.pop()
@@ -92,8 +93,8 @@ class Family:
     """Trims at any value of the scheduling variable.
 
     model: the aircraft; its parameters have the values of its declaration
-    flights: imposed and free variables; default: the model's trim
-    spread: parameter -> half width within which it may lie
+    flights: imposed and free variables; by default those of the model's trim
+    spread: parameter -> half width of its possible values
     """
 
     model: Model
@@ -102,22 +103,21 @@ class Family:
 
     @property
     def step(self) -> float:
-        """A power of two that is to the scheduling values what 1 deg is to an angle, of the nominal
-        value 1/57."""
+        """A power of two that corresponds to 1 deg of an angle with the nominal value 1/57."""
         if self.model.schedule_unit == "deg":
             return 1.0
         nominal = self.model.signals[self.model.schedule].nominal
         return float(2.0 ** round(math.log2(math.radians(nominal))))
 
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
-        """Return the trim condition at a scheduling value; default: the model's own."""
+        """Return the trim condition at a scheduling value, by default the model's own."""
         flights = usual_condition(self.model) if self.flights is None else self.flights
         if scheduling_value is None or self.model.schedule in self.model.parameters:
             return flights.at(None)
         return flights.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
-        """Return the trim in doubles. Raises TrimError."""
+        """Return the trim in doubles. Raises TrimError without a trim."""
         model = self.model
         if model.schedule in model.parameters:
             value = in_model_unit(model, scheduling_value)
@@ -126,7 +126,9 @@ class Family:
 
     def flight(self, low: float, high: float) -> Flight:
         """Return the flights of an interval in the form of a statement, without their stated trims.
-        Raises BadInputError where a limit is wider than the model's."""
+
+        Raises BadInputError where a limit is wider than the model's.
+        """
         model = self.model
         condition = self.condition()
         imposed = dict(condition.imposed)
@@ -191,8 +193,9 @@ class TrimSearch:
     def linear_model(self, box: Box) -> LinearModelBox:
         """Return the linear model on a box.
 
-        Undecided or Rejected when the box is too wide or a trim may lie beyond its limits. Raises
-        TrimError when the middle has no trim."""
+        Raises Undecided or Rejected when the box is too wide or a trim may lie beyond its limits.
+        Raises TrimError when the middle has no trim.
+        """
         if box not in self._linear_models:
             trim = self.trim_box(box)
             self._linear_models[box] = linear_model_on(self.flight, trim, self.measured)
@@ -233,7 +236,8 @@ class TrimSearch:
 
     def point_trim(self, scheduling_value: float) -> PointTrim:
         """Return the trim about one center, for the doubles and for every number that rounds to
-        them."""
+        them.
+        """
         unknowns = self._equations.unknowns
         values = self._newton(scheduling_value, precise=True)
         C = matrix(np.linalg.inv(doubles(self._slopes(scheduling_value, values))))
@@ -246,10 +250,12 @@ class TrimSearch:
         return PointTrim(center, of_doubles, of_decimals)
 
     def _radii(self, C: Any, residual: TaylorModel, room: float) -> dict[str, arb]:
-        """Return unknown -> the radius within which its root is sought: √n times the step of
-        Newton's method, C F, times `room`, and a little of its nominal value.
+        """Return unknown -> the radius within which its root is sought.
 
-        C: about F_w⁻¹
+        It is √n times the step of Newton's method, C F, times `room`, and a little of its nominal
+        value.
+
+        C: approximation of F_w⁻¹
         residual: F at the center
         """
         unknowns = self._equations.unknowns

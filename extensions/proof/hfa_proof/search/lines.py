@@ -1,5 +1,7 @@
-"""Symmetric H, found in doubles, with which the checker counts the eigenvalues of a box of matrices
-on both sides of a line."""
+"""Symmetric H, found in doubles, for the number of eigenvalues on both sides of a line.
+
+With H the checker counts the eigenvalues of a box of matrices.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _DEPENDENT = 1e12
 
 def find_line(A: TaylorModel, rate: float = 0.0) -> tuple[int, Line] | None:
     """Return (count, line): the number of eigenvalues of every matrix right of Re λ = -rate, and
-    the H that proves it. Return None if no H does, because an eigenvalue may lie on the line.
+    its H.
+
+    The result is None if no H proves it, because an eigenvalue may lie on the line.
 
     A: the matrices, (n, n)
     rate: 1/s
@@ -75,12 +79,13 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
 def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield H (n, n) for the middle of a box, and coordinates T in which to prove it.
 
-    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. For all of
-    some additions h = y/x with G x = 1, G'y = 1, G = diag|Re λ + a| - N, N their largest
-    effect in these coordinates: where G has a positive inverse, diag(h) G + G' diag(h) is positive
-    definite (Berman and Plemmons 1979). h = 1/|Re λ + a|: Lyapunov's equation, for additions
-    smaller than their entries allow. Where eigenvectors are dependent, Lyapunov's equation is
-    solved for A."""
+    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. Each h suits
+    another set of additions. N is the largest effect of a set in these coordinates, and h = y/x
+    with G x = 1, G'y = 1 and G = diag|Re λ + a| - N. Where G has a positive inverse, diag(h) G + G'
+    diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a| is that of Lyapunov's
+    equation, for additions smaller than their entries allow. Where eigenvectors are dependent,
+    Lyapunov's equation is solved for A.
+    """
     middle, *additions = A.parts
     A_middle = doubles(middle)
     values, vectors = np.linalg.eig(A_middle)
@@ -129,7 +134,9 @@ def _shares(
 
 
 def _lyapunov_candidate(A: np.ndarray, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """H of (A + a I)'H + H (A + a I) = -I, unless two eigenvalues lie mirrored in the line."""
+    """Return H of (A + a I)'H + H (A + a I) = -I, unless two eigenvalues are mirrored in the
+    line.
+    """
     from scipy.linalg import solve_continuous_lyapunov
 
     shifted = A + rate * np.eye(len(A))

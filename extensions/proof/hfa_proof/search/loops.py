@@ -60,8 +60,10 @@ class Loop:
     actuators: Actuators | None = None
 
     def segments(self, low: float, high: float) -> list[Box]:
-        """Return the interval, cut at the breakpoints. Raises BadInputError when they do not
-        reach."""
+        """Return the interval, cut at the breakpoints.
+
+        Raises BadInputError when they do not cover it.
+        """
         if not low < high:
             raise BadInputError(
                 f"the interval goes from {low:g} to {high:g}; give the lower end first"
@@ -81,8 +83,9 @@ class Loop:
 def loop_of_gains(
     model: Model, breakpoints: Any, K: np.ndarray, intervals: Intervals | None = None
 ) -> Loop:
-    """Return the loop u = -K x or, with intervals, u = -K x or -K [x; positions of the actuators]
-    through uncertain actuators of first order.
+    """Return the loop of gains, with uncertain actuators of first order if intervals are given.
+
+    The policy is u = -K x, or with intervals also u = -K [x; positions of the actuators].
 
     model: model of the aircraft
     breakpoints: (g,), values of the scheduling variable
@@ -130,14 +133,14 @@ def loop_of_servo(
 ) -> Loop:
     """Return the loop of a scheduled controller with constant commands, through actuators.
 
-    controller: whose commands are left out
-    actuators: input -> actuator, of its design
+    controller: controller, whose commands are left out
+    actuators: input -> actuator of its design
     model: model of the aircraft
     intervals: intervals of bandwidth, effectiveness and delay, in place of the numbers of the
-    actuators
+        actuators
 
-    Raises BadInputError that names an input without an actuator, and a measurement that a proof
-    does not take.
+    Raises a BadInputError that names an input without an actuator, or a measurement that a proof
+    does not support.
     """
     where = f"controller {controller.name}:"
     missing = [name for name in controller.inputs if name not in actuators]
@@ -173,8 +176,12 @@ def loop_of_servo(
 def exact_gains(
     family: Family, low: float, high: float, intervals: Intervals | None, **changes: Any
 ) -> Loop:
-    """Return the gains of the exact game between two scheduling values; with actuators those of an
-    LQR on the aircraft with its slowest actuators. changes: of the usual game."""
+    """Return the gains of the exact game between two scheduling values.
+
+    With actuators they are those of an LQR on the aircraft with its slowest actuators.
+
+    changes: changes of the usual game
+    """
     model = family.model
     count = max(2, math.ceil((high - low) / (_STEP * family.step)) + 1)
     breakpoints = np.linspace(low, high, count)
@@ -191,7 +198,8 @@ def exact_gains(
 
 def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, Any]) -> Game:
     """Return the game of the aircraft with actuators of first order, whose positions cost
-    nothing."""
+    nothing.
+    """
     n, m = game.B.shape
     A = np.block([[game.A, game.B], [np.zeros((m, n)), -slowest * np.eye(m)]])
     B = np.vstack([np.zeros((n, m)), slowest * np.eye(m)])
@@ -203,7 +211,9 @@ def _with_slowest_actuators(game: Game, slowest: float, changes: Mapping[str, An
 def _uncertain(
     orders: Sequence[int], dampings: Sequence[float], intervals: Intervals
 ) -> UncertainActuators:
-    """Actuators of these orders and dampings, all else of which lies in the intervals."""
+    """Return actuators of these orders and dampings, with all other numbers within the
+    intervals.
+    """
     return UncertainActuators(
         tuple(orders),
         np.array(dampings, dtype=float),

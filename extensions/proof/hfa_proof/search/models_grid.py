@@ -1,8 +1,7 @@
-"""The coarsest breakpoints between which the linear model is interpolated with a proved bound of
-the error.
+"""The coarsest breakpoints between which linear interpolation has a proved bound of the error.
 
-What is searched for here, in doubles, is proved by the checker's own tests: trims, A, B and K on
-every cell, and how far they are from the chord of two breakpoints.
+The search here is in doubles. The checker's own tests prove trims, A, B and K on every cell, and
+their distance from the chord of two breakpoints.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ class Cell:
     exact: Solution
 
     def at(self, s: float) -> dict[str, np.ndarray]:
-        """A, B, the inputs and K at an end, s = -1 or 1, in doubles."""
+        """Return A, B, the inputs and K at an end, s = -1 or 1, in doubles."""
         models = {
             "A": self.linear.A,
             "B": self.linear.B,
@@ -88,13 +87,15 @@ class Cell:
 def prove_models(
     family: Family, low: float, high: float, tolerance: float, *, progress: Progress | None = None
 ) -> Proof:
-    """A, B, the trimmed inputs and the usual game's K at as few breakpoints as the bound allows:
-    from `low` on, every step is the longest that is proved to keep every error, at every scheduling
-    value between two breakpoints, below the tolerance.
+    """Return A, B, the trimmed inputs and the usual game's K at as few breakpoints as the bound
+    allows.
 
-    `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K (g, m, n)
-    there, and as `error` the bounds of `ModelsStatement`. Breakpoints are ends of cells of 1/16 of
-    a step, or less. Raises NoSolutionError when no step is fine enough."""
+    From `low` on, every step is the longest that is proved to keep every error below the tolerance,
+    at every scheduling value between two breakpoints. Breakpoints are ends of cells of 1/16 of a
+    step, or less. `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K
+    (g, m, n) there, and as `error` the bounds of `ModelsStatement`. Raises NoSolutionError when no
+    step is fine enough.
+    """
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
     grid = GridSearch(family, low, high, tolerance)
@@ -133,7 +134,7 @@ class GridSearch:
     def _prove(self, box: Box) -> Cell | None:
         """Return the proved cell, or None where it has to be halved.
 
-        That is where it uses too much of the tolerance with breakpoints at its own ends.
+        It is halved where it uses too much of the tolerance with breakpoints at its own ends.
         """
         linear = self._trims.linear_model(box)
         cell = self._solved(box, linear)

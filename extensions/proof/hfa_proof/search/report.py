@@ -50,7 +50,7 @@ def joined(runs: Sequence[tuple[float, float, Found]]) -> list[tuple[float, floa
 def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, float]]:
     """Return the intervals (low, high) between `low` and `high` that no run covers, ascending.
 
-    runs: in any order; they may overlap
+    runs: runs in any order, which may overlap
     """
     empty = []
     reached = low
@@ -64,16 +64,20 @@ def gaps(runs: Sequence[Run], low: float, high: float) -> list[tuple[float, floa
 
 
 def breakpoint_data(model: Model, breakpoints: Any) -> Content:
-    """Return scheduling values as data, under dihedral_deg for the HFA and the name of the
-    scheduling variable for other models."""
+    """Return scheduling values as data, under dihedral_deg for the HFA.
+
+    For other models the key is the name of the scheduling variable.
+    """
     if model.extras.names_schedule:
         return {model.schedule_key: breakpoints}
     return {"scheduled": {model.schedule: breakpoints}}
 
 
 def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
-    """Return the proved properties of the loop and of the modes of A. moving: whether a rate is
-    claimed."""
+    """Return the proved properties of the loop and of the modes of A.
+
+    moving: whether a rate is claimed
+    """
     flight = statement.flight
     model = flight.model
     suffix = "_deg" if model.schedule_unit == "deg" else ""
@@ -129,7 +133,7 @@ def _not_covered(statement: ScheduleStatement) -> str:
 def proof_report(statement: Statement, data: Content) -> Report:
     """Return the report of a proof.
 
-    statement: what was proved
+    statement: the proved statement
     data: data of the report
     """
     if isinstance(statement, ScheduleStatement):
@@ -151,8 +155,9 @@ def _verdict(statement: ScheduleStatement, moving: bool) -> str:
 
 
 def schedule_parts(statement: ScheduleStatement, moving: bool, data: Content) -> list[Part]:
-    """Return the proved, refuted and open parts of a schedule: sentences, then tables of the
-    unstable modes of the loop and of A.
+    """Return the proved, refuted and open parts of a schedule.
+
+    They are sentences, then tables of the unstable modes of the loop and of A.
 
     statement: statement of the loop
     moving: whether a rate of the scheduling variable is claimed
@@ -217,7 +222,7 @@ def _loop_sentences(statement: ScheduleStatement, stable: bool, data: Content) -
 
 
 def _what_is_stable(statement: ScheduleStatement) -> str:
-    """Return the text for the loop that is stable."""
+    """Return the description of the stable loop."""
     if statement.actuators is not None:
         return "the loop through the actuators is stable"
     if statement.controller.A.shape[1]:
@@ -226,8 +231,10 @@ def _what_is_stable(statement: ScheduleStatement) -> str:
 
 
 def _actuators_text(actuators: UncertainActuators, stable: bool) -> str:
-    """Return the actuators for which the statement holds; where the loop is not proved stable, the
-    requested ones."""
+    """Return the actuators for which the statement holds.
+
+    Where the loop is not proved stable, they are the requested ones.
+    """
     slow, fast = actuators.bandwidth
     least, most = actuators.effectiveness
     return (
@@ -245,19 +252,22 @@ def _span(run: Run) -> str:
 
 def count_said(run: Run) -> str:
     """Return the number of unstable modes as text: "2", or "0 to 2" where only bounds are
-    proved."""
+    proved.
+    """
     return str(run.least) if run.least == run.most else f"{run.least} to {run.most}"
 
 
 def game_report(
     data: Content, states: tuple[str, ...] = (), origin: str = "a plant", file: str = "it"
 ) -> Report:
-    """Return the report of a proof about a game: of its solution the statements one by one and P,
-    of a critic its distances from the solution.
+    """Return the report of a proof about a game.
+
+    For a solution it contains the statements one by one and P, for a critic its distances from the
+    solution.
 
     data: data of the proof, with the entry `statement`
     states: names of the rows of P, or () for z1, z2, ...
-    origin: whose game it is, for the title
+    origin: origin of the game, for the title
     file: file of the critic, for the title
     """
     if data["statement"] == "critic":
@@ -272,7 +282,7 @@ def game_report(
 def _stabilizing(hurwitz: bool | None, gain: str) -> str:
     """Return the headline on whether a gain stabilizes.
 
-    hurwitz: the proved property of A - B K; None: open
+    hurwitz: the proved property of A - B K, or None where it is open
     gain: the gain in words
     """
     if hurwitz is None:
@@ -281,7 +291,7 @@ def _stabilizing(hurwitz: bool | None, gain: str) -> str:
 
 
 def _critic_parts(data: Content) -> list[Part]:
-    """Bounds of the distances of a critic, and whether its gain stabilizes."""
+    """Return bounds of the distances of a critic, and whether its gain stabilizes."""
     rows = [
         (name, at_least(bounds["at_least"], 7), at_most(bounds["at_most"], 7))
         for name, bounds in data["distances"].items()
@@ -325,7 +335,7 @@ def _hurwitz(closed_loop: bool | None) -> str:
 
 
 def _models_report(statement: ModelsStatement, data: Content) -> Report:
-    """Return the proved bounds and the breakpoints; the matrices are in the data."""
+    """Return the proved bounds and the breakpoints. The matrices are in the data."""
     model = statement.flight.model
     breakpoints = statement.breakpoints
     unit = model.schedule_unit

@@ -110,7 +110,7 @@ class InterpolatedModels(StatesAndInputs, Result):
     """Linear models that interpolate within a proved bound.
 
     statement: the models and their bounds
-    tolerance: the requested one.
+    tolerance: the requested bound.
     """
 
     schema = "hfa.lpv/1"
@@ -126,7 +126,7 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def model(self) -> Model:
-        """Whose models these are."""
+        """Name of the aircraft."""
         return self.statement.flight.model
 
     @property

@@ -1,8 +1,7 @@
-"""Proof that at every scheduling value the trim exists and the controller stabilizes, with mode
-counts.
+"""Proof that at every scheduling value the trim exists and the controller stabilizes.
 
-Also while the scheduling value moves: a Lyapunov function of it is proved to decrease at every
-value and rate.
+The unstable modes are counted. For a moving scheduling value a Lyapunov function of it is proved to
+decrease at every value and rate.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class ProvedBox:
 
     @property
     def run(self) -> Run:
-        """The bounds."""
+        """The bounds of the box."""
         return Run(self.box.low, self.box.high, self.least, self.most)
 
 
@@ -91,14 +90,14 @@ def prove_schedule(
     file: CertificateFile | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Prove or refute, box by box, that the loop is Hurwitz; bound the unstable modes of A.
+    """Prove or refute, box by box, that the loop is Hurwitz, and bound the unstable modes of A.
 
     loop: controller and actuators, or gains u = -K x
-    moving: also prove how fast the scheduling value may move
-    file: the certificate, which is written on the way
+    moving: whether to prove also how fast the scheduling value may move
+    file: the certificate, which is written during the proof
 
-    Raises NoSolutionError where a scheduling value has no trim, BadInputError when the controller
-    or the model does not reach.
+    Raises NoSolutionError where a scheduling value has no trim, and BadInputError when the
+    controller or the model does not cover the interval.
     """
     if isinstance(loop, GainSchedule):
         loop = loop_of_schedule(loop)
@@ -185,7 +184,7 @@ class ScheduleSearch:
         return ProvedBox(box, count, count, rate, content)
 
     def bound_crossings(self) -> None:
-        """Bounds of the unstable modes of A on the boxes where they are not counted."""
+        """Bound the unstable modes of A on the boxes where they are not counted."""
         widest = NARROWEST_WITH_ERRORS if self.family.spread else NARROWEST
         counted = [proved.run for proved in self.boxes["modes"]]
         for low, high in gaps(counted, self.low, self.high):
@@ -269,7 +268,7 @@ class ScheduleSearch:
         return self.trims.linear_model(box)
 
     def closed_loop(self, box: Box) -> TaylorModel:
-        """ζ' = F ζ on a box."""
+        """Return F of ζ' = F ζ on a box."""
         linear = self.linear_model(box)
         return closed_loop(linear, self.family.model, self.loop.controller, self.loop.actuators)
 
@@ -300,9 +299,9 @@ class ScheduleSearch:
 class MotionSearch:
     """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
 
-    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all between. P
-    solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between: V is
-    continuous, and P is as smooth as F, whatever its modes do.
+    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all rates
+    between. P solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between
+    them. Therefore V is continuous, and P is as smooth as F, regardless of its modes.
     """
 
     def __init__(self, search: ScheduleSearch) -> None:
@@ -316,12 +315,11 @@ class MotionSearch:
         self.P = np.zeros((0, 0, 0))
 
     def suggested_rates(self) -> list[float]:
-        """Rates of the scheduling variable to try, the largest first: parts of the largest one that
-        a Lyapunov function allows in the middles of the boxes. Its P at the ends of the boxes is
-        kept in `self.P`.
+        """Return rates of the scheduling variable to try, the largest first.
 
-        [] where the loops cannot be enclosed, one of them is not stable, or a P is not positive
-        definite.
+        They are parts of the largest rate that a Lyapunov function allows in the middles of the
+        boxes. Its P at the ends of the boxes is stored in `self.P`. The result is [] where the
+        loops cannot be enclosed, one of them is not stable, or a P is not positive definite.
         """
         try:
             loops = [self._search.closed_loop(box) for box in self._boxes]
@@ -349,7 +347,9 @@ class MotionSearch:
         return rates
 
     def boxes(self, rate: float, progress: Progress | None) -> list[Content]:
-        """Return the boxes on which the rate is proved, or none when it is not on all of them."""
+        """Return the boxes on which the rate is proved, or none when it is not proved on all of
+        them.
+        """
         narrowest = _NARROWEST_MOVING * self._search.family.step
         proved: list[Content] = []
         for whole in told(self._boxes, progress):
@@ -383,9 +383,10 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
 def _weight(points: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray]:
     """Return the rate that W allows at all points A, dA/dη, and a W > 0 that allows a large one.
 
-    At a rate W + η' dP/dη > 0 is needed. W begins so that P is the identity in the modes of the
-    middle point, and is then moved, step by step, toward Σ |dP/dη|^p, a sum over the points in
-    units of W, where the largest counts most."""
+    At a rate W + η' dP/dη > 0 is required. At first P is the identity in the modes of the middle
+    point. W is then moved, step by step, toward Σ |dP/dη|^p. This is a sum over the points in units
+    of W, where the largest counts most.
+    """
     W = _first_weight(points[len(points) // 2][0])
     best = (0.0, np.eye(len(W)))
     for _ in range(_TRIES):

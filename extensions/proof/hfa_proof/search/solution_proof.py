@@ -1,5 +1,7 @@
-"""Proof of the exact solution of a game, and of bounds on the distance of a critic's W, P and K
-from it."""
+"""Proof of the exact solution of a game, and of a critic's distance from it.
+
+The distance is bounded for W, P and K.
+"""
 
 from __future__ import annotations
 
@@ -64,8 +66,10 @@ _SHARP = 1e-6
 
 
 def weights_of(game: Game) -> Weights:
-    """Return the weights of a game for a statement. Raises NoSolutionError unless Q >= 0 and R > 0,
-    decided exactly."""
+    """Return the weights of a game for a statement.
+
+    Raises NoSolutionError unless Q >= 0 and R > 0, decided exactly.
+    """
     Q = (game.Q + game.Q.T) / 2
     R = (game.R + game.R.T) / 2
     if lowest_sign(Q) < 0:
@@ -82,12 +86,12 @@ def weights_of(game: Game) -> Weights:
 class ExactGame:
     """A game whose A and B are enclosed.
 
-    game: in doubles
+    game: the game in doubles
     weights: weights of the statement
     plant: plant of the statement
-    trim: about which A and B are, or None for a plant
+    trim: trim of A and B, or None for a plant
     doubles: A and B of the doubles
-    wide: A and B for every number that reads as the doubles
+    wide: A and B for every number that rounds to the doubles
     """
 
     game: Game
@@ -103,11 +107,12 @@ class ExactGame:
     ) -> ExactGame:
         """Return a game with enclosures of its A and B.
 
-        game: in doubles
-        family: whose linear model A and B are; None: they are the matrices of the game, exactly
+        game: the game in doubles
+        family: family whose linear model has A and B, or None where they are the matrices of the
+            game, exactly
         scheduling_value: scheduling value of the linear model, or None without a family
 
-        Raises NoSolutionError where `weights_of` raises it, or no trim is found.
+        Raises NoSolutionError as `weights_of`, and where no trim is found.
         """
         weights = weights_of(game)
         if family is None or scheduling_value is None:
@@ -171,7 +176,8 @@ class ExactGame:
 
     def _frequencies_of_both_signs(self) -> Iterator[float]:
         """Yield one ω where det(j ω I - H) > 0 and one where it is < 0, near eigenvalues on the
-        axis."""
+        axis.
+        """
         values = np.linalg.eigvals(NormalForm.of(self.game).hamiltonian)
         nearest = np.argsort(np.abs(values.real))[:4]
         near = sorted(np.abs(values[nearest].imag).tolist())
@@ -191,10 +197,12 @@ class ExactGame:
 
 
 def find_solution(game: Game, weights: Weights, A: TaylorModel, B: TaylorModel) -> SolutionBox:
-    """P of the Riccati equation by Newton's method on midpoints, from the one of the Schur method.
+    """Return P of the Riccati equation by Newton's method on midpoints, from that of the Schur
+    method.
 
-    Raises NoSolutionError when the Schur method finds none, or a mode of A - S P may lie on the
-    axis."""
+    Raises NoSolutionError when the Schur method finds no P, or a mode of A - S P may lie on the
+    axis.
+    """
     form = NormalForm.of(game)
     units = form.units
     start = by_schur(form)
@@ -233,8 +241,9 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Proved bracket refused < delta_min <= value: the game has a value at `value` and none at
-    `refused`.
+    """Proved bracket refused < delta_min <= value.
+
+    The game has a value at `value` and no value at `refused`.
 
     why: the proof that no value exists at `refused`
     """
@@ -249,12 +258,14 @@ def prove_delta_min(
 ) -> Bracket | None:
     """Return the narrowest bracket of delta_min that can be proved, or None.
 
-    exact: the game; its own δ plays no part
+    exact: the game, whose own δ is not used
     in_doubles: delta_min as computed in doubles, where the search begins
     progress: called before every halving
 
     The δ for which the game has a value are an interval (delta_min, inf] (Basar and Bernhard,
-    Theorem 4.11), so one δ with a value bounds delta_min from above, and one without from below."""
+    Theorem 4.11). One δ with a value therefore bounds delta_min from above, and one without from
+    below.
+    """
     if in_doubles.value <= 0.0:
         return None
     guess = math.sqrt(in_doubles.value * in_doubles.refused)
@@ -292,7 +303,7 @@ def _first_bracket(exact: ExactGame, middle: float, progress: Progress | None) -
 
 
 def _tell(progress: Progress | None, what: str) -> None:
-    """Report the current step; the remaining work is not known."""
+    """Report the current step. The remaining work is not known."""
     if progress is not None:
         progress(0, 1, what)
 
@@ -304,14 +315,15 @@ def prove_solution(
     scheduling_value: float | None = None,
     progress: Progress | None = None,
 ) -> Proof:
-    """Return the stabilizing solution, enclosed, of the model of a family at a scheduling value or
-    of a game given by its matrices.
+    """Return the stabilizing solution of a game, enclosed.
+
+    The game is that of the model of a family at a scheduling value, or is given by its matrices.
 
     `data` of the result has P, the printed one, and `relative_radius`, within which the exact
-    solution lies (Frobenius), also for every parameter that reads as the same decimal where the
-    game is the aircraft's. Proved are P > 0, A - S P and A - B K Hurwitz, delta above the proved
-    bracket of delta_min. Raises NoSolutionError when the game has no value, or when it cannot be
-    enclosed.
+    solution lies (Frobenius). For the aircraft's game the radius also covers every parameter that
+    rounds to the same decimal. P > 0, A - S P and A - B K Hurwitz, and delta above the proved
+    bracket of delta_min are proved. Raises NoSolutionError when the game has no value, or when it
+    cannot be enclosed.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -376,10 +388,11 @@ def prove_critic(
     family: Family | None = None,
     scheduling_value: float | None = None,
 ) -> Proof:
-    """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz;
-    `proved` if it does.
+    """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz.
 
-    Raises BadInputError for a network, about which nothing is proved.
+    `proved` of the result is True if A - B K is proved Hurwitz.
+
+    Raises BadInputError for a network, for which no proof exists.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -427,7 +440,7 @@ def prove_critic(
 
 
 def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
-    """Return whether K follows from the critic's P and W, as the checker decides it."""
+    """Return whether K follows from the critic's P and W, by the checker's criterion."""
     if len(parts) == 1:
         return False
     try:
@@ -438,8 +451,11 @@ def _is_gain_of_value(exact: ExactGame, parts: dict[str, np.ndarray]) -> bool:
 
 
 def _trim_content(trim: PointTrim | None) -> dict[str, Any]:
-    """Return the entry of the trim in a witness: unknown -> center and its radii for doubles and
-    for all decimals that round to them, or empty for a plant without a trim."""
+    """Return the entry of the trim in a witness: unknown -> center and two radii.
+
+    The radii are those of the doubles and of all decimals that round to them. The entry is empty
+    for a plant without a trim.
+    """
     if trim is None:
         return {}
     rows = {}

@@ -1,8 +1,7 @@
-"""A loop whose actuators have bandwidths, effectiveness and delays within intervals: one Lyapunov
-function for all of a piece of the bandwidths.
+"""A loop whose actuators have bandwidths, effectiveness and delays within intervals.
 
-The condition is a matrix inequality, linear in H and X, at the ends of each piece; `check_pieces`
-of the checker proves it.
+One Lyapunov function is found for all bandwidths of a piece. The condition is a matrix inequality,
+linear in H and X, at the ends of each piece. `check_pieces` of the checker proves it.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ _LARGEST = 100.0
 
 
 def find_pieces(linear: LinearModelBox, model: Model, loop: Loop) -> list[Piece]:
-    """Return the pieces that prove the loop on a box for all of its actuators, or empty when none
-    are found."""
+    """Return the pieces that prove the loop on a box for all of its actuators, or an empty list."""
     actuators = loop.actuators
     assert isinstance(actuators, UncertainActuators)
     box = actuated_loop(linear, model, loop.controller, actuators)
@@ -103,8 +101,10 @@ def _points(
 
 
 def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the form in (ζ, d, e) that must be positive: -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q -
-    z'X_2 z."""
+    """Return the form in (ζ, d, e) that must be positive.
+
+    It is -2 ζ'H ζ' + d'X_1 d + e'X_2 e - q'X_1 q - z'X_2 z.
+    """
     n, size = rates.shape
     growth = np.eye(size)[:, :n] @ H @ rates
     return np.diag([*np.zeros(n), *X]) - growth - growth.T - rows.T @ (X[:, None] * rows)
@@ -113,10 +113,11 @@ def decrease(rates: np.ndarray, rows: np.ndarray, H: np.ndarray, X: np.ndarray) 
 def common_lyapunov(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return H and X for all of the points (rates, rows), in doubles, or None if none are found.
+    """Return H and X for all of the points (rates, rows), in doubles, or None if no H is found.
 
-    The largest t with the form of `decrease` - t I >= 0 at all points, 0 <= H <= I, 0 <= X <= 100,
-    in the modes of their mean, is found by Clarabel (Goulart and Chen, 2024); t > 0 is needed."""
+    Clarabel (Goulart and Chen, 2024) finds the largest t with the form of `decrease` - t I >= 0 at
+    all points, 0 <= H <= I, 0 <= X <= 100, in the modes of their mean. t > 0 is required.
+    """
     n, size = points[0][0].shape
     mean = np.mean([rates for rates, _ in points], axis=0)
     values, vectors = np.linalg.eig(mean[:, :n])
@@ -141,8 +142,11 @@ def common_lyapunov(
 def _largest_margin(
     points: list[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """H, (n, n), and the diagonal of X, (size - n,), of the largest t with the form of `decrease`
-    - t I >= 0 at all points (rates, rows), 0 <= H <= I, 0 <= X <= 100, or None unless t > 0."""
+    """Return H, (n, n), and the diagonal of X, (size - n,), of the largest t, or None unless t > 0.
+
+    t is a lower bound: the form of `decrease` - t I >= 0 at all points (rates, rows), with 0 <= H
+    <= I and 0 <= X <= 100.
+    """
     import cvxpy as cp
 
     n, size = points[0][0].shape

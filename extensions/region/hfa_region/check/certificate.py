@@ -58,8 +58,10 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None
 ) -> tuple[RegionStatement, RegionWitness]:
-    """Return statement and witness of a certificate's content. Raises Malformed, which names an
-    invalid entry."""
+    """Return statement and witness of a certificate's content.
+
+    Raises Malformed, which names an invalid entry.
+    """
     entries = claims_of(content)
     entries.same("kind", KIND)
     statement = RegionStatement.read(entries.value("statement", lambda value: True), model)
@@ -71,5 +73,5 @@ def read_content(
 def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
-    """Write a certificate; its digest does not cover `origin`."""
+    """Write a certificate. Its digest does not cover `origin`."""
     write_sealed(path, KIND, statement.content(), witness, origin)

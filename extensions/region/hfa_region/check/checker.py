@@ -46,8 +46,10 @@ _ENDS_OF_A_DISTURBANCE = {LOWEST: (0.0, 1.0), HIGHEST: (1.0, 2.0), ANY: (0.0, 2.
 def check_region(
     statement: RegionStatement, witness: RegionWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of parts on which V' < 0 is proved. Raises Rejected unless the statement is
-    proved."""
+    """Return the number of parts on which V' < 0 is proved.
+
+    Raises Rejected unless the statement is proved.
+    """
     loop = RegionLoop(statement, witness.T, witness.order)
     one = Polynomial.constant(arb(1))
     length = power_of_length(loop.n, 2)
@@ -74,8 +76,10 @@ def check_region(
 
 
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
-    """Raise Rejected unless the parts hold every combination of inputs that are free or at a limit
-    and of disturbances at their ends."""
+    """Raise Rejected unless the parts include every combination of inputs and disturbances.
+
+    Inputs are free or at a limit, disturbances at an end.
+    """
     stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
         low, high = loop.reaches(name)
@@ -93,8 +97,10 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
 
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the constraints of a part, which are not negative exactly where its inputs are as
-    stated."""
+    """Return the constraints of a part.
+
+    They are not negative exactly where its inputs are as stated.
+    """
     constraints = {}
     for name in loop.statement.loop.inputs:
         what = inputs.get(name, ANY)

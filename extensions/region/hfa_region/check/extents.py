@@ -16,8 +16,9 @@ _PRECISION = 192
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
     """Return the lowest and highest deviation of each state in a proved set, rounded outward.
 
-    statement: for V of degree 2 the extents are those of the ellipsoid, ±sqrt(rho P⁻¹_ii), computed
-        anew; for a higher degree the stated ones, which are proved, within the ball
+    statement: the statement. For V of degree 2 the extents are those of the ellipsoid, ±sqrt(rho
+        P⁻¹_ii), computed anew. For a higher degree they are the stated ones, which are proved,
+        within the ball.
     T: (n, n), the set lies in the unit ball of y, z = T y
     """
     states = statement.loop.states

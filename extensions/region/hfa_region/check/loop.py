@@ -1,5 +1,7 @@
-"""Closed loop of a statement in coordinates y, z = T y: enclosed equilibrium, V', limits, and the
-parts of the set where inputs are free or saturated and disturbances at an end."""
+"""Closed loop of a statement in coordinates y, z = T y: enclosed equilibrium, V' and limits.
+
+The set is divided into parts where inputs are free or saturated and disturbances are at an end.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,8 @@ class Equilibrium:
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
         """Return the distances of an input from its lowest and highest value, or None without
-        limit."""
+        limit.
+        """
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
         below = value - exact(low) if np.isfinite(low) else None
@@ -115,7 +118,8 @@ class Equilibrium:
 
     def _check_near(self) -> None:
         """Raise Rejected unless it is the stated trim, with all inputs strictly within their
-        limits."""
+        limits.
+        """
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
             if not abs(value - stated) <= exact(signals[name].nominal) * SAME_TRIM:
@@ -229,7 +233,9 @@ class RegionLoop:
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
         """Return z' where each input is free or at its limit and each disturbance at its end.
-        Raises Rejected where an output may leave its limits under any disturbance."""
+
+        Raises Rejected where an output may leave its limits under any disturbance.
+        """
         key = tuple(part.values())
         if key not in self._rates:
             sizes = {name: exact(size) for name, size in self.statement.loop.disturbances.items()}
@@ -344,8 +350,10 @@ def _is_invertible(T: arb_mat) -> bool:
 
 
 def refuse_curved(loop: SaturatedLoop) -> None:
-    """Raise BadInputError if a rate is not affine in the disturbances, because their ends would not
-    be the worst case."""
+    """Raise BadInputError if a rate is not affine in the disturbances.
+
+    Their ends would then not be the worst case.
+    """
     if not loop.disturbances:
         return
     function = _function(loop, outputs=False)
@@ -360,7 +368,10 @@ def refuse_curved(loop: SaturatedLoop) -> None:
 
 
 def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
-    """Return the function (x, u, w) -> rates and limited outputs. w: the stated disturbances."""
+    """Return the function (x, u, w) -> rates and limited outputs.
+
+    w: the stated disturbances
+    """
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
     w = ca.SX.sym("w", len(loop.disturbances))

@@ -52,8 +52,10 @@ def _weight(key: Key) -> fmpq:
 
 
 class Polynomial:
-    """Polynomial Σ c_α y^α; parts[k] maps keys to the coefficients of degree k, omitted if exactly
-    0."""
+    """Polynomial Σ c_α y^α.
+
+    parts: parts[k] maps keys to the coefficients of degree k, omitted if exactly 0
+    """
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:
         self.parts = parts
@@ -132,8 +134,10 @@ class Polynomial:
     def norms(self) -> list[arb]:
         """Return for each part h of degree k a number with |h(y)| <= number |y|^k at every y.
 
-        The norm of Bombieri, sqrt(Σ c_α² α!/k!): h(y) is the product of a symmetric tensor of this
-        Frobenius norm with y ⊗ .. ⊗ y. That of a product is at most the product of the norms."""
+        It is the norm of Bombieri, sqrt(Σ c_α² α!/k!). h(y) is the product of a symmetric tensor of
+        this Frobenius norm with y ⊗ .. ⊗ y. The norm of a product is at most the product of the
+        norms.
+        """
         results = []
         for part in self.parts:
             square = arb(0)

@@ -2,8 +2,8 @@
 
     target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
 
-with Q, Q_k positive definite and m, m_k vectors of monomials: wherever every g_k >= 0 and some
-monomial of m is not 0, target > 0. The numbers of Q are doubles of a solver, for which the identity
+with Q, Q_k positive definite and m, m_k vectors of monomials. Then target > 0 wherever every g_k >=
+0 and some monomial of m is not 0. The numbers of Q are doubles of a solver, for which the identity
 holds approximately. The residual is added to entries of Q, as balls, and Q is positive definite
 with it.
 """
@@ -37,7 +37,7 @@ class Square:
 
     @classmethod
     def read(cls, entries: Fields, variables: int) -> Square:
-        """Read the entries `degrees` and `gram`; others may follow."""
+        """Read the entries `degrees` and `gram`. Others may follow."""
         low, high = entries.pair("degrees", least=0.0)
         require(low == int(low) and high == int(high) <= _HIGHEST, entries.where, [low, high])
         size = len(monomials(variables, int(low), int(high)))
@@ -107,7 +107,8 @@ def check_positive(
     evidence: Gram matrices
     variables: n
 
-    Where the monomials of `main` begin at degree 0 it is proved at y = 0 too."""
+    Where the monomials of `main` begin at degree 0 it is proved at y = 0 too.
+    """
     residual = target
     for name, square in evidence.multipliers.items():
         square.check_definite(what)
@@ -116,8 +117,10 @@ def check_positive(
 
 
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
-    """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q. A term without a
-    product of two monomials of m must be exactly 0."""
+    """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q.
+
+    A term without a product of two monomials of m must be exactly 0.
+    """
     keys = monomials(variables, main.low, main.high)
     size = len(keys)
     places: dict[Key, list[tuple[int, int]]] = {}

@@ -1,5 +1,8 @@
-"""The statement about a region. The checker interprets or refuses every field, the digest covers
-all of them, and a report shows them."""
+"""The statement about a region.
+
+The checker interprets or refuses every field. The digest covers all fields, and a report shows
+them.
+"""
 
 from __future__ import annotations
 
@@ -28,16 +31,17 @@ HIGHEST_POLICY = 5
 
 @dataclass(frozen=True, eq=False)
 class SaturatedLoop(Plant):
-    """Closed loop of a model and a policy about a trim: x' = f(x, u, w), u = sat(u0 - K (x - x0) +
-    q(x - x0)).
+    """Closed loop of a model and a policy about a trim.
+
+        x' = f(x, u, w),  u = sat(u0 - K (x - x0) + q(x - x0))
 
     Inputs are saturated at the model's limits. Limits of states and outputs are not wider than the
     model's.
 
     K: (m, n), in the order of the inputs and the moving states
     policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; other inputs have q = 0
-    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d; the
-        others are 0. The rates are affine in the named ones
+    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d. The
+        rates are affine in these disturbances. The others are 0.
     """
 
     K: np.ndarray
@@ -52,11 +56,12 @@ class SaturatedLoop(Plant):
 
 @dataclass(frozen=True, eq=False)
 class RegionStatement:
-    """Statement that every trajectory of the loop that begins in {V(z) <= rho} exists for all time,
-    stays there and within all limits, and converges to the equilibrium; z are deviations from it.
-    With disturbances, convergence is not claimed.
+    """Statement that trajectories from {V(z) <= rho} converge to the equilibrium.
 
-    The equilibrium is the one within `SAME_TRIM` of x0, in nominal values of the states.
+    Every trajectory of the loop that begins in the set exists for all time, and stays there and
+    within all limits. With disturbances, convergence is not claimed. z are deviations from the
+    equilibrium, the one within `SAME_TRIM` of x0, in nominal values of the states.
+
     loop: the model with its policy and saturated inputs
     terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V

@@ -2,8 +2,8 @@
 
 Every operation preserves the inclusion: for all functions that the operands enclose, the result
 encloses the function of the operation, at every |y| <= 1. Source: Makino and Berz, Taylor models
-and other validated functional inclusion methods, IJPAM 4 (2003); the remainder is scaled by
-|y|^(D+1) and keeps the order of a function that vanishes at 0.
+and other validated functional inclusion methods, IJPAM 4 (2003). Here the remainder is scaled by
+|y|^(D+1), so that it keeps the order of a function that vanishes at 0.
 """
 
 from __future__ import annotations
@@ -91,14 +91,15 @@ class Taylor:
         return (sum(self.polynomial.norms()[1:], arb(0)) + self.remainder).upper()
 
     def range(self) -> arb:
-        """Return a ball that holds every value on the unit ball."""
+        """Return a ball that contains every value on the unit ball."""
         return self.center + arb(0, 1) * self.reach()
 
     def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
-        """Return f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D, ξ in the range, |δ| <= m
-        |y|.
+        """Return f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D.
 
-        The result is undecided if f is not smooth on the whole range."""
+        ξ is in the range, and |δ| <= m |y|. The result is undecided if f is not smooth on the whole
+        range.
+        """
         order = self.order
         near = function(arb_series([self.center, 1], prec=order + 1))
         far = function(arb_series([self.range(), 1], prec=order + 2))

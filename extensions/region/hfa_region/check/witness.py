@@ -1,4 +1,4 @@
-"""Evidence for a region. A wrong entry makes the check fail; no entry is part of the claim."""
+"""Evidence for a region. A wrong entry makes the check fail. No entry is part of the claim."""
 
 from __future__ import annotations
 
@@ -89,14 +89,14 @@ class RegionWitness:
 
 
 def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
-    """Names of the constraints of the limits of inputs."""
+    """Return the names of the constraints of the limits of inputs."""
     return tuple(f"{name} {side}" for name in inputs for side in (LOWEST, HIGHEST))
 
 
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """Return a list of parts whose inputs are as allowed."""
+    """Return a list of parts with only allowed values of their inputs."""
     loop = statement.loop
     names = (LEVEL, BALL, *limit_names(loop.inputs))
     if loop.disturbances:

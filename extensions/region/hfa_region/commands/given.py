@@ -109,7 +109,7 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return a comparison of limits: input limits must be equal, others not wider."""
+    """Return a comparison of limits. Input limits must be equal, and others not wider."""
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {name: _ends(pair) for name, pair in stated.items()}

@@ -34,8 +34,10 @@ _DEGREE = 2
 
 
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
-    """Return the reason to prove the region of a polynomial policy on boxes, or "" for sums of
-    squares."""
+    """Return the reason to prove the region of a polynomial policy on boxes.
+
+    The result is "" where sums of squares are used.
+    """
     from hfa_region.check.loop import Equilibrium
 
     if request.disturbance or request.picture is not None:
@@ -135,7 +137,7 @@ def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
 def continuous(deployed: Deployed) -> ca.Function:
     """Return the function (z, trim) -> deviations of all inputs from the trim, unsaturated.
 
-    z: deviations of the moving states; trim: all states, the inputs and the parameters
+    z are deviations of the moving states. trim contains all states, the inputs and the parameters.
 
     Raises BadInputError if an observation or a map depends on an input, because the policy itself
     moves it.
@@ -158,8 +160,10 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError for an observation or a map that depends on an input, and for a policy of
-    several samples."""
+    """Raise BadInputError for an observation or a map that depends on an input.
+
+    A policy of several samples is refused too.
+    """
     if deployed.past:
         raise BadInputError("timing.history: a proof needs a policy of one sample; leave it out")
     entries = {

@@ -27,8 +27,9 @@ _SAME = 1e-9
 
 
 def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]:
-    """Return input -> terms of the policy of degree 2 and more; inputs without such terms are
-    omitted.
+    """Return input -> terms of the policy of degree 2 and more.
+
+    Inputs without such terms are omitted.
 
     critic: its policy is a polynomial of degree at most `HIGHEST_POLICY` that is 0 at z = 0
     inputs: names, in the order of the game
@@ -98,8 +99,10 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """Return the linear model at the trim, K, P of the game if it was solved, and the nonlinear
-    part of the policy."""
+    """Return the linear model at the trim, K, P of the game, and the nonlinear part of the policy.
+
+    P is None if the game was not solved.
+    """
     if request.basis is not None and request.weights is None:
         raise BadInputError("--basis belongs to W in --weights; add --weights or leave it out")
     if not request.model.inputs:

@@ -213,8 +213,7 @@ def _prove(request: RegionRequest) -> int:
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
-    """Return the box of deviations in which `hfa verify` compares critics, or None if there is
-    none."""
+    """Return the box of deviations in which `hfa verify` compares critics, or None without one."""
     from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
 
@@ -224,8 +223,10 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
-    """Return V of the certificate of an earlier run, verified, its proved level 1. Raises
-    BadInputError if it is about another loop."""
+    """Return V of the certificate of an earlier run, verified, with its proved level 1.
+
+    Raises BadInputError if it is about another loop.
+    """
     if not request.resume:
         return None
     from hfa_region.check.certificate import check_certificate

@@ -20,10 +20,11 @@ _DEGREE = 4
 def with_region(
     report: Report, verdicts: list[Verdict], named: NamedGame, seconds: float
 ) -> Report:
-    """Return a report on one critic with a section on the proved set, the state with V' >= 0, and
-    the initial condition that diverges.
+    """Return a report on one critic with a section on its proved region.
 
-    report: without the section
+    The section includes the state with V' >= 0 and the initial condition that diverges.
+
+    report: report without the section
     verdicts: verdict on the critic, whose policy is a polynomial
     named: the game, of the linear model of an aircraft
     seconds: processor time of the search

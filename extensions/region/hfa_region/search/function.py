@@ -1,5 +1,6 @@
 """V as a polynomial in the deviations, in doubles: values, gradients, the ellipsoid around a
-set."""
+set.
+"""
 
 from __future__ import annotations
 
@@ -70,8 +71,11 @@ class PolynomialFunction:
         return P
 
     def coordinates(self) -> np.ndarray:
-        """T (n, n) with z = T y: the unit ball of y is {z'P z <= 1.5²}, with P the quadratic part
-        of V, a little larger than {V <= 1}."""
+        """T (n, n) with z = T y, in which the set {V <= 1} lies in the unit ball.
+
+        The unit ball of y is {z'P z <= 1.5²}, a little larger than {V <= 1}. P is the quadratic
+        part of V.
+        """
         return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
 
     def scaled(self, factor: float) -> PolynomialFunction:
@@ -103,10 +107,11 @@ class PolynomialFunction:
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
     def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
-        """Return the first share of each ray (N, n) at which V reaches a level, or inf where it
-        does not.
+        """Return the first share of each ray (N, n) at which V reaches a level.
 
-        The coefficients of V along a ray are those of a polynomial in the share."""
+        The share is inf where V does not reach it. The coefficients of V along a ray are those of a
+        polynomial in the share.
+        """
         degrees = self.exponents.sum(axis=1)
         values = _powers(rays, self.exponents) * self.coefficients
         shares = np.linspace(0.0, 2.0, 201)[1:]
@@ -139,8 +144,9 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
     """Return P of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N, n).
 
-    The weights of the points of largest determinant (Khachiyan, Mathematics of Operations Research
-    21 (1996) 307), scaled so that no point lies outside."""
+    It follows from the weights of the points of largest determinant (Khachiyan, Mathematics of
+    Operations Research 21 (1996) 307), scaled so that no point lies outside.
+    """
     count, n = points.shape
     weights = np.full(count, 1.0 / count)
     for _ in range(_ITERATIONS):
@@ -173,7 +179,7 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """Return (M y)^powers; `known` stores the results."""
+    """Return (M y)^powers. The results are stored in `known`."""
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:

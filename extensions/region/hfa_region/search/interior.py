@@ -2,12 +2,13 @@
 
     minimize c'f subject in each group to E f + Σ_k A_k(Q_k) = b, every Q_k positive semidefinite
 
-A sum of squares of four states and degree 8 has 495 equations and 5,000 entries; the equations of
-one identity meet those of another in f alone. A general solver (Clarabel 0.11) factors a matrix of
-the size of the entries. This one factors matrices of the size of the equations, group by group, in
-10 to 25 times less time. Direction: C.
-Helmberg, F. Rendl, R. Vanderbei, H. Wolkowicz, SIAM J. Optim. 6 (1996) 342; predictor and
-corrector: S. Mehrotra, SIAM J. Optim. 2 (1992) 575.
+A sum of squares of four states and degree 8 has 495 equations and 5,000 entries. The equations of
+one identity share only f with those of another. A general solver (Clarabel 0.11) factors a matrix
+of the size of the entries. This one factors matrices of the size of the equations, group by group,
+in 10 to 25 times less time.
+
+Sources: C. Helmberg, F. Rendl, R. Vanderbei, H. Wolkowicz, SIAM J. Optim. 6 (1996) 342 (direction);
+S. Mehrotra, SIAM J. Optim. 2 (1992) 575 (predictor and corrector).
 """
 
 from __future__ import annotations
@@ -101,8 +102,9 @@ def minimized(
     tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
-    """Return the free numbers and matrices of least cost, or of a sufficient cost, or None if the
-    equations are not solved.
+    """Return the free numbers and matrices of least cost, or of a sufficient cost.
+
+    The result is None if the equations are not solved.
 
     groups: groups of equations
     cost: (k,), c
@@ -247,7 +249,7 @@ class _Search:
         self._gap = sum(float(np.sum(cone.Q * cone.Z)) for cone in self._cones)
 
     def done(self, enough: Enough) -> bool:
-        """Return whether the least cost is found, or enough."""
+        """Return whether the least cost or a sufficient one is found."""
         solved = self.missing < self._tolerance
         bounded = self._unbounded < 10.0 * _TOLERANCE
         if solved and bounded and self._gap < _TOLERANCE:
@@ -257,9 +259,11 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """Take one step, predicted for Q Z = 0 and corrected for Q Z = σ μ I, with μ the mean of
-        the eigenvalues of Q Z and σ from the remaining gap of the prediction (Mehrotra). Return
-        whether the step is long enough."""
+        """Take one step, and return whether it is long enough.
+
+        It is predicted for Q Z = 0 and corrected for Q Z = σ μ I (Mehrotra). μ is the mean of the
+        eigenvalues of Q Z, and σ follows from the remaining gap of the prediction.
+        """
         reduced = np.zeros((len(self.f), len(self.f)))
         for part in self.parts:
             reduced += part.factor()
@@ -308,7 +312,9 @@ def _longest(root: np.ndarray, step: np.ndarray) -> float:
 
 
 def _solved(root: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """Return root⁻¹ sides for a lower triangular root. LAPACK is called directly, because SciPy's
-    `solve_triangular` is ten times slower for a small matrix.
+    """Return root⁻¹ sides for a lower triangular root.
+
+    LAPACK is called directly, because SciPy's `solve_triangular` is ten times slower for a small
+    matrix.
     """
     return np.asarray(scipy.linalg.lapack.dtrtrs(root.T, sides, lower=0, trans=1)[0])

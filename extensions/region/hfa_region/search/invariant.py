@@ -106,11 +106,13 @@ class EdgeSearch(LevelSearch):
 def invariant_region(
     region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
 ) -> Region:
-    """Return the largest set that is proved invariant. Raises NoSolutionError where none is found.
+    """Return the largest set that is proved invariant.
 
     region: proved region of the loop without disturbance
     disturbances: name -> largest absolute value
     progress: called for each V that is tried; KeyboardInterrupt from it keeps the proved set
+
+    Raises NoSolutionError where no set is found.
     """
     loop = replace(region.plant.loop, disturbances=disturbances)
     best: tuple[float, _Candidate, ProvedLevel] | None = None
@@ -144,9 +146,9 @@ class _Candidate:
 
     V: the function
     origin: description of V
-    plant: under the worst disturbance
+    plant: the plant under the worst disturbance
     T: coordinates, z = T y, in which its sets are measured
-    level: the largest where V' < 0 and the limits hold
+    level: the largest level where V' < 0 and the limits hold
     size: size of its set
     beyond: the next level and a state on it with V' >= 0, or inf and None
     """
@@ -187,8 +189,10 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly larger level without, by
-    bisection between `low` and the next of `_LEVELS`."""
+    """Return the largest level with V' < 0 at all samples, and a slightly larger level without.
+
+    They are found by bisection between `low` and the next of `_LEVELS`.
+    """
     above = low * float(_LEVELS[0] / _LEVELS[1])
     for _ in range(_FINER):
         middle = float(np.sqrt(low * above))
@@ -202,8 +206,10 @@ def _bisected(
 def _falls(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Return whether V' < 0 and the limits hold at the samples of a level, and the state of the
-    largest V' if it is not negative."""
+    """Return whether V' < 0 and the limits hold at the samples of a level.
+
+    The state of the largest V' is returned too, if V' is not negative there.
+    """
     points = edge_points(V, T, level) @ T.T
     if not len(points):
         return False, None
@@ -255,8 +261,11 @@ def _at(
 
 
 def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
-    """Return the proved set and its bounds: a state where V' >= 0 under a disturbance, and an
-    initial condition that the worst disturbance of V keeps outside."""
+    """Return the proved set and its bounds.
+
+    The bounds are a state where V' >= 0 under a disturbance, and an initial condition that the
+    worst disturbance of V keeps outside.
+    """
     T = np.array(proved.witness["T"])
     rho = proved.statement.rho
     bounds = bounds_of(candidate.plant, candidate.V, rho, T, candidate.beyond)

@@ -46,7 +46,7 @@ class Setting:
     half: highest degree of the monomials of the Gram matrices of V'
     degree: highest degree that V may have
     seconds: processor time that must be left for the attempt
-    reaches: how far beyond its ball the set of the next V may reach, one after the other
+    reaches: factors on the radius of the ball that the set of the next V may reach, tried in order
     """
 
     order: int
@@ -112,7 +112,8 @@ class LevelSearch:
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
         """Return the parts on which V' < 0 is to be proved, and the sets of parts to be proved
-        empty."""
+        empty.
+        """
         return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
@@ -174,8 +175,10 @@ class LevelSearch:
         return found
 
     def holds(self, share: float) -> bool:
-        """Return whether V' < 0 is found on every part of {V <= share rho}; the part that failed
-        last is tried first."""
+        """Return whether V' < 0 is found on every part of {V <= share rho}.
+
+        The part that failed last is tried first.
+        """
         for index, part in enumerate(self.parts):
             if self.decrease(part, share, _ENOUGH) is None:
                 self.parts.insert(0, self.parts.pop(index))
@@ -225,8 +228,10 @@ class LevelSearch:
         }
 
     def _extents(self) -> dict[str, Any]:
-        """Return evidence of extents that are measured along rays, for a V of degree 4 or 6. These
-        become the statement's extents; without evidence those of the ball remain."""
+        """Return evidence of extents that are measured along rays, for a V of degree 4 or 6.
+
+        These become the statement's extents. Without evidence those of the ball remain.
+        """
         if self.V.degree == 2:
             return {}
         points = edge_points(self.V, self.T, self.rho)
@@ -264,14 +269,18 @@ class LevelSearch:
 
 
 def lowest_degree(part: Mapping[str, str]) -> int:
-    """Return the lowest degree of the monomials in the Gram matrices of V' on a part: 1 if every
-    input is free, since V' = 0 at the trim in that part, otherwise 0."""
+    """Return the lowest degree of the monomials in the Gram matrices of V' on a part.
+
+    It is 1 if every input is free, since V' = 0 at the trim in that part, and otherwise 0.
+    """
     return 1 if all(what == FREE for what in part.values()) else 0
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the combinations of inputs on the unit ball: parts that it meets, and sets of parts
-    that it does not."""
+    """Return the combinations of inputs on the unit ball.
+
+    They are the parts that it meets, and sets of parts that it does not.
+    """
     names = list(ball.statement.loop.inputs)
     met: list[dict[str, str]] = []
     empty: list[dict[str, str]] = []
@@ -298,8 +307,11 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 def limits_within(
     ball: RegionLoop, part: Mapping[str, str], low: int, half: int
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
-    """Return the limits of a part's inputs, each with the degrees of its multiplier, from low up to
-    products of degree 2 half. A limit of too high a degree is left out."""
+    """Return the limits of a part's inputs, each with the degrees of its multiplier.
+
+    The degrees range from low up to products of degree 2 half. A limit of too high a degree is left
+    out.
+    """
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
         highest = half - (polynomial.degree + 1) // 2
@@ -315,9 +327,11 @@ def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polyn
 
 
 def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
-    """Return whether a point of the unit ball meets the linear limits of a part: the shortest y
-    with G y >= h, by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems,
-    chapter 23)."""
+    """Return whether a point of the unit ball meets the linear limits of a part.
+
+    The shortest y with G y >= h is found by non-negative least squares (Lawson and Hanson, Solving
+    Least Squares Problems, chapter 23).
+    """
     rows = []
     sides = []
     for polynomial in _linear_limits(ball, done).values():
@@ -355,8 +369,10 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, with its arguments, or None if it fails or its margin
-    is below `MARGIN`."""
+    """Return the Gram matrices of `positive`, with its arguments.
+
+    The result is None if it fails or its margin is below `MARGIN`.
+    """
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
         return None

@@ -34,8 +34,10 @@ ValueOf = Callable[[np.ndarray], np.ndarray]
 def saturated_loop(
     linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
 ) -> SaturatedLoop:
-    """Return the loop of a gain about the trim of a linear model; policy: its nonlinear part, by
-    input."""
+    """Return the loop of a gain about the trim of a linear model.
+
+    policy: input -> terms of its nonlinear part
+    """
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -157,8 +159,10 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) beyond a limit; outputs by their slopes at the
-        trim."""
+        """Return the mask of the deviations (N, n) beyond a limit.
+
+        Outputs are computed by their slopes at the trim.
+        """
         signals = z @ self.limited_rows.T
         low, high = self.room.T
         return ~np.all((signals >= low) & (signals <= high), axis=1)
@@ -181,13 +185,14 @@ class Plant:
 def first_rise(
     plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
 ) -> tuple[float, np.ndarray | None]:
-    """Return the lowest V found with V' >= 0, and the state, or inf and None if none is in the
-    ball.
+    """Return the lowest V found with V' >= 0, and the state.
+
+    Without such a state in the ball they are inf and None.
 
     plant: the loop
     V, slope: functions of deviations (N, n)
     T: z = T y; samples lie in the unit ball of y
-    quick: with 10 % of the samples
+    quick: whether only 10 % of the samples are used
     """
     n = len(T)
     samples = 300 if quick else 2000
@@ -277,8 +282,8 @@ def outcomes(
     seconds: longest duration of each simulation
 
     A trajectory is simulated by the classical Runge-Kutta method until its first outcome, which is
-    sought at every step. It diverges where a state is not finite or exceeds `_FAR`
-    nominal deviations and `_FAR_OF_STARTS` times the largest initial deviation.
+    tested at every step. It diverges where a state is not finite, or exceeds both `_FAR` nominal
+    deviations and `_FAR_OF_STARTS` times the largest initial deviation.
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
     far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)

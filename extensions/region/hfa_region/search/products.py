@@ -34,7 +34,7 @@ class _Block:
     """k products of one degree, with the n monomials that occur in products of this degree or
     higher.
 
-    start: first of these monomials
+    start: index of the first of these monomials
     first, last: indices of the products
     stacked: (k n, n), the matrices of the products below each other
     sums: (l, n²), the entries of each of the l products from the first on
@@ -63,10 +63,10 @@ class Products:
     blocks: Sequence[_Block]
 
     def schur(self, Q: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-        """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i, Q and
-        Z⁻¹ symmetric.
+        """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i.
 
-        The lower triangle is computed, degree by degree."""
+        Q and Z⁻¹ are symmetric. The lower triangle is computed, degree by degree.
+        """
         M = np.zeros((len(self.keys), len(self.keys)))
         for block in self.blocks:
             n = self.size - block.start

@@ -143,9 +143,11 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
-        """Return the largest region. Raises NoSolutionError if none is proved.
+        """Return the largest region.
 
         known: V of an earlier run, which the search continues
+
+        Raises NoSolutionError if no region is proved.
         """
         refuse_unstable(self.plant.closed_matrix)
         Equilibrium(self.loop)  # refuses equations that a proof does not take
@@ -161,8 +163,10 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """Return V of the largest region so far, with its proved level 1, or the given one without
-        a region."""
+        """Return V of the largest region so far, with its proved level 1.
+
+        Without a region it is the given one.
+        """
         if self.best is None:
             return V
         statement = self.best.statement
@@ -195,8 +199,10 @@ class RegionSearch:
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
-        """Return the first candidate with a proved level, in order of decreasing sampled sets, or
-        the first candidate if none has one."""
+        """Return the first candidate with a proved level, in order of decreasing sampled sets.
+
+        It is the first candidate if no level is proved.
+        """
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
             if self._prove(V, 1.0, origin, self._settings[0]):
@@ -204,8 +210,11 @@ class RegionSearch:
         return candidates[0][1]
 
     def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
-        """Return for each candidate the size of its sampled set, V with level 1, and its
-        description, the largest first."""
+        """Return each candidate with the size of its sampled set, V with level 1, and its
+        description.
+
+        The largest is first.
+        """
         found = []
         for origin, P in self._candidates():
             level, T = self._limit_of(P)
@@ -227,8 +236,10 @@ class RegionSearch:
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
     def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
-        """Prove the largest level up to rho, keep it if its set is the largest so far, and return
-        its size, or 0."""
+        """Prove the largest level up to rho, and return the size of its set, or 0.
+
+        The level is kept if its set is the largest so far.
+        """
         self._tell(f"proving {origin}")
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
@@ -290,8 +301,10 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """Return a level above 1 that may be proved: within the limits, with V' < 0 at all
-        samples."""
+        """Return a level above 1 that may be proved.
+
+        It is within the limits, with V' < 0 at all samples.
+        """
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
         highest = 1.0
@@ -340,7 +353,10 @@ class _Turn:
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
     """Yield P > 0 (n, n) with A'P + P A = -diag(w²), A of the linear loop, for several weights w
-    (n,): first 1 / nominal, then with each entry multiplied by 0.1 to 10."""
+    (n,).
+
+    The first weights are 1 / nominal. Then each entry is multiplied by 0.1 to 10.
+    """
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
     for index in range(count):
@@ -382,8 +398,10 @@ def bounds_of(
 def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
-    """Return `LEFT` and `LOST` -> (k, n), approximately the first initial condition on each ray
-    that leaves the limits or diverges, and `UNKNOWN` -> those without an outcome in the time.
+    """Return outcome -> initial conditions with it, (k, n).
+
+    For `LEFT` and `LOST` they are approximately the first on each ray that leaves the limits or
+    diverges. For `UNKNOWN` they are those without an outcome in the time.
 
     V, rho: of the proved set
     T: z = T y, the set in the unit ball of y
@@ -448,8 +466,10 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """Return settings of the search for a number of states and a highest degree of V, for about a
-    minute."""
+    """Return settings of the search, for about a minute.
+
+    They depend on the number of states and the highest degree of V.
+    """
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]
     elif n <= 4:

@@ -1,7 +1,7 @@
 """Step to a better V: with fixed multipliers of the level, the V of smallest mean over the set.
 
 V and multipliers are optimized alternately (Jarvis-Wloszek, Lyapunov based analysis and controller
-synthesis for polynomial systems using sum-of-squares optimization, 2003); each step nearly keeps
+synthesis for polynomial systems using sum-of-squares optimization, 2003). Each step nearly keeps
 the last set and extends it where V' < 0 permits.
 """
 
@@ -73,8 +73,9 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """Require that -V' - σ (1 - V) - .. is a sum of squares, with σ from the evidence of the
-        present V."""
+        """Require that -V' - σ (1 - V) - .. is a sum of squares, with σ of the present V's
+        evidence.
+        """
         search = self.search
         half = search.setting.half
         problem = self.problem
@@ -132,8 +133,10 @@ class _Step:
         problem.subtract(identity, 0, half - degree, beyond)
 
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
-        """Return (s - low) (s - high) / |low high| in y, with s = row z; a single finite end is
-        used twice."""
+        """Return (s - low) (s - high) / |low high| in y, with s = row z.
+
+        A single finite end is used twice.
+        """
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
         slopes = row @ self.search.T
@@ -151,8 +154,11 @@ def _ball(n: int, radius: float) -> PolynomialFunction:
 
 
 def _means(exponents: np.ndarray) -> np.ndarray:
-    """Return the mean of each monomial over the unit ball of y: n / (n + k) times that over the
-    sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k even."""
+    """Return the mean of each monomial over the unit ball of y.
+
+    It is n / (n + k) times the mean over the sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k
+    even.
+    """
     n = exponents.shape[1]
     means = []
     for powers in exponents.tolist():

@@ -74,8 +74,9 @@ class Gram:
     """One Gram matrix of a problem, positive definite with the margin.
 
     low, high: degrees of its monomials
-    size: number of them
-    identity, place: number of its identity, and its own among the matrices of that
+    size: number of its monomials
+    identity: index of its identity
+    place: its index among the matrices of this identity
     """
 
     low: int
@@ -104,7 +105,7 @@ class Identity:
 
 
 class Squares:
-    """A problem in Gram matrices and free numbers; the margin is unknown 0.
+    """A problem in Gram matrices and free numbers. The margin is unknown 0.
 
     variables: variables of the polynomials
     """
@@ -129,7 +130,8 @@ class Squares:
 
     def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
         """Add -m'Q m factor to an identity, with a new Q and the monomials m of degree low to
-        high."""
+        high.
+        """
         size = len(monomials(self.variables, low, high))
         gram = Gram(low, high, size, identity.number, len(identity.grams))
         identity.grams.append((gram, factor))
@@ -222,8 +224,8 @@ def _with_margin(group: Group, margin: float) -> Group:
 class Solution:
     """Solution of a problem.
 
-    x: the free ones
-    matrices: those of each identity, without the margin
+    x: the free unknowns
+    matrices: matrices of each identity, without the margin
     """
 
     x: np.ndarray
@@ -247,16 +249,16 @@ def positive(
     variables: int,
     enough: float | None = None,
 ) -> tuple[float, dict[str, Any]] | None:
-    """Return the margin with which a target is a sum of squares where the constraints are not
-    negative, and the Gram matrices, or None if the solver fails.
+    """Return the margin with which a target is a sum of squares, and the Gram matrices, or None.
+
+    The target is positive where the constraints are not negative. The margin is relative to the
+    largest coefficient of the target. The result is None if the solver fails.
 
     target: polynomial
     constraints: name, polynomial and the degrees of the monomials of its multiplier
     degrees: degrees of the monomials of the target's Gram matrix
     variables: variables of the polynomials
-    enough: a margin with which the solver may stop; default: the largest
-
-    The margin is relative to the largest coefficient of the target.
+    enough: a margin with which the solver may stop; by default the largest
     """
     size = target.size
     problem = Squares(variables)
