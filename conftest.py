@@ -1,5 +1,4 @@
-"""How the tests run: the environment, and the fixtures of all packages in the processes that run
-tests."""
+"""Environment of the tests, and the fixtures of all packages in the processes that run tests."""
 
 from __future__ import annotations
 
@@ -34,7 +33,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The process that only starts workers needs no fixtures, and not the second of importing what
-    they use."""
+    """Load the fixtures, except in a process that only starts workers.
+
+    Such a process needs no fixtures, whose imports take a second.
+    """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")

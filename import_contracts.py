@@ -1,6 +1,7 @@
-"""Types of import contracts that name the allowed packages; `make lint` checks them.
+"""Types of import contracts that name the allowed packages. `make lint` checks them.
 
-Imports by other modules count too."""
+Indirect imports count too.
+"""
 
 from __future__ import annotations
 
@@ -70,6 +71,6 @@ class ImportedByNothingBut(ImportsNothingBut):
 
 
 def _within(graph: ImportGraph, packages: Iterable[object]) -> set[str]:
-    """The names of packages and of all modules in them."""
+    """Return the names of packages and of all modules in them."""
     found = module_expressions_to_modules(graph, packages, as_packages=True)
     return {module.name for module in found}

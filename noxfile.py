@@ -1,9 +1,10 @@
 """`make test-matrix`: the oldest and the newest versions of the dependencies, with every Python
-that is found.
+found.
 
 Each session installs this project with its extras, at the lower bounds of pyproject.toml or at the
-newest versions that have wheels, compares numbers of the commands with those of the environment in
-.venv, and runs a part of the tests."""
+newest versions that have wheels. It compares numbers of the commands with those of the environment
+in .venv, and runs a part of the tests.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ def arrays(python: str, command: str) -> dict[str, np.ndarray]:
 @nox.session(python=["3.11", "3.12", "3.13", "3.14"])
 @nox.parametrize("versions", ["oldest", "newest"])
 def matrix(session: nox.Session, versions: str) -> None:
-    """Install, compare, test; the lower bounds with the oldest Python alone."""
+    """Install, compare and test. The lower bounds are tested with the oldest Python alone."""
     if versions == "oldest" and session.python != "3.11":
         session.skip("the lower bounds have wheels for the oldest Python")
     optional = PROJECT["optional-dependencies"]

@@ -1,10 +1,10 @@
-"""Run the benchmarks three times, print the table, store it, draw it and write it into the pages:
-`python -m benchmarks [--quick] [names]`.
+"""Run the benchmarks three times and publish the table: `python -m benchmarks [--quick] [names]`.
 
---quick runs everything once at a toy size to see that it works; its figures mean nothing and are
-not stored. Jobs, or subjects with all their jobs, that are named on the command line are run alone
-and replace their own figures among the stored ones. An interruption keeps the runs that are
-finished."""
+The table is printed, stored, drawn and written into the pages. --quick runs everything once at a
+toy size to test it. Its figures have no meaning and are not stored. Jobs, or subjects with all
+their jobs, that are named on the command line are run alone and replace their own figures among the
+stored ones. An interruption keeps the finished runs.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RUNS = 3
 
 
 def main(words: list[str] | None = None) -> int:
-    """All jobs, or those named."""
+    """Run all jobs, or those named."""
     choices = [*report.SUBJECTS, *report.jobs()]
     parser = argparse.ArgumentParser("benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="toy sizes, nothing stored")
@@ -49,7 +49,7 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
-    """The figures of these jobs; those that grow are measured in the first run alone."""
+    """Return the figures of these jobs. Jobs that grow are measured in the first run alone."""
     rows: dict[str, list[report.Row | report.Growth]] = {}
     for name in names:
         if number > 1 and name in report.SUBJECTS["scale"]:
@@ -64,7 +64,9 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
 
 
 def _asked(names: list[str]) -> list[str]:
-    """The jobs of these names and subjects, in the order of the table, or all without names."""
+    """Return the jobs of these names and subjects, in the order of the table, or all without
+    names.
+    """
     jobs = report.jobs()
     return [job for job, subject in jobs.items() if not names or {job, subject} & set(names)]
 

@@ -1,5 +1,4 @@
-"""The least work of certified games: decompositions and products that their certificate is made
-of."""
+"""The least work of certified games: decompositions and products of their certificate."""
 
 from __future__ import annotations
 
@@ -20,13 +19,13 @@ _OF_RESIDUAL = 6
 
 
 def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
-    """Return the time of a game in these stacks of games that their decompositions and products
-    take alone.
+    """Return the time of a game in these stacks that its decompositions and products take alone.
 
     The decompositions are the balancing of the Hamiltonian; its eigenvectors and their inverse,
     which bound the distance from the axis and take less time than its ordered Schur form; the
     inverse and the doublings of a second derivation; the eigenvectors of A - B K and their inverse;
-    and the eigenvalues of P. The products of one step and of the residual are one call."""
+    and the eigenvalues of P. The products of one step and of the residual are one call.
+    """
     tasks = [(form, certified_stack(form).X) for form in forms]
 
     def decompose() -> None:

@@ -1,5 +1,8 @@
-"""20 s of closed-loop flight with a learning critic, step 1e-4 s: our loop, and the same loop
-written in C; and many such flights at once."""
+"""20 s of closed-loop flight with a learning critic, step 1e-4 s.
+
+The project's loop is compared with the same loop written in C. Many such flights at once are timed
+too.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +44,12 @@ _EFFICIENCY = 0.85
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest difference of two histories, as a fraction of the largest value of that state, or of
-    any weight.
+    """Return the largest difference of two histories.
 
-    The power 1 - eta of Eq. (46) has an infinite slope where a residual is 0: there a rounding
-    error of 1e-16 becomes 1e-16 to that power, and two orders of summation differ by far more than
-    rounding."""
+    It is a fraction of the largest value of that state, or of any weight. The power 1 - eta of Eq.
+    (46) has an infinite slope where a residual is 0. There a rounding error of 1e-16 becomes 1e-16
+    to that power, and two orders of summation differ by far more than rounding.
+    """
     largest = np.abs(other).max(axis=0)
     largest[6:] = largest[6:].max()
     return float((np.abs(one - other).max(axis=0) / largest).max())
@@ -54,7 +57,8 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
 
 class FlightCase:
     """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for the
-    peer."""
+    peer.
+    """
 
     def __init__(self) -> None:
         model = next(model for model in published_models() if model.dihedral_deg == 5.0)
@@ -87,7 +91,7 @@ class FlightCase:
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
-        """Our loop: every state at every step."""
+        """Fly the project's loop and return every state at every step."""
         flight = self.compiled(compile_code, steps).fly()
         return np.hstack([flight.states, flight.memory])
 
@@ -101,8 +105,7 @@ class FlightCase:
         )
 
     def data(self) -> dict[str, Any]:
-        """Everything that the loop depends on, as arrays and numbers, in the order of the C
-        struct."""
+        """Return all data of the loop, as arrays and numbers, in the order of the C struct."""
         law = self.law
         game = self.law.game
         equations = law.equations
@@ -129,7 +132,7 @@ class FlightCase:
 
 
 def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
-    """The hand-written C loop as a function () -> history."""
+    """Return the loop in hand-written C as a function () -> history."""
     compiler = c_compiler()
     assert compiler is not None
     folder = tempfile.mkdtemp()
@@ -191,10 +194,10 @@ def _loop(quick: bool) -> list[Row]:
 
 
 def critic_plan(members: int, duration: float) -> MonteCarlo:
-    """The flight of `FlightCase` by many members: 25 weights, 50 samples, step 1e-4 s, seven states
-    at 5 degrees.
+    """Return the flight of `FlightCase` by many members.
 
-    The envelope is as good as none, so that every member flies to the end.
+    It has 25 weights, 50 samples, step 1e-4 s and seven states at 5 degrees. The envelope is so
+    wide that every member flies to the end.
     """
     case = FlightCase()
     aircraft = hfa.aircraft()
@@ -212,8 +215,10 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """One process per core: their start, the compiled loop and the store are included in the
-    time."""
+    """Time many members, with one process for each core.
+
+    The time includes the start of the processes, the compiled loop and the store.
+    """
     cores = os.cpu_count() or 1
     workers = max(2, cores)
     members, alone, duration = (4, 1, 0.05) if quick else (10 * workers, 4, 20.0)

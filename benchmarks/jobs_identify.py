@@ -1,11 +1,13 @@
-"""11 unknowns of a small aircraft from a record of 3,000 samples: `hfa.identify` against SciPy's
-`least_squares` with its own differences, on the same equations, from parameters 10 % off.
+"""11 unknowns of a small aircraft from a record of 3,000 samples.
 
-The first peer takes Runge-Kutta steps of equations written in plain Python, the second uses the
-compiled simulation of `hfa.identify`. Both are given the noise of the sensors that `hfa.identify`
-estimates, and end at its estimates, within 1 % of half the bands. They compute the estimates alone;
-`hfa.identify` also computes corrected bands, and looks for faults of the record and for a second
-minimum. 33 unknowns from four records are compared with a goal."""
+`hfa.identify` is compared with SciPy's `least_squares` with its own differences, on the same
+equations, from parameters 10 % off. The first peer takes Runge-Kutta steps of equations written in
+plain Python. The second uses the compiled simulation of `hfa.identify`. Both receive the noise of
+the sensors that `hfa.identify` estimates, and end at its estimates, within 1 % of half the bands.
+They compute the estimates alone. `hfa.identify` also computes corrected bands, and searches for
+faults of the record and for a second minimum. 33 unknowns from four records are compared with a
+goal.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ _DIVERGED = 1e6
 class RecordCase:
     """A record of a small aircraft, and the residuals of its least squares.
 
-    samples: of the record.
+    samples: number of samples of the record.
     off: factor of the parameters at the start of the search.
     """
 
@@ -88,7 +90,7 @@ class RecordCase:
         self.noise = np.array([each.noise for each in self.found.quantities.values()])
 
     def _integrated(self, start: np.ndarray) -> np.ndarray:
-        """(N, n) states by SciPy."""
+        """Return the states (N, n) by SciPy."""
 
         def rates(time: float, x: np.ndarray) -> np.ndarray:
             place = min(int(time / _STEP), len(self.time) - 2)
@@ -103,13 +105,13 @@ class RecordCase:
         return np.asarray(solved.y.T)
 
     def unknown(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Start (n,) and unknowns θ of those of the least squares."""
+        """Return the start (n,) and the unknowns θ from the unknowns of the least squares."""
         start = self.start.copy()
         start[self.seen] = v[len(FREE) :]
         return start, v[: len(FREE)]
 
     def by_hand(self, v: np.ndarray) -> np.ndarray:
-        """Residuals of Runge-Kutta steps in plain Python."""
+        """Return the residuals of Runge-Kutta steps in plain Python."""
         start, theta = self.unknown(v)
         k = self.derivatives | dict(zip(PARAMETERS, theta.tolist(), strict=False))
         try:
@@ -121,7 +123,7 @@ class RecordCase:
         return np.asarray(((self.measured - y) / self.noise).ravel())
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Residuals of the compiled simulation of `hfa.identify`."""
+        """Return the residuals of the compiled simulation of `hfa.identify`."""
         responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
@@ -135,8 +137,10 @@ class RecordCase:
         return residuals
 
     def limit(self) -> Limit:
-        """The time of the response with its sensitivities, once for each step and once for the
-        covariance."""
+        """Return the time of the response with its sensitivities.
+
+        It counts once for each step and once for the covariance.
+        """
         responses, record = self._responses()
         start, theta = self.unknown(self.begin)
         seconds = shortest(partial(responses.of, record, start, theta))
@@ -156,9 +160,12 @@ class RecordCase:
     def fitted(
         self, residuals: Callable[[np.ndarray], np.ndarray], steps: int | None = None
     ) -> np.ndarray:
-        """The estimates by SciPy's least squares. steps: the most that are made.
+        """Return the estimates by SciPy's least squares.
 
-        RuntimeError where they end elsewhere than those of `hfa.identify`."""
+        steps: largest number of steps
+
+        Raises RuntimeError where they end elsewhere than those of `hfa.identify`.
+        """
         found = least_squares(
             residuals, self.begin, x_scale="jac", diff_step=_DIFFERENCE, max_nfev=steps
         )
@@ -176,7 +183,7 @@ class RecordCase:
 def _flown_by_hand(
     start: list[float], inputs: list[list[float]], k: Mapping[str, float]
 ) -> np.ndarray:
-    """(N, n) states at the samples, by Runge-Kutta steps."""
+    """Return the states (N, n) at the samples, by Runge-Kutta steps."""
     h = _STEP
     x = start
     states = [x]
@@ -199,8 +206,10 @@ def _ahead(x: Sequence[float], step: float, rates: Sequence[float]) -> list[floa
 def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> list[float]:
     """Return the rates of the ten states of examples/uav.toml, written by hand.
 
-    x: speed, alpha, beta, roll, pitch and yaw rate, roll, pitch, yaw, altitude.
-    u: thrust, elevator, aileron, rudder. k: mass, inertias and derivatives."""
+    x: speed, alpha, beta, roll, pitch and yaw rate, roll, pitch, yaw, altitude
+    u: thrust, elevator, aileron, rudder
+    k: mass, inertias and derivatives
+    """
     speed, alpha, beta, p, q, r, roll, pitch, _, altitude = x
     thrust, elevator, aileron, rudder = u
     area, span, chord = 0.55, 2.8956, 0.18994
@@ -244,13 +253,13 @@ def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> li
 
 
 def _3211(units: np.ndarray) -> np.ndarray:
-    """Steps of alternating sign that last 3, 2, 1 and 1 units."""
+    """Return steps of alternating sign that last 3, 2, 1 and 1 units."""
     place = np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], units, side="right")
     return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[place]
 
 
 def _record(quick: bool) -> list[Row]:
-    """A record of 3,000 samples."""
+    """Return a record of 3,000 samples."""
     case = RecordCase(1600 if quick else 3000, 1.1)
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
@@ -282,7 +291,7 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """33 coefficients, each 50 % off, from four records of 20 s, 50 samples a second."""
+    """Time 33 coefficients, each 50 % off, from four records of 20 s with 50 samples a second."""
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})
     free = [name for name in true.parameters if name.startswith("C")]

@@ -1,6 +1,8 @@
-"""A sweep of the 737 of JSBSim against python-control's `find_operating_point` on the same compiled
-equations, and the environment of the c172p against JSBSim's own steps. Without JSBSim's data there
-are no figures."""
+"""A sweep of the 737 of JSBSim, and the environment of the c172p.
+
+The peer of the sweep is python-control's `find_operating_point` on the same compiled equations. The
+peer of the environment is JSBSim's own steps. Without JSBSim's data there are no figures.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ _ROWS = 256
 
 
 def _sweeps(quick: bool) -> list[Row]:
-    """Trims and linear models over airspeed and altitude, without and with a compiler."""
+    """Time trims and linear models over airspeed and altitude, without and with a compiler."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     model = load_model("jsbsim:737")
@@ -63,7 +65,7 @@ def _sweeps(quick: bool) -> list[Row]:
 
 
 def _environments(quick: bool) -> list[Row]:
-    """Steps of the environments of the c172p, of one frame and of six."""
+    """Time steps of the environments of the c172p, of one frame and of six."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     cases = ((1, 256, 3.0), (6, 256, 3.0), (1, 1, 1.0), (6, 1, 2.0))
@@ -71,8 +73,10 @@ def _environments(quick: bool) -> list[Row]:
 
 
 def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
-    """Steps of many environments of the c172p, so many frames of JSBSim's 120 Hz long, random
-    actions."""
+    """Time steps of many environments of the c172p with random actions.
+
+    A step has the given number of frames of JSBSim's 120 Hz.
+    """
     import jsbsim
 
     dt = frames / _RATE

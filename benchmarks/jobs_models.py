@@ -48,10 +48,10 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """A trim, and the help, from nothing to the last line.
+    """Time a trim, and the help, from the start of the process to the last line.
 
-    Our modules are read as bytecode, as the peer's are; the uncounted round writes it. Within the
-    limit, NumPy starts no threads, as in `hfa`.
+    The project's modules are read as bytecode, as the peer's are. The uncounted round writes it.
+    Within the limit NumPy starts no threads, as in `hfa`.
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -80,8 +80,10 @@ def _start(quick: bool) -> list[Row]:
 
 
 def _games(quick: bool) -> list[Row]:
-    """Exact game solutions with certificates between 0 and 20 degrees, against SciPy's solver
-    without one."""
+    """Time exact game solutions with certificates between 0 and 20 degrees.
+
+    The peer is SciPy's solver without a certificate.
+    """
     from scipy.linalg import block_diag, solve_continuous_are
 
     count = 20 if quick else 1000
@@ -110,7 +112,7 @@ def _games(quick: bool) -> list[Row]:
 
 
 def _one_game(quick: bool) -> list[Row]:
-    """Certified solutions of random games, one by one, by the number of states."""
+    """Time certified solutions of random games, one by one, by the number of states."""
     from benchmarks.jobs_scale import random_game
 
     rows = []
@@ -136,7 +138,7 @@ def _each(function: Callable[[Game], Any], games: Sequence[Game]) -> None:
 
 
 def scipy_value(game: Game) -> np.ndarray:
-    """P by SciPy."""
+    """Return P by SciPy."""
     from scipy.linalg import block_diag, solve_continuous_are
 
     weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
@@ -144,11 +146,12 @@ def scipy_value(game: Game) -> np.ndarray:
 
 
 def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
-    """(t, x (6,), u (5,), params) -> x' of the six states at a fixed altitude, in python-control's
-    signature.
+    """Return x' of the six states at a fixed altitude, in python-control's signature (t, x (6,), u
+    (5,), p).
 
-    The published dynamics written a second time, plainly in Python floats, as a user of
-    python-control would write them: a test compares it with ours."""
+    These are the published dynamics written a second time, plainly in Python floats, as a user of
+    python-control would write them. A test compares them with the project's.
+    """
     rho = float(density(altitude))
     area = p.panel_span * p.chord
     span = p.panel_span
@@ -222,7 +225,7 @@ def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]
 
 
 def peer_system() -> Any:
-    """The published dynamics as a python-control system."""
+    """Return the published dynamics as a python-control system."""
     import control
 
     rates = six_state_rates(default_parameters().values, 40_000.0)
@@ -230,7 +233,7 @@ def peer_system() -> Any:
 
 
 def peer_point(system: Any, dihedral: float) -> tuple[Any, Any]:
-    """python-control: find the four free inputs by Levenberg-Marquardt, then linearize."""
+    """Find the four free inputs by python-control's Levenberg-Marquardt, then linearize."""
     import control
 
     state = _STATE.copy()
@@ -254,8 +257,11 @@ def evaluations(
     condition: TrimCondition | None,
     compile_code: bool,
 ) -> Limit:
-    """The least that trims and linear models of these points take: at each point one evaluation of
-    the equations with their Jacobian, for a step of Newton's method, and one of A and B."""
+    """Return the least work of trims and linear models of these points.
+
+    At each point there is one evaluation of the equations with their Jacobian, for a step of
+    Newton's method, and one of A and B.
+    """
     condition = usual_condition(model) if condition is None else condition
     system = SharedSystem(model, condition.freed_for(variables), variables)
     columns = dict(zip(variables, values.T, strict=True))
@@ -277,7 +283,10 @@ def evaluations(
 
 
 def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """A function of (z, c) as machine code, for many rows; residual: the equations."""
+    """Return a function of (z, c) as machine code, for many rows.
+
+    residual: the equations
+    """
     flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
     one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
     machine = compiled_trim(residual, one)
@@ -286,7 +295,7 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """One trim with its linear model, from Python."""
+    """Time one trim with its linear model, from Python."""
     flexible = aircraft()
     system = peer_system()
 
@@ -318,7 +327,7 @@ def _trim(quick: bool) -> list[Row]:
 
 
 def _angles(quick: bool) -> list[Row]:
-    """Many dihedral angles of the HFA."""
+    """Time many dihedral angles of the HFA."""
     count, peer_count = _counts(quick)
     flexible = aircraft()
     system = peer_system()
@@ -351,7 +360,9 @@ def _angles(quick: bool) -> list[Row]:
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
-    """The limit of trims and linear models at these angles, with the eigenvectors of every A."""
+    """Return the limit of trims and linear models at these angles, with the eigenvectors of every
+    A.
+    """
     kept = [STATES.index(name) for name in LINEAR_STATES]
     A = trim_points(flexible, ("dihedral",), angles[:, None]).A[:, kept][:, :, kept]
     seconds = shortest(partial(np.linalg.eig, A), len(A), repeats=3)
@@ -364,7 +375,9 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 
 
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
-    """The F-16's condition, its varied variable and range: turn rate at 502 ft/s, or speed."""
+    """Return the F-16's condition, its varied variable and range: turn rate at 502 ft/s, or
+    speed.
+    """
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
     if turning:
@@ -384,8 +397,10 @@ def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
 
 
 def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
-    """(name, its values) -> python-control's operating points and linear models, each started from
-    the one before. Its system calls the equations compiled by CasADi."""
+    """Return (name, its values) -> python-control's operating points and linear models.
+
+    Each search starts from the point before. Its system calls the equations compiled by CasADi.
+    """
     import casadi as ca
     import control
 
@@ -443,12 +458,12 @@ def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[
 
 
 def _f16(quick: bool) -> list[Row]:
-    """Straight ahead (5 unknowns) and in a turn (12)."""
+    """Time the F-16 in straight flight (5 unknowns) and in a turn (12)."""
     return [row for turning in (False, True) for row in _f16_flights(turning, *_counts(quick))]
 
 
 def _counts(quick: bool) -> tuple[int, int]:
-    """Points of ours and of the peer."""
+    """Return the number of points of the project and of the peer."""
     return (500, 2) if quick else (10_000, 100)
 
 

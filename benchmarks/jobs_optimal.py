@@ -1,6 +1,8 @@
-"""A proposal for the best flight of the GTM against rockit on the same problem: the same equations,
-limits, cost, guess and number of intervals of Radau collocation of degree 2, and IPOPT with the
-same tolerance. Without rockit (`pip install rockit-meco`) there are no figures."""
+"""A proposal for the best flight of the GTM, compared with rockit on the same problem.
+
+Equations, limits, cost, guess, number of intervals, Radau collocation of degree 2, and IPOPT with
+its tolerance are equal. Without rockit (`pip install rockit-meco`) there are no figures.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """Time the second and later solutions, after everything that is built once per aircraft."""
+    """Time the second and later solutions, without the parts that are built once for an
+    aircraft.
+    """
     if importlib.util.find_spec("rockit") is None:
         return []
     model = load_model(f"{_GTM}:GTM")
@@ -54,7 +58,7 @@ def _best_flight(quick: bool) -> list[Row]:
 
 
 def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
-    """Solves the problem from a start z by our transcription."""
+    """Return a function that solves the problem from a start z by the project's transcription."""
     lengths = growing(_SECONDS, _INTERVALS, 1.0, 0.005)
     ends = np.append(0.0, np.cumsum(lengths))
     inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
@@ -68,8 +72,11 @@ def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
 
 
 def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int) -> Limit:
-    """The evaluations that IPOPT counts, at CasADi's own time of each, and one factorization of the
-    sparse KKT matrix an iteration."""
+    """Return the time of the evaluations that IPOPT counts, and of one factorization an iteration.
+
+    The evaluations count CasADi's own time of each. The factorization is that of the sparse KKT
+    matrix.
+    """
     solver = transcription._solver
     times = []
     for _ in range(repeats):
@@ -94,7 +101,10 @@ def _drawn(pattern: ca.Sparsity) -> sp.csc_matrix:
 
 
 def _rockit(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
-    """Solves it by rockit, whose intervals grow alike and whose inputs are constant on each."""
+    """Return a function that solves the problem by rockit.
+
+    The intervals of rockit grow alike, and its inputs are constant on each.
+    """
     from rockit import DirectCollocation, GeometricGrid, Ocp
 
     of_states, of_inputs = problem.sizes

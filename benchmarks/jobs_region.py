@@ -23,7 +23,7 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """From the command to its report, once."""
+    """Time the proof from the command to its report, once."""
     name = "pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM"
     aircraft = Path(__file__).parents[1] / "examples" / name
     sizes: list[int] = []
@@ -38,7 +38,7 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
-    """A context that appends the size of each matrix that `scipy.linalg.cho_factor` factors."""
+    """Append the size of each matrix that `scipy.linalg.cho_factor` factors in the block."""
     factor = scipy.linalg.cho_factor
 
     def recorded(matrix: np.ndarray, **options: bool) -> Any:
@@ -49,7 +49,7 @@ def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
 
 
 def _factorizations(sizes: list[int]) -> float:
-    """The time of Cholesky factorizations of these sizes by LAPACK, s."""
+    """Return the time of Cholesky factorizations of these sizes by LAPACK, s."""
     total = 0.0
     for size, count in Counter(sizes).items():
         M = np.eye(size) + 1.0

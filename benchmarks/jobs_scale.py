@@ -1,8 +1,9 @@
-"""Jobs that grow: time and memory against the number of points, flights, states, and the width of
-a network.
+"""Jobs that grow: time and memory over the number of points, flights or states, or the width of a
+network.
 
 `python -m benchmarks.jobs_scale points 1000` runs one job of that size and prints its time and
-memory; the time is without the start of the process and the import of the libraries."""
+memory. The time excludes the start of the process and the import of the libraries.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """A job at all its sizes, each in a new process."""
+    """Measure a job at all its sizes, each in a new process."""
     name, unit, sizes = _GROWING[job]
     measured = []
     for size in sizes[:2] if quick else sizes:
@@ -67,21 +68,22 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Trims of dihedral angles from 0 to 20 degrees, into a store."""
+    """Trim at dihedral angles from 0 to 20 degrees, into a store."""
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
     return lambda: stream_sweep(plan, folder / "store.zarr")
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Flights of the nonlinear aircraft in turbulence under the exact gain, step 1e-3 s, into a
-    store."""
+    """Fly the nonlinear aircraft in turbulence under the exact gain, step 1e-3 s, into a store."""
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
 
 def gain_plan(members: int, duration: float) -> MonteCarlo:
-    """The nonlinear aircraft under the exact gain at 15 degrees, step 1e-3 s."""
+    """Return the flight of the nonlinear aircraft under the exact gain at 15 degrees, step 1e-3
+    s.
+    """
     aircraft = hfa.aircraft()
     scenario = Scenario(duration, uncertainty=UNCERTAIN)
     model = level_model(aircraft, float(np.radians(15.0)))
@@ -92,13 +94,13 @@ def gain_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _states(count: int, folder: Path) -> Callable[[], object]:
-    """The exact solution of one game of so many states."""
+    """Solve one game of this number of states exactly."""
     game = random_game(count)
     return lambda: solve_game(game)
 
 
 def random_game(states: int, seed: int = 0) -> hfa.Game:
-    """A plant with eigenvalues on both sides of the axis, one input to three states."""
+    """Return a game with eigenvalues on both sides of the axis and one input for three states."""
     rng = np.random.default_rng(seed)
     inputs = max(1, states // 3)
     A = rng.standard_normal((states, states)) / np.sqrt(states)
@@ -108,7 +110,7 @@ def random_game(states: int, seed: int = 0) -> hfa.Game:
 
 
 def _networks(width: int, folder: Path) -> Callable[[], object]:
-    """The largest error of a policy network of random weights, sought in the usual box."""
+    """Search the largest error of a policy network of random weights in the usual box."""
     model = level_model(hfa.aircraft(), float(np.radians(15.0)))
     game = published_game(model.A, model.B)
     rng = np.random.default_rng(0)

@@ -1,5 +1,6 @@
-"""Two jobs timed in turn, and the figures of all comparisons: as tables, as a file, as a
-picture."""
+"""Two jobs timed in turn, and the figures of all comparisons as tables, as a file and as a
+picture.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +42,7 @@ _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):
-    """Medians over the repeats, seconds for one unit of work, and the median of the ratios pair by
-    pair."""
+    """Medians over the repeats, s for one unit of work, and the median of the ratios of pairs."""
 
     ours: float
     peer: float
@@ -50,7 +50,10 @@ class Comparison(NamedTuple):
 
     @classmethod
     def of(cls, ours: list[float], peer: list[float]) -> Comparison:
-        """From times measured in turn. ratio: peer / ours, how many times faster ours is."""
+        """Return the comparison of times measured in turn.
+
+        ratio: peer / ours, how many times faster ours is
+        """
         ratios = [b / a for a, b in zip(ours, peer, strict=True)]
         return cls(statistics.median(ours), statistics.median(peer), statistics.median(ratios))
 
@@ -63,10 +66,11 @@ def in_turn(
     *,
     repeats: int = 7,
 ) -> Comparison:
-    """Ours, peer, ours, peer, ... after one uncounted round: a drift of the machine's speed is fair
-    to both.
+    """Time ours, peer, ours, peer, ... after one uncounted round.
 
-    units: pieces of work in one call of each.
+    A drift of the machine's speed then affects both equally.
+
+    units: pieces of work in one call of each
     """
     ours()
     peer()
@@ -96,7 +100,7 @@ class Growth(NamedTuple):
 
     @property
     def slope(self) -> float:
-        """p of time ~ size^p, fitted to the larger half of the sizes."""
+        """Exponent p of time ~ size^p, fitted to the larger half of the sizes."""
         upper = self.sizes[-(len(self.sizes) // 2 + 1) :]
         logarithms = [(math.log(each.size), math.log(each.seconds)) for each in upper]
         return statistics.linear_regression(*zip(*logarithms, strict=True)).slope
@@ -105,7 +109,7 @@ class Growth(NamedTuple):
 class Limit(NamedTuple):
     """The least time that one unit of a job can take on this machine.
 
-    seconds: measured here and now
+    seconds: measured time
     what: the unavoidable work
     """
 
@@ -116,8 +120,8 @@ class Limit(NamedTuple):
 class Row(NamedTuple):
     """One comparison.
 
-    target: of the ratio
-    limit: None where nothing shorter than the job is known to be needed
+    target: required ratio
+    limit: limit of the job, or None where no shorter time is known to be needed
     """
 
     job: str
@@ -142,19 +146,19 @@ Results = Mapping[str, Sequence[Row | Growth]]
 
 
 def jobs() -> dict[str, str]:
-    """The name of each job and the module that has it, in the order of the table."""
+    """Return the name of each job and its module, in the order of the table."""
     return {name: module for module, names in SUBJECTS.items() for name in names}
 
 
 def rows_of(job: str, quick: bool) -> list[Row | Growth]:
-    """The figures of one job, measured here and now."""
+    """Measure one job and return its figures."""
     module = importlib.import_module(f"benchmarks.jobs_{jobs()[job]}")
     found: list[Row | Growth] = module.JOBS[job](quick)
     return found
 
 
 def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) -> float:
-    """The shortest time of a function, after one uncounted call: seconds a unit of work."""
+    """Return the shortest time of a function for a unit of work, s, after one uncounted call."""
     function()
     times = []
     for _ in range(repeats):
@@ -165,8 +169,10 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 
 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
-    """The comparison of median ratio among the runs of one row of the job of this name, with the
-    smallest and largest ratio, ready for JSON."""
+    """Return the comparison of median ratio among the runs of one row of this job, ready for JSON.
+
+    It has the smallest and the largest ratio too.
+    """
     by_ratio = sorted(runs, key=lambda run: run.timing.ratio)
     row = by_ratio[len(by_ratio) // 2]
     ours, peers, ratio = row.timing
@@ -187,7 +193,10 @@ def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
 
 
 def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """The figures of all rows; runs: of the same jobs."""
+    """Return the figures of all rows.
+
+    runs: runs of the same jobs
+    """
     found = []
     for name in runs[0]:
         rows = [[each for each in run[name] if isinstance(each, Row)] for run in runs]
@@ -196,7 +205,7 @@ def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """The jobs that grow of the first run, ready for JSON."""
+    """Return the jobs that grow of the first run, ready for JSON."""
     return [
         {
             "set": name,
@@ -212,7 +221,7 @@ def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def markdown(figures: Iterable[dict[str, Any]]) -> str:
-    """The figures as a table, one row each."""
+    """Return the figures as a table, one row each."""
     rows = []
     for each in figures:
         times = (value_text(each[name]) for name in ("ours", "peers"))
@@ -225,7 +234,7 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
 
 
 def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
-    """The jobs that grow as a table, one row each."""
+    """Return the jobs that grow as a table, one row each."""
     rows = []
     for each in grown:
         first, last = each["sizes"][0], each["sizes"][-1]
@@ -245,7 +254,7 @@ def limit_text(figure: Mapping[str, Any]) -> str:
 
 
 def value_text(value: float) -> str:
-    """A time, s, with a prefix that suits it."""
+    """Return a time, s, with a suitable prefix."""
     for factor, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if value >= factor:
             return f"{value / factor:.3g} {name}"
@@ -253,7 +262,7 @@ def value_text(value: float) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """Three digits, without a power of ten."""
+    """Return a ratio with three digits, without a power of ten."""
     return f"{float(f'{ratio:.3g}'):.12g}"
 
 
@@ -272,10 +281,11 @@ def machine() -> dict[str, str]:
 
 
 def store(runs: Sequence[Results]) -> dict[str, Any]:
-    """Write results.json and return it. Jobs that were not run, or have no figures here, keep
-    theirs if the machine is the same.
+    """Write results.json and return its content.
 
-    runs: of the same jobs, but for jobs that grow, which run once.
+    Jobs that were not run, or have no figures here, keep theirs if the machine is the same.
+
+    runs: runs of the same jobs, except for jobs that grow, which run once
     """
     new: dict[str, Any] = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
@@ -290,7 +300,9 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 
 
 def show(data: Mapping[str, Any]) -> None:
-    """Write the tables of both pages: a missed target is on the first, a new row on the second."""
+    """Write the tables of both pages. A missed target is on the first page, a new row on the
+    second.
+    """
     first, second = (page.read_text("utf-8") for page in PAGES)
     on_first = [
         each
@@ -304,7 +316,7 @@ def show(data: Mapping[str, Any]) -> None:
 
 
 def with_table(page: str, table: str) -> str:
-    """The page with this table in place of the one with the same heads."""
+    """Return the page with this table in place of the one with the same header."""
     heads = table.splitlines()[0]
     before, found, after = page.partition(heads)
     assert found, f"the page has no table {heads}"
@@ -320,8 +332,10 @@ def stored() -> dict[str, Any]:
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Draw bars of the ratios, those below 1 in orange, with targets and limits; curves of time and
-    memory against size."""
+    """Draw bars of the ratios, and curves of time and memory over size.
+
+    Ratios below 1 are orange. Targets and limits are marked.
+    """
     bars = data["figures"]
     picture = new_figure(11.0, 0.42 * len(bars) + 4.4)
     parts = picture.subfigures(2, 1, squeeze=False, height_ratios=[0.42 * len(bars) + 0.6, 3.2])

@@ -1,5 +1,7 @@
-"""Sphinx configuration: pages of commands, formats and public names are generated from the code at
-every build."""
+"""Sphinx configuration.
+
+Pages of commands, formats and public names are generated from the code at every build.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 
 def commands_page() -> str:
-    """The complete help of every command."""
+    """Return the complete help of every command."""
     aircraft = hfa.aircraft()
     parts = ["# Commands"]
     for name, entry in commands().items():
@@ -88,7 +90,7 @@ generate()
 
 
 def setup(app: Any) -> None:
-    """Plain docstrings, and links to files of the repository that are no pages."""
+    """Register plain docstrings, and links to files of the repository that are not pages."""
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)
     app.connect("build-finished", _without_dead_links_back)

@@ -1,7 +1,8 @@
-"""Docstrings are plain text; here they become the format of Sphinx.
+"""Conversion of docstrings, which are plain text, to the format of Sphinx.
 
-A line "name: text" that names an argument becomes that parameter's text; one that names an
-attribute of a class becomes the text of the attribute's own entry."""
+A line "name: text" that names an argument becomes that parameter's text. One that names an
+attribute of a class becomes the text of the attribute's own entry.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list
 
 
 def describe_attributes(owner: type) -> None:
-    """Hand Sphinx the text of each attribute, as if it were in a comment at its definition."""
+    """Give Sphinx the text of each attribute, as if it were in a comment at its definition."""
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())
     if owner is Parameters:
@@ -55,8 +56,10 @@ def describe_attributes(owner: type) -> None:
 
 
 def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
-    """(names, lines) of each part: an entry "name: text" has its names and its text, prose has no
-    names. A continuation of an entry is indented deeper than the entry."""
+    """Yield (names, lines) of each part. An entry "name: text" has names, and prose has none.
+
+    A continuation of an entry is indented deeper than the entry.
+    """
     names: list[str] = []
     lines: list[str] = []
     for line in text:
@@ -75,18 +78,18 @@ def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
 
 
 def _parted(lines: list[str]) -> tuple[list[str], list[str]]:
-    """(text, examples): the examples begin with the first `>>>`."""
+    """Return (text, examples). The examples begin with the first `>>>`."""
     begin = next((i for i, line in enumerate(lines) if line.startswith(">>>")), len(lines))
     return lines[:begin], lines[begin:]
 
 
 def _members(owner: type) -> set[str]:
-    """The attributes that a class and those it inherits from declare."""
+    """Return the attributes that a class and its bases declare."""
     return {name for base in owner.__mro__ for name in inspect.get_annotations(base)}
 
 
 def _parameters(routine: Any) -> dict[str, list[str]]:
-    """Parameter -> its text, none yet."""
+    """Return parameter -> its text, which is empty at first."""
     names = [name for name in inspect.signature(routine).parameters if name not in ("self", "cls")]
     return {name: [""] for name in names}
 

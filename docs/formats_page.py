@@ -27,7 +27,7 @@ in a column of units. The first row of its last column, `about`, names the sourc
 
 
 def formats_page() -> str:
-    """A table of keys for each output, then for the parts that outputs share."""
+    """Return a table of keys for each output, then for the parts that outputs share."""
     definitions = formats()["$defs"]
     outputs = [entry["$ref"].rpartition("/")[2] for entry in formats()["oneOf"]]
     parts = [_HEAD]

@@ -34,7 +34,7 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names of a package, from its stub; those that most examples use first."""
+    """Return the public names of a package, from its stub, the most used in examples first."""
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]

@@ -1,2 +1,4 @@
-"""Studies: questions answered with the packages, as a user would. Not installed; nothing installed
-imports them."""
+"""Studies, which answer questions with the packages as a user would.
+
+They are not installed, and no installed package imports them.
+"""

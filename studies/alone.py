@@ -13,6 +13,6 @@ if TYPE_CHECKING:
 
 
 def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
-    """Run a command as a separate program; return its exit code, like `main`."""
+    """Run a command as a separate program, and return its exit code like `main`."""
     words = list(sys.argv[1:] if argv is None else argv)
     return reported(words, lambda words: (command, program, words))

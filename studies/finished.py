@@ -1,4 +1,4 @@
-"""Finished parts of a long job, in files that are known again by what decided their numbers."""
+"""Finished parts of a long job, in files that are identified by the settings of their numbers."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ from hfa_support.version import VERSION
 
 
 def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
-    """The version that makes a result, and a hash of everything else that decides its numbers (JSON
-    values)."""
+    """Return the version that makes a result, and a hash of all other settings of its numbers.
+
+    The settings are JSON values.
+    """
     return {"toolchain": VERSION, "identity": _digest(jsonable(decides))}
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the stored content of a finished part, as JSON values: the content, a time stamp, and
-    a digest."""
+    """Return the stored content of a finished part, as JSON values: content, stamp and digest."""
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
     return whole | {"digest": _digest(whole)}
 
 
 def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The JSON object in a file, if it has today's stamp and is unchanged; else None."""
+    """Return the JSON object in a file, or None unless it has the present stamp and is
+    unchanged.
+    """
     try:
         data = read_json(path)
         known = data["digest"] == _digest(data) and stamp(decides).items() <= data.items()
@@ -47,8 +50,8 @@ def row_by_row(
 
     Each new row is stored at once. Stored rows of other settings or another version are discarded.
 
-    names: of all aircraft
-    asked: aircraft of the new rows; None: those without a stored row
+    names: names of all aircraft
+    asked: aircraft of the new rows, or None for those without a stored row
     decides: settings of all rows (JSON values), stored with them
     row_of: name -> row, with the name as "aircraft"
     """
@@ -63,7 +66,9 @@ def row_by_row(
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Return a digest of the content without the digest, the date and the command: equal for equal
-    results."""
+    """Return a digest of the content without the digest, the date and the command.
+
+    It is equal for equal results.
+    """
     told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

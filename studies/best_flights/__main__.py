@@ -1,8 +1,9 @@
-"""Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg, within two sets
-of limits: exact game policy, exact LQR, learned critic, best flight found.
+"""Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg.
 
-Writes FOLDER/best_flights.json, which `hfa report --flights` shows, and FOLDER/best_flights.png.
-Takes half a minute of computing."""
+The flights are those of the exact game policy, the exact LQR, a learned critic and the best flight
+found, within two sets of limits. Writes FOLDER/best_flights.json, which `hfa report --flights`
+shows, and FOLDER/best_flights.png. Takes half a minute of computing.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +51,11 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
 def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
-    """Return the best flight found from x(0), with the exact LQR, the policy of a critic that
-    `hfa learn` learns, and the exact game policy."""
+    """Return the best flight found from x(0), with those of three policies.
+
+    They are the exact LQR, the policy of a critic that `hfa learn` learns, and the exact game
+    policy.
+    """
     game = hfa.paper.published_game(linear)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
     search = BestFlights(problem)
@@ -69,7 +73,7 @@ def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, flo
 
 
 def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
-    """A row of the table."""
+    """Return a row of the table."""
     linear, learned, exact = best.policies
     return {
         "dihedral_deg": degrees,
@@ -87,7 +91,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
 
 
 def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
-    """State or moved input -> its lowest and highest value."""
+    """Return state or moved input -> its lowest and highest value."""
     envelope = problem.envelope
     pairs = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
     limits = {name: list(pair) for name, pair in zip(envelope.names, pairs, strict=True)}
@@ -118,7 +122,7 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
 
 
 def drawn(flights: Sequence[BestFlight]) -> Figure:
-    """A column for each angle: the best flight found and that of the exact game policy."""
+    """Draw a column for each angle: the best flight found and that of the exact game policy."""
     figure = new_figure(10.0, 7.0)
     panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
     for column, (degrees, best) in enumerate(zip(DEGREES, flights, strict=True)):
@@ -134,7 +138,9 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
 
 
 def _draw(axes: Axes, best: BestFlight, name: str) -> None:
-    """A signal of both flights, with its limits; the view is that of the limits, or of the best."""
+    """Draw a signal of both flights, with its limits. The view is that of the limits, or of the
+    best.
+    """
     unit = best.model.unit(name)
     limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
     exact = best.compared[-1]

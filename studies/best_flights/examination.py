@@ -1,7 +1,9 @@
-"""Best flights from many seeded starts of twelve aircraft: how many are found, why others are
-refused, and whether an integrator of SciPy on each model's own equations confirms the costs.
+"""Best flights from many seeded initial conditions of twelve aircraft.
 
-Writes FOLDER/examination.json, aircraft by aircraft, and goes on where it was interrupted."""
+The study counts the flights that are found and states why others are refused. An integrator of
+SciPy on each model's own equations computes the costs a second time. Writes
+FOLDER/examination.json, aircraft by aircraft, and continues an interrupted run.
+"""
 
 from __future__ import annotations
 
@@ -54,8 +56,10 @@ _SEED = 0
 
 
 def problem_of(source: str) -> FlightProblem:
-    """The flights of an aircraft to its default trim, for the flexible one with the paper's Q,
-    R."""
+    """Return the flights of an aircraft to its default trim.
+
+    For the flexible aircraft Q and R are the paper's.
+    """
     if source not in ("published", "newton"):
         model = hfa.load_model(source)
         return flight_problem(model, hfa.find_operating_point(model))
@@ -67,7 +71,7 @@ def problem_of(source: str) -> FlightProblem:
 
 @cache
 def rates_of(problem: FlightProblem) -> BoundFunction:
-    """(X, U) -> the rates of all states, by the model's own equations."""
+    """Return the function (X, U) -> rates of all states, by the model's own equations."""
     model = problem.model
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
@@ -77,11 +81,12 @@ def rates_of(problem: FlightProblem) -> BoundFunction:
 
 
 def independent_cost(problem: FlightProblem, flown: Flown) -> float:
-    """The cost of a flight by DOP853 of SciPy on the model's equations, with the linear cost of its
-    end.
+    """Return the cost of a flight by DOP853 of SciPy on the model's equations.
 
-    The inputs are those of the flight, linear between its rows; the linear policy about its states
-    keeps rounding from growing, within the limits of the inputs."""
+    It includes the linear cost of the flight's end. The inputs are those of the flight, linear
+    between its rows. The linear policy about its states, within the limits of the inputs, prevents
+    the growth of rounding errors.
+    """
     trim_x = np.array(problem.point.states)
     trim_u = np.array(problem.point.inputs)
     lowest, highest = problem.input_limits
@@ -117,7 +122,7 @@ def independent_cost(problem: FlightProblem, flown: Flown) -> float:
 
 
 def examined(name: str, source: str, count: int) -> dict[str, Any]:
-    """A row of the table."""
+    """Return a row of the table."""
     problem = problem_of(source)
     search = BestFlights(problem, count)
     flights: list[dict[str, Any]] = []
@@ -166,7 +171,7 @@ def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> Table:
-    """One row an aircraft."""
+    """Return one row for each aircraft."""
     lines = []
     for row in rows:
         ratio = row["linear_over_best"]

@@ -1,8 +1,9 @@
-"""Proved lower bounds of the cost of five aircraft, over the best flights found from seeded initial
-conditions, and many other flights over them.
+"""Proved lower bounds of the cost for five aircraft, compared with flights.
 
-Writes FOLDER/bounds.json, aircraft by aircraft, and goes on where it was interrupted. Takes a
-quarter of an hour of computing."""
+The flights are the best flights found from seeded initial conditions, and many others. Writes
+FOLDER/bounds.json, aircraft by aircraft, and continues an interrupted run. Takes a quarter of an
+hour of computing.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,9 @@ _SEED = 0
 
 
 class Bounded(NamedTuple):
-    """An aircraft, degree and margin of W, and number of flights over the bound."""
+    """An aircraft with degree and margin of W, and the number of flights compared with the
+    bound.
+    """
 
     model: Callable[[], hfa.Model]
     degree: int
@@ -75,7 +78,7 @@ def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any
 
 
 def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """One row an aircraft."""
+    """Return one row for each aircraft."""
     lines = []
     for row in rows:
         over_best, other = row["bound_over_best"], row["flights"]
@@ -99,7 +102,7 @@ def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Prove, fly, store and print; exit 1 where a flight costs less than the bound."""
+    """Prove, fly, store and print. Exit code 1 where a flight costs less than the bound."""
     parser = argparse.ArgumentParser("python -m studies.bounds", description=__doc__)
     parser.add_argument("--aircraft", action="append", choices=list(AIRCRAFT), metavar="NAME")
     parser.add_argument("--starts", type=int, default=30, metavar="N")

@@ -1,4 +1,4 @@
-"""Many flights to the trim, whose costs no lower bound exceeds."""
+"""Many flights to the trim, each of which costs at least a true lower bound."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _SIZES = (0.0, 0.1, 1.0)
 
 
 class FlownAbove(NamedTuple):
-    """Flights over a lower bound.
+    """Flights compared with a lower bound.
 
-    flights: that end at the trim within the limits
-    below: of these, those that cost less than the bound
-    least, median: cost over the bound
+    flights: number of flights that end at the trim within the limits
+    below: number of these that cost less than the bound
+    least, median: cost divided by the bound
     """
 
     flights: int
@@ -46,13 +46,14 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Fly until so many flights have ended at the trim; half begin at a face of the usual box.
+    """Fly until the required number of flights have ended at the trim.
 
-    One flight of three has the inputs of least rate of the bound plus running cost, to first order;
-    one the gain of the linear optimum; one this gain with each row scaled. Pulses are added.
+    Half of the flights begin at a face of the usual box. One flight of three has the inputs of
+    least rate of the bound plus running cost, to first order. One has the gain of the linear
+    optimum, and one this gain with each row scaled. Pulses are added.
 
     problem: flights to the trim
-    bound: of their cost
+    bound: lower bound of their cost
     """
     random = np.random.default_rng(seed)
     half = usual_box(problem)
@@ -86,13 +87,14 @@ def flown_costs(
     pulses: np.ndarray,
     most: int,
 ) -> np.ndarray:
-    """(N,), costs of flights from z (N, n) with the linear cost of their ends; inf for those that
-    leave the limits or do not end at the trim.
+    """Return the costs of flights from z (N, n) with the linear cost of their ends, (N,).
 
-    one_step: of `step_function`
+    The cost is inf for flights that leave the limits or do not end at the trim.
+
+    one_step: result of `step_function`
     settings: (N, 1 + m), its third argument
     pulses: (pulses, N, m), added to the inputs one after the other
-    most: steps of a flight
+    most: largest number of steps of a flight
     """
     lowest, highest = problem.state_limits
     costs = np.full(len(z), np.inf)
@@ -118,9 +120,12 @@ def flown_costs(
 
 
 def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> ca.Function:
-    """(z, pulse, [1 for the inputs of least rate or 0 for the gain, factors of its rows]) -> z
-    after a step of Runge and Kutta's method with constant inputs, and its cost by Simpson's
-    rule."""
+    """Return the function (z, pulse, settings) -> z after a step, and the cost of the step.
+
+    The step is one of the Runge-Kutta method with constant inputs. The cost follows from Simpson's
+    rule. The settings are 1 for the inputs of least rate or 0 for the gain, and factors of the
+    gain's rows.
+    """
     n, m = len(problem.states), len(problem.inputs)
     z, pulse, settings = ca.SX.sym("z", n), ca.SX.sym("pulse", m), ca.SX.sym("settings", 1 + m)
     of_states, of_inputs = (ca.DM(size) for size in problem.sizes)
@@ -149,7 +154,7 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
 
 
 def gradient(bound: CostStatement, z: ca.SX) -> ca.SX:
-    """(n,), of the largest piece of a bound at z."""
+    """Return the gradient of the largest piece of a bound at z, (n,)."""
     largest, slope = ca.SX(0), ca.SX.zeros(z.shape)
     for piece in bound.pieces:
         M = ca.DM(piece.M)

@@ -1,10 +1,10 @@
 """Bands of `hfa identify` on records that SciPy's integrator flies, and planted faults.
 
 `python -m studies.coverage [COUNT [POLE [FIRST]]]` identifies seven parameters, 50 % off, from
-COUNT records (200 without it) with white noise and with noise of a pole of 0.9 and 0.98, or of POLE
-alone (0 is white), and prints how many searches converge, how many bands of 95 % hold, and the
-first findings of failures. FIRST is the seed of the first record, 0 without it. `python -m
-studies.coverage faults` plants faults in records with white noise.
+COUNT records (by default 200). The noise is white, or has a pole of 0.9 and of 0.98. With POLE it
+has this pole alone (0 is white). The study prints how many searches converge, how many bands of 95
+% hold, and the first findings of failures. FIRST is the seed of the first record, by default 0.
+`python -m studies.coverage faults` plants faults in records with white noise.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def flown(model: Model) -> Columns:
 
 
 def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
-    """Return the columns with noise of the sensors, its autocorrelation pole^lag."""
+    """Return the columns with noise of the sensors, whose autocorrelation is pole^lag."""
     random = np.random.default_rng(seed)
     noisy = dict(columns)
     for name, size in SENSORS.items():
@@ -72,7 +72,10 @@ def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
 
 
 def coverage(model: Model, columns: Columns, count: int, pole: float, first: int) -> None:
-    """Print the row of the records with one noise. first: seed of the first record."""
+    """Print the row of the records with one noise.
+
+    first: seed of the first record
+    """
     begun = model.with_parameters(**{n: _OFF * model.parameters[n].start for n in FREE})
     held = converged = failed = 0
     findings: Counter[str] = Counter()

@@ -1,8 +1,10 @@
-"""How far policies of PPO, A2C, SAC and TD3 are from the best flight found, on seven aircraft.
+"""Cost of policies of PPO, A2C, SAC and TD3 above the best flight found, on seven aircraft.
 
-Trains with the default settings of Stable-Baselines3, flies each policy and the linear optimum from
-the same initial conditions as the best flights, and writes FOLDER/gap.json and FOLDER/gap.png.
-Results of an earlier run are kept. Takes hours; needs the extra training and the package jsbsim."""
+The study trains with the default settings of Stable-Baselines3. It flies each policy and the linear
+optimum from the same initial conditions as the best flights. It writes FOLDER/gap.json and
+FOLDER/gap.png. Results of an earlier run are kept. Takes hours; needs the extra training and the
+package jsbsim.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,7 @@ HEADER = (
 def runs_of(
     tasks: Iterable[Task], algorithms: Sequence[str], seeds: int, folder: Path
 ) -> list[Run]:
-    """Every policy of the study, the first seed of all before the second of any."""
+    """Return every policy of the study, the first seed of all before the second of any."""
     return [
         Run(task, algorithm, seed, folder / "policies")
         for seed in range(1, seeds + 1)
@@ -62,7 +64,9 @@ def train_missing(runs: Sequence[Run]) -> None:
 
 
 def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]:
-    """The judgement of an aircraft's policies: an earlier one, where it is of the same files."""
+    """Return the judgement of an aircraft's policies, from an earlier run if it is of the same
+    files.
+    """
     found = [(run, run.trained()) for run in runs]
     trained = [(run, record) for run, record in found if record is not None]
     decides = {
@@ -86,7 +90,7 @@ def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]
 
 
 def rows_of(aircraft: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Rows of the table: the linear optimum, then each algorithm over its seeds."""
+    """Return rows of the table: the linear optimum, then each algorithm over its seeds."""
     starts = aircraft["starts"]
     rows = [_row(aircraft["aircraft"], "LQR, clipped", [aircraft["lqr"]], starts)]
     for algorithm in BUDGETS:
@@ -116,7 +120,7 @@ def _row(
 
 
 def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
-    """The median over the seeds of the medians, or the worst of all."""
+    """Return the median over the seeds of the medians, or the worst of all."""
     values = [each[key][which] for each in summaries if each[key] is not None]
     if not values:
         return "-"
@@ -124,8 +128,10 @@ def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
 
 
 def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
-    """Median cost over the best flight found, a row of marks for each aircraft; policies none of
-    whose flights stay within the envelope are drawn at the right edge."""
+    """Draw the median cost over the best flight found, with a row of marks for each aircraft.
+
+    Policies without a flight that stays within the envelope are drawn at the right edge.
+    """
     figure = new_figure(9.0, 5.5)
     axes = figure.subplots()
     names = [each["aircraft"] for each in aircraft]

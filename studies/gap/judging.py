@@ -34,8 +34,8 @@ class Outcome:
     """The flight of a policy from one initial condition.
 
     stays: whether it stays within the flight envelope.
-    converges: whether it does so and ends at the trim.
-    cost: of its whole horizon, without the time after it.
+    converges: whether it stays and ends at the trim.
+    cost: cost of its whole horizon, without the time after it.
     """
 
     stays: bool
@@ -44,7 +44,7 @@ class Outcome:
 
 
 def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) -> dict[str, Any]:
-    """The policies of an aircraft, flown from the same initial conditions as the best flights."""
+    """Fly the policies of an aircraft from the same initial conditions as the best flights."""
     point = task.point()
     problem = flight_problem(point.model, point, *cost_of(point))
     search = BestFlights(problem, STARTS)
@@ -103,14 +103,16 @@ def _outcome(flown: Flown) -> Outcome:
 def summary(
     column: Sequence[Outcome], best: Sequence[float | None], lqr: Sequence[Outcome]
 ) -> dict[str, Any]:
-    """Return the number of flights of a policy that stay, the number that end at the trim, and the
-    costs of those that stay.
+    """Return the numbers of flights of a policy that stay and that end at the trim, and their
+    costs.
 
-    best: cost of the best flight found from each initial condition, or None where none was
+    The costs are those of the flights that stay. `over_best` and `over_lqr` are the median and the
+    worst ratio of costs over the same horizon, or None without one. A flight that does not end at
+    the trim continues to cost more.
+
+    best: cost of the best flight found from each initial condition, or None
     lqr: flights of the linear optimum
-
-    `over_best` and `over_lqr` are the median and the worst ratio of costs over the same horizon, or
-    None without one. A flight that does not end at the trim goes on to cost more."""
+    """
     over_best = [
         each.cost / least
         for each, least in zip(column, best, strict=True)
@@ -136,8 +138,11 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """The sampled loop at its equilibrium: spectral radius, and the first delay with which it is
-    unstable, s, or None where it is unstable without, or none was found."""
+    """Return the spectral radius of the sampled loop at its equilibrium, and its first unstable
+    delay, s.
+
+    The delay is None where the loop is unstable without delay, or no unstable delay was found.
+    """
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]
     stable = assessed.radius < 1.0

@@ -2,8 +2,9 @@
 
 Every state of the linear model is observed, in half-widths of its initial-condition box. Every
 input moves, as far as its nearer limit on either side of the trim. The cost is Bryson's: 1 for each
-state at its half-width and for each input at its limit. Nothing is chosen for one aircraft
-alone."""
+state at its half-width and for each input at its limit. No setting is chosen for one aircraft
+alone.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ SAMPLE_TIME = 0.05
 class Task:
     """An aircraft at a trim.
 
-    name: in the table.
-    aircraft: as `--aircraft` takes it, or None for the flexible aircraft.
+    name: name in the table.
+    aircraft: the option `--aircraft`, or None for the flexible aircraft.
     hold: the imposed values of the trim, in the units of the model.
     """
 
@@ -52,10 +53,11 @@ TASKS = (
 
 
 def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Deployment:
-    """The deployment of a policy about a trim.
+    """Return the deployment of a policy about a trim.
 
-    policy: a zip of Stable-Baselines3, trained without a normalizer of observations; None where it
-        is still to be trained"""
+    policy: a zip of Stable-Baselines3, trained without a normalizer of observations, or None where
+        it is still to be trained
+    """
     reaches = _reaches(point)
     action = {
         name: {"box": [-1, 1], "map": f"trim + {reach!r} * a"} for name, reach in reaches.items()
@@ -71,20 +73,20 @@ def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Depl
 
 
 def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
-    """Diagonals of Q and R: state or input -> its weight, by Bryson's rule."""
+    """Return the diagonals of Q and R, state or input -> its weight, by Bryson's rule."""
     Q = {name: width**-2 for name, width in _widths(point).items()}
     R = {name: reach**-2 for name, reach in _reaches(point).items()}
     return Q, R
 
 
 def _widths(point: OperatingPoint) -> dict[str, float]:
-    """State of the linear model -> half-width of its box of initial conditions."""
+    """Return state of the linear model -> half-width of its box of initial conditions."""
     model = point.model
     return dict(zip(model.linear, start_box(model, point).tolist(), strict=True))
 
 
 def _reaches(point: OperatingPoint) -> dict[str, float]:
-    """Input -> distance from its nearer limit at the trim."""
+    """Return input -> distance from its nearer limit at the trim."""
     reaches = {}
     for name, signal in point.model.inputs.items():
         value = float(getattr(point.inputs, name))

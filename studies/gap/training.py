@@ -29,9 +29,9 @@ class Run:
     """One policy.
 
     task: the aircraft.
-    algorithm: of Stable-Baselines3.
-    seed: of the network, the noise and the initial conditions.
-    folder: where its files are stored.
+    algorithm: algorithm of Stable-Baselines3.
+    seed: seed of the network, the noise and the initial conditions.
+    folder: folder of its files.
     """
 
     task: Task
@@ -56,7 +56,7 @@ class Run:
         return self.folder / f"{self.name}.json"
 
     def decides(self) -> dict[str, Any]:
-        """All that decides the policy, but the versions of the libraries."""
+        """All settings of the policy, except the versions of the libraries."""
         steps, episodes = BUDGETS[self.algorithm]
         return {
             "aircraft": self.task.aircraft,
@@ -75,7 +75,7 @@ class Run:
         return finished(self.record, self.decides())
 
     def train(self) -> dict[str, Any]:
-        """Train the policy and store it; its record."""
+        """Train the policy, store it, and return its record."""
         import stable_baselines3
         import torch
         from stable_baselines3.common.vec_env import VecNormalize

@@ -1,1 +1,1 @@
-"""Which parameters the printed matrices determine, and how far to trust them."""
+"""Parameters that the printed matrices determine, and their accuracy."""

@@ -20,7 +20,7 @@ PARAMETERS = ".toml"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentificationRequest(OutputOptions):
-    """The parameters, identified."""
+    """Request of the identification."""
 
     seed: int = option("seed of the rough guesses; default 0", "N", whole(0), default=0)
     output: Path | None = output_option(PARAMETERS, purpose=" (the parameters)")

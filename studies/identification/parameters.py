@@ -1,8 +1,10 @@
-"""The aircraft behind the printed matrices: weighted least squares over both pairs and their trims,
-and the evidence.
+"""The aircraft behind the printed matrices, by weighted least squares over both pairs and their
+trims.
 
-Unknown are the parameters; the trim inputs, which the paper does not print, follow from them and
-are solved for at every step. Each printed entry weighs with half a unit of its last digit."""
+The parameters are the unknowns. The paper does not print the trim inputs, which follow from the
+parameters and are solved for at every step. Each printed entry has the weight of half a unit of its
+last digit.
+"""
 
 from __future__ import annotations
 
@@ -90,7 +92,7 @@ _START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
-    """The published structure with one method of Newton's."""
+    """Return the published structure with one method of Newton's."""
     changed: type[Published] = type(
         f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
     )
@@ -112,12 +114,12 @@ class Fit:
     """One least-squares fit.
 
     parameters: with sources and covariance.
-    inputs: fitted trim inputs, one `Input` a printed angle.
+    inputs: fitted trim inputs, one `Input` for each printed angle.
     sum_of_squares: Σ (difference / half unit)² over the printed entries.
-    entries: how many of them some parameter moves.
+    entries: number of entries that some parameter moves.
     largest: the largest |difference| / half unit.
-    expected_sum: the sum of squares that rounding alone gives on average, trace((I - H) C).
-        C is the covariance of the rounding errors, H the projection onto the weighted Jacobian.
+    expected_sum: the mean sum of squares due to rounding alone, trace((I - H) C). C is the
+        covariance of the rounding errors, H the projection onto the weighted Jacobian.
     singular_values: of the weighted Jacobian in relative parameters.
     directions: rows are their parameter combinations.
     """
@@ -145,7 +147,7 @@ class Fit:
 
 
 class Structure(NamedTuple):
-    """A structure tried, and the best that it reaches on the print."""
+    """A structure that was tried, and its best fit to the print."""
 
     description: str
     sum_of_squares: float
@@ -156,8 +158,8 @@ class Structure(NamedTuple):
 class Identification(Reported):
     """The published structure's fit, and the evidence.
 
-    starts: sum of squares that each seeded start reached
-    tables: printed angle (deg) -> entries
+    starts: sum of squares that each seeded start reached.
+    tables: printed angle (deg) -> entries.
     """
 
     fit: Fit
@@ -166,7 +168,7 @@ class Identification(Reported):
     structures: tuple[Structure, ...]
 
     def report(self) -> Report:
-        """The whole evidence."""
+        """Return the whole evidence."""
         fit = self.fit
         parameters = self.fit.parameters
         combinations = []
@@ -239,8 +241,10 @@ class Identification(Reported):
 
 
 def run_identification(seed: int = 0, progress: Progress | None = None) -> Identification:
-    """Identify, then collect the evidence; a few seconds. progress: called with (stages done,
-    stages in all)."""
+    """Identify, then collect the evidence, in a few seconds.
+
+    progress: called with (finished stages, all stages)
+    """
     best, starts = identify(seed)
     aircraft = hfa.aircraft(Published(), best.parameters.values)
     rng = np.random.default_rng(seed)
@@ -267,10 +271,11 @@ def _agreeing(sums: Sequence[float]) -> int:
 
 
 def identify(seed: int = 0) -> tuple[Fit, list[float]]:
-    """The published structure fitted to both printed pairs from `STARTS` seeded rough guesses.
+    """Fit the published structure to both printed pairs from `STARTS` seeded rough guesses.
 
-    Returns the best fit and the sum of squares that each start reached. Raises NoSolutionError when
-    fewer than half of the starts agree on the best."""
+    The best fit and the sum of squares that each start reached are returned. Raises NoSolutionError
+    when fewer than half of the starts agree on the best.
+    """
     noises = np.random.default_rng(seed).normal(size=(STARTS, len(IDENTIFIED))) * _START_SPREAD
     noises[0] = 0.0
     fits = [fit(published_models(), Published(), noise=noise) for noise in noises]
@@ -286,12 +291,15 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
 def fit(
     models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None
 ) -> Fit:
-    """min_p Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)²,  U(p) the trim inputs:
-    f(p, U(p)) = 0.
+    """Return the fit of least Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)².
 
-    models: printed pairs to fit. structure: the equations. noise: added to the log of the rough
-    guess. Solved by Levenberg-Marquardt on exact Jacobians, the inputs eliminated by the implicit
-    function theorem (variable projection)."""
+    U(p) are the trim inputs, f(p, U(p)) = 0. The method is Levenberg-Marquardt on exact Jacobians.
+    The inputs are eliminated by the implicit function theorem (variable projection).
+
+    models: printed pairs to fit
+    structure: the equations
+    noise: added to the log of the rough guess
+    """
     from scipy.optimize import least_squares
 
     problem = _Problem(models, structure)
@@ -309,8 +317,9 @@ def fit(
 
 
 class _Problem:
-    """The weighted entries of the printed pairs and their Jacobian as functions of the unknown
-    parameters θ."""
+    """The weighted entries of the printed pairs and their Jacobian as functions of the parameters
+    θ.
+    """
 
     def __init__(self, models: Sequence[PublishedModel], structure: Variant) -> None:
         own = replace(hfa.aircraft(), equations=Equations(structure))
@@ -336,8 +345,10 @@ class _Problem:
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """The free inputs that balance each printed condition, by Newton's method (the loads are
-        nearly affine)."""
+        """Return the free inputs that balance each printed condition, by Newton's method.
+
+        The loads are nearly affine in the inputs.
+        """
         self._p[self._known] = theta
         values = dict(zip(Parameters._fields, self._p, strict=True))
         columns = {name: np.full(len(self._held), value) for name, value in values.items()}
@@ -348,10 +359,10 @@ class _Problem:
         return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(entry - print) / half unit of every printed entry that the structure can move, and its
-        Jacobian with the trim's share in it.
+        """Return (entry - print) / half unit of every printed entry that moves, and its Jacobian.
 
-        The last answer is kept: the solver requests values and Jacobian one after the other.
+        The Jacobian includes the contribution of the trim. The last result is cached, because the
+        solver requests values and Jacobian one after the other.
         """
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []
@@ -419,11 +430,12 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Covariance of the entries' rounding errors, in half units²: an entry rounded to a unit of 2h
-    has h²/3.
+    """Return the covariance of the entries' rounding errors, in half units².
 
-    Entries with equal derivatives are one number printed at both angles, as B(speed, throttle) is:
-    they were rounded alike, and the second of them tells nothing new."""
+    An entry rounded to a unit of 2h has the variance h²/3. Entries with equal derivatives are one
+    number printed at both angles, such as B(speed, throttle). They were rounded alike, so that the
+    second contains no new information.
+    """
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

@@ -1,1 +1,1 @@
-"""JSBSim's 60 aircraft: its trims, ours, and ours measured in JSBSim."""
+"""JSBSim's 60 aircraft: its trims and those of this project, measured in JSBSim."""

@@ -1,6 +1,6 @@
 """JSBSim's 60 aircraft: its own trims and ours at the same conditions, ours measured in JSBSim.
 
-Writes studies/jsbsim/results.json and its sums into README.md. Needs the package jsbsim; takes
+Writes studies/jsbsim/results.json and its sums into README.md. Needs the package jsbsim and takes
 about ten minutes on one core. `--only NAME` runs one aircraft and keeps the rows of the others.
 """
 
@@ -26,7 +26,7 @@ _END = "<!-- end of the sums -->"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """0: the results are written. 2: JSBSim is not installed."""
+    """Return 0 where the results are written, and 2 where JSBSim is not installed."""
     parser = argparse.ArgumentParser("python -m studies.jsbsim", description=__doc__)
     parser.add_argument("--only", action="append", default=[], metavar="NAME")
     parser.add_argument("--workers", type=int, default=1, metavar="N")

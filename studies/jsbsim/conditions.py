@@ -1,7 +1,7 @@
-"""Climb, descent, turn, sideslip and glide, each of three aircraft, measured in JSBSim; and what
-JSBSim's own earth, which turns and is flattened, changes of a level trim.
+"""Climb, descent, turn, sideslip and glide, each of three aircraft, measured in JSBSim.
 
-`python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
+A second table shows the effect of JSBSim's own earth, which turns and is flattened, on a level
+trim. `python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _trimmed(
 
 
 def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:
-    """The largest difference of JSBSim's accelerations from those of a steady flight."""
+    """Return the largest difference of JSBSim's accelerations from those of a steady flight."""
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     _, point = _trimmed(name, held, free, gravity)
     item = {
@@ -76,9 +76,10 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
 
 
 def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:
-    """By how much alpha, deg, and throttle of a level trim are off on JSBSim's own earth.
+    """Return the error of alpha, deg, and throttle of a level trim on JSBSim's own earth.
 
-    What JSBSim accelerates downwards at our trim there is missing of gravity."""
+    The downward acceleration of JSBSim at our trim there is the difference of gravity.
+    """
     _, point = _trimmed(name, held, (), GRAVITY)
     state = point.states._asdict() | {"yaw": math.radians(heading)}
     item: dict[str, Any] = {

@@ -1,8 +1,9 @@
-"""A and B compared with differences of JSBSim's accelerations, thrust at five throttles, and the
-response to a pulse of the elevator in 10 s, for aircraft of all kinds.
+"""A and B, thrust and responses of aircraft of all kinds, compared with JSBSim.
 
-`python -m studies.jsbsim.dynamics [NAME ...]` prints a line an aircraft. Propellers and governors
-are in equilibrium at each state, in JSBSim and here: A and B are those of the other states.
+A and B are compared with differences of JSBSim's accelerations, thrust at five throttles, and the
+response to a pulse of the elevator in 10 s. `python -m studies.jsbsim.dynamics [NAME ...]` prints a
+line for each aircraft. Propellers and governors are in equilibrium at each state, in JSBSim and
+here, so that A and B are those of the other states.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ def main(names: Sequence[str]) -> int:
 
 
 def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
-    """An aircraft of JSBSim with these parameters, and its trim at its airspeed and altitude."""
+    """Return an aircraft of JSBSim with these parameters, and its trim at its airspeed and
+    altitude.
+    """
     kcas, altitude = _CONDITIONS[name]
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
@@ -80,8 +83,12 @@ def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str
 
 
 def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, str]:
-    """Return the number of entries of A and B that agree with central differences of JSBSim's
-    accelerations to 1e-6 (of 1, or of the entry), the number of all entries, and the worst one."""
+    """Return the number of entries of A and B that agree, the number of all entries, and the worst
+    one.
+
+    Entries agree with central differences of JSBSim's accelerations to 1e-6 (of 1, or of the
+    entry).
+    """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
     columns = [*_STATES, *inputs]
@@ -110,7 +117,7 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
 
 
 def _step(model: Model, name: str) -> float:
-    """Steps of states and inputs in differences: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
+    """Return steps of states and inputs in differences: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
     if name == "speed":
         return 10.0 * _STEP
     if model.unit(name) == "1":
@@ -119,7 +126,7 @@ def _step(model: Model, name: str) -> float:
 
 
 def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
-    """Columns of A and B with propellers and governors at rest."""
+    """Return columns of A and B with propellers and governors in equilibrium."""
     linear = linearize(model, point, full=True)
     names = list(model.states)
     engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]
@@ -136,7 +143,7 @@ def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
 
 
 def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Rates of speed, alpha, beta and of the turning from JSBSim's accelerations."""
+    """Return rates of speed, alpha, beta and of the rotation from JSBSim's accelerations."""
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array(
         [
@@ -154,7 +161,9 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 
 
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
-    """The largest difference of the thrust from JSBSim's at five throttles, of 1 lb or of it."""
+    """Return the largest difference of the thrust from JSBSim's at five throttles, of 1 lb or of
+    it.
+    """
     if "throttle" not in model.inputs:
         return 0.0
     state = point.states._asdict()
@@ -173,10 +182,11 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim of a state's response to the pulse at the end of
-    the flight, relative to the response or 10 % of a usual size, and the state.
+    """Return the largest difference from JSBSim of a state's response to the pulse, and the state.
 
-    Flights with and without the pulse are compared: JSBSim's earth is round."""
+    It is taken at the end of the flight, relative to the response or 10 % of a usual size. Flights
+    with and without the pulse are compared, because JSBSim's earth is round.
+    """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
     items = []
@@ -201,7 +211,7 @@ def _flown(
     inputs: Mapping[str, float],
     pulse: Mapping[str, float],
 ) -> dict[str, float]:
-    """States after the flight, by the classical method of fourth order."""
+    """Return the states after the flight, by the classical method of fourth order."""
     step = 0.005
     x = np.array([state[name] for name in model.states])
 

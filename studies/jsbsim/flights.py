@@ -1,8 +1,8 @@
-"""Flights of 30 s from drawn states, with steps of the throttle and the stick: ours, whose lags of
-engines and filters are states, against JSBSim's at three of its steps.
+"""Flights of 30 s from random states, compared with JSBSim's at three of its steps.
 
-`python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md, a line each.
-JSBSim flies over a sphere so large that it is flat, without rotation.
+The throttle and the stick are stepped. Lags of engines and filters are states of our flights.
+`python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md, one line for each
+aircraft. JSBSim flies over a sphere so large that it is flat, without rotation.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "r
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line an aircraft, of all without a name; `--states N` draws so many of each."""
+    """Print a line for each aircraft, of all without a name. `--states N` draws N states of
+    each.
+    """
     words = list(names)
     count = 13
     if "--states" in words:
@@ -68,9 +70,12 @@ def main(names: Sequence[str]) -> int:
 
 
 def line(name: str, count: int, seed: int = 2) -> str:
-    """The row of an aircraft: medians over drawn states of the largest difference from JSBSim at
-    each of its steps, in usual sizes of the states; the ratios of these; and, at the shortest, the
-    difference of engines that follow their throttles at once."""
+    """Return the row of an aircraft.
+
+    It has medians over random states of the largest difference from JSBSim at each of its steps, in
+    usual sizes of the states, and the ratios of these. At the shortest step it also has the
+    difference of engines that follow their throttles at once.
+    """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     at_once, _ = trimmed(f"jsbsim:{name}?filters=states")
     flights = drawn(point, count, seed)
@@ -93,8 +98,10 @@ def line(name: str, count: int, seed: int = 2) -> str:
 
 
 def trimmed(name: str) -> tuple[Model, OperatingPoint]:
-    """An aircraft over a flat earth and its trim: that of `CONDITIONS`, else the first level one of
-    the study."""
+    """Return an aircraft over a flat earth and its trim.
+
+    The trim is that of `CONDITIONS`, or the first level one of the study.
+    """
     model = read_model(name).with_parameters(gravity=GRAVITY)
     held = _condition(name.removeprefix("jsbsim:").partition("?")[0])
     condition = release(usual_condition(model), hold=held)
@@ -102,8 +109,10 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """Return the values that a trim of an aircraft imposes. Raises BadInputError where it has
-    none."""
+    """Return the values that a trim of an aircraft imposes.
+
+    Raises BadInputError where the aircraft has no condition.
+    """
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
     for row in json.loads(RESULTS.read_text())["aircraft"]:
@@ -114,8 +123,10 @@ def _condition(name: str) -> dict[str, float]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Flights from states about a trim, with three steps of the throttle and pulses of elevator,
-    aileron and rudder, as `answered` takes them."""
+    """Return flights from states about a trim, in the form that `answered` accepts.
+
+    Each has three steps of the throttle and pulses of elevator, aileron and rudder.
+    """
     rng = np.random.default_rng(seed)
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -145,7 +156,7 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
-    """The largest difference of a state at a full second, in its usual size."""
+    """Return the largest difference of a state at a full second, in its usual size."""
     ours = flown(model, flight, answer["start"])
     worst = 0.0
     for name in _COMPARED:
@@ -156,7 +167,9 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """States (seconds, n) of ours at each full second, by the classical method of fourth order."""
+    """Return our states (seconds, n) at each full second, by the classical method of fourth
+    order.
+    """
     x = _settled(model, flight, start)
     step = _second(model)
     commands = dict(flight["commands"])
@@ -172,7 +185,7 @@ def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -
 
 
 def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """JSBSim's state when the flight begins, and filters at rest there."""
+    """Return JSBSim's state when the flight begins, with filters in equilibrium."""
     u = [flight["commands"][name] for name in model.inputs]
     names = list(model.states)
     x = np.array([start.get(name, 0.0) for name in names])
@@ -191,7 +204,7 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
 
 
 def _second(model: Model) -> ca.Function:
-    """(x, u) -> x after a second."""
+    """Return the function (x, u) -> x after a second."""
     x = ca.SX.sym("x", len(model.states))
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]

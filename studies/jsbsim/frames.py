@@ -1,8 +1,8 @@
-"""Flights in frames of ours, `hfa fly --method jsbsim`, against JSBSim itself over its own earth.
+"""Flights in frames of ours, `hfa fly --method jsbsim`, compared with JSBSim over its own earth.
 
-`python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md, a line each: the
-largest difference of a state at a full second, in its usual size, of flights of 30 s with steps of
-the throttle and pulses of elevator, aileron and rudder.
+`python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each line has the
+largest difference of a state at a full second, in its usual size. The flights take 30 s, with steps
+of the throttle and pulses of elevator, aileron and rudder.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SEED = 3
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line an aircraft, of all without a name."""
+    """Print a line for each aircraft, of all without a name."""
     print("| aircraft | flights | largest difference | state |")
     print("| --- | --- | --- | --- |")
     for name in names or CONDITIONS:
@@ -33,14 +33,16 @@ def main(names: Sequence[str]) -> int:
 
 
 def line(name: str, count: int) -> str:
-    """The row of an aircraft."""
+    """Return the row of an aircraft."""
     worst, state = largest(name, count)
     return f"| {name} | {count} | {worst:.0e} | {state} |"
 
 
 def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
-    """The largest difference of a state at a full second of these flights, in its usual size, and
-    which state."""
+    """Return the largest difference of a state at a full second of these flights, and the state.
+
+    The difference is in the usual size of the state.
+    """
     model, point = trimmed(f"jsbsim:{name}")
     flights = drawn(point, count, _SEED)
     items = []
@@ -64,7 +66,7 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """States (seconds, n) of ours at each full second, from JSBSim's settled state."""
+    """Return our states (seconds, n) at each full second, from JSBSim's settled state."""
     equations: Any = model.equations
     frames = equations.jsbsim_steps(_STEP)
     commands = dict(flight["commands"])

@@ -1,13 +1,13 @@
-"""Linear models identified from flights of JSBSim with sensor noise, compared with JSBSim's own
+"""Linear models identified from flights of JSBSim with sensor noise, compared with its
 linearization.
 
 `python -m studies.jsbsim.identified [COUNT]` prints the table of README.md: COUNT identifications
-of each aircraft, 24 without it. The packages jsbsim and hfa-identify are needed.
+of each aircraft, by default 24. The packages jsbsim and hfa-identify are needed.
 
-Each flight is a 3-2-1-1 of the elevator from the trim. It is flown with both signs, since terms
-quadratic in the motion are alike in both and so do not move the slopes. The amplitudes were chosen
-at other trims: from 0.1 on, the 737's pitching moment by alpha² shows, since drag and lift act 59
-in above the centre of gravity.
+Each flight is a 3-2-1-1 of the elevator from the trim. It is flown with both signs, because terms
+quadratic in the motion are equal in both and so do not change the slopes. The amplitudes were
+chosen at other trims. From 0.1 on, the 737's pitching moment by alpha² is visible, because drag and
+lift act 59 in above the center of gravity.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Case:
     kcas: calibrated airspeed, kt.
     altitude: ft.
     pulse: shortest pulse, s.
-    size: of the command.
-    repeated: records of each flight, with other noise.
+    size: size of the command.
+    repeated: number of records of each flight, each with its own noise.
     given: slopes that the flights do not determine, with JSBSim's values.
     """
 
@@ -100,8 +100,11 @@ def main(words: Sequence[str]) -> int:
 
 
 def line(name: str, case: Case, count: int) -> str:
-    """The row of an aircraft: how many identifications are PASS, and how many of their 95 % bands
-    hold the slopes of JSBSim's linearization and of ours."""
+    """Return the row of an aircraft.
+
+    It states how many identifications are PASS, and how many of their 95 % bands contain the slopes
+    of JSBSim's linearization and of ours.
+    """
     point, flights = flown(name, case)
     theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
     model = linear_model(theirs, case.free)
@@ -130,8 +133,10 @@ def line(name: str, case: Case, count: int) -> str:
 
 
 def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
-    """The trim, and JSBSim's flights with both signs of the 3-2-1-1 over a flat earth: columns less
-    their values in the trim, without noise."""
+    """Return the trim, and JSBSim's flights with both signs of the 3-2-1-1 over a flat earth.
+
+    The columns are relative to their values in the trim, without noise.
+    """
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=GRAVITY)
     held = {"kcas": case.kcas, "altitude": case.altitude}
     point = find_operating_point(model, release(usual_condition(model), hold=held))
@@ -167,7 +172,7 @@ def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
 def records(
     flights: Sequence[Mapping[str, np.ndarray]], rng: np.random.Generator
 ) -> list[dict[str, np.ndarray]]:
-    """Records of the flights with noise of the sensors."""
+    """Return records of the flights with noise of the sensors."""
     noisy = []
     for flight in flights:
         columns = {"time": flight["time"], "elevator": flight["elevator"]}
@@ -178,7 +183,9 @@ def records(
 
 
 def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
-    """Slope, as alpha__pitch_rate -> its value in JSBSim's linearization at the trim."""
+    """Return slope, such as alpha__pitch_rate -> its value in JSBSim's linearization at the
+    trim.
+    """
     request = {"state": point.states._asdict(), "commands": point.inputs._asdict()}
     request |= {"radius": RADIUS, "linear": True}
     answer = answered([{"aircraft": name, "point": request}])[0]
@@ -193,7 +200,7 @@ def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
 
 
 def own_slopes(point: OperatingPoint) -> dict[str, float]:
-    """The slopes of our linearization, with propellers in equilibrium at each state."""
+    """Return the slopes of our linearization, with propellers in equilibrium at each state."""
     columns = of_rest(point.model, point)
     return {
         f"{row}__{column}": float(columns[column][RATES.index(row)])
@@ -203,7 +210,7 @@ def own_slopes(point: OperatingPoint) -> dict[str, float]:
 
 
 def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
-    """A linear model in deviations from the trim, whose parameters are the free slopes."""
+    """Return a linear model in deviations from the trim, whose parameters are the free slopes."""
     units = {"speed": ("ft/s", 10.0), "altitude": ("ft", 100.0)}
     states = {name: Signal(*units.get(name, ("rad", 0.1))) for name in _STATES}
     parameters = {name: Signal("1", abs(slopes[name]), start=slopes[name]) for name in free}
@@ -229,7 +236,7 @@ def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
 
 
 def begun(model: Model, rng: np.random.Generator) -> Model:
-    """The model with each slope 50 % off, up or down."""
+    """Return the model with each slope 50 % off, up or down."""
     values = {
         name: signal.start * rng.choice([0.5, 1.5]) for name, signal in model.parameters.items()
     }

@@ -113,12 +113,14 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's results at each point, from another process, or None for points that it did
-    not reach.
+    """Return JSBSim's results at each point, from another process.
 
-    name: of an aircraft of JSBSim.
-    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, of `Model`
-        names, or {"trim": {"kcas", "altitude"}}; "held": properties that no component sets then.
+    The result is None for points that the process did not reach.
+
+    name: name of an aircraft of JSBSim
+    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, by the names
+        of the `Model`, or {"trim": {"kcas", "altitude"}}. "held" lists properties that no component
+        sets then.
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = answered(items, seconds)
@@ -126,11 +128,14 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 
 
 def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's result for each item, from other processes: {"error": its message} where it
-    refuses the file, None where it terminated.
+    """Return JSBSim's result for each item, from other processes.
 
-    items: {"aircraft", "point"}, and "root", the folder that holds the folder aircraft, where it is
-        not JSBSim's own; "earth": "own" for JSBSim's in place of a sphere that does not turn.
+    The result is {"error": its message} where JSBSim refuses the file, and None where it
+    terminated.
+
+    items: {"aircraft", "point"}. "root" is the folder that contains the folder aircraft, where it
+        is not JSBSim's own. "earth": "own" is JSBSim's earth in place of a sphere that does not
+        turn.
     """
     answers: list[Any] = []
     while len(answers) < len(items):
@@ -174,8 +179,11 @@ def main() -> int:
 
 
 def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's result for an item, or its error. A result that is not a number is computed
-    again, because the first step reads uninitialized memory (fokker50)."""
+    """Return JSBSim's result for an item, or its error.
+
+    A result that is not a number is computed again, because the first step reads uninitialized
+    memory (fokker50).
+    """
     answer: dict[str, Any] = {}
     for _ in range(_TRIES):
         try:
@@ -200,14 +208,18 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache
 def _missing(aircraft: str, root: str | None) -> list[str]:
-    """The properties that JSBSim misses when it initialises an aircraft, which is not to be flown
-    after that: the exceptions leave their mark on it."""
+    """Return the properties that JSBSim misses when it initializes an aircraft.
+
+    The aircraft must not be flown after that, because the exceptions affect it.
+    """
     simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
     return _run(simulator.run_ic, simulator)
 
 
 def _simulator(item: Mapping[str, Any]) -> Any:
-    """JSBSim with the aircraft of an item, over a sphere that does not turn, or its own earth."""
+    """Return JSBSim with the aircraft of an item, over a sphere that does not turn, or its own
+    earth.
+    """
     import jsbsim
 
     name = item["aircraft"]
@@ -235,15 +247,19 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft. Raises RuntimeError where JSBSim reports only on its output that it does
-    not."""
+    """Load an aircraft.
+
+    Raises RuntimeError where JSBSim reports a failure only on its output.
+    """
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
-    """Return a copy of JSBSim's data with only this aircraft, in which no component sets the held
-    properties."""
+    """Return a copy of JSBSim's data with only this aircraft.
+
+    No component sets the held properties in it.
+    """
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
     shutil.copytree(root / "systems", copy / "systems")
@@ -257,7 +273,10 @@ def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
 
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
-    """Set state and commands; engines run, levers for mixture and propeller as in the model."""
+    """Set state and commands, with engines running.
+
+    The levers of mixture and propeller are set as in the model.
+    """
     wind = [commands.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")]
     for name, full_name in _INITIAL.items():
         simulator[full_name] = state.get(name, 0.0)
@@ -284,7 +303,7 @@ def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, fl
 
 
 def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
-    """Let engines run for some seconds, then cut those that are out."""
+    """Let engines run for some seconds, then stop those that are out."""
     out = [name for name, value in commands.items() if name.startswith("engine") and value == 0.0]
     for _ in range(5 * _RATE if out else 0):
         _run(simulator.run, simulator)
@@ -304,7 +323,7 @@ def _stop(simulator: Any, number: int) -> None:
 
 
 def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
-    """Velocity over ground in body axes of a state relative to a wind along north, east, down."""
+    """Return the velocity over ground in body axes of a state in a wind along north, east, down."""
     roll, pitch, yaw, alpha, beta = (
         state.get(name, 0.0) for name in ("roll", "pitch", "yaw", "alpha", "beta")
     )
@@ -334,8 +353,10 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
-    """Run; properties that JSBSim misses, because FlightGear would set them, are set to 0.
-    Returned: their names."""
+    """Run the simulation, and return the names of the properties that JSBSim misses.
+
+    These properties are set to 0, because FlightGear would set them.
+    """
     names: list[str] = []
     for _ in range(_MISSING):
         try:
@@ -355,7 +376,8 @@ def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
 
 def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
     """Return JSBSim's measurements at a fixed state, after its engines and surfaces have
-    settled."""
+    settled.
+    """
     _stand_still(simulator)
     commands = point.get("commands", {})
     _start(simulator, point["state"], commands)
@@ -399,19 +421,19 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stand_still(simulator: Any) -> None:
-    """Let the state no longer move."""
+    """Keep the state constant."""
     for name in _INTEGRATORS:
         simulator[name] = 0
 
 
 def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """States after a flight of point["flight"] s in steps of 1 ms, or of point["step"] s, from a
-    state, the stick held.
+    """Return the states after a flight of point["flight"] s from a state, with the stick held.
 
-    point["rest"]: s in which engines come to their speeds before. point["pulse"]: increments of
-    commands during the second second, by name. point["changes"]: [time, {command: value}], in
-    order. With these the answer has "start", the states with those of the engines when the flight
-    begins, and "states", which are those at each full second, or every point["interval"] s.
+    The steps are 1 ms, or point["step"] s. point["rest"] is the time, s, in which engines reach
+    their speeds before. point["pulse"] are increments of commands during the second second, by
+    name. point["changes"] are [time, {command: value}], in order. With these the result has
+    "start", the states with those of the engines when the flight begins, and "states", which are
+    those at each full second, or every point["interval"] s.
     """
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
@@ -445,9 +467,9 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
-    """Let the mixture follow the pressure, as in the model, unless a component sets it.
+    """Set the mixture for the pressure, as in the model, unless a component sets it.
 
-    leaned: what was set a step before, by name
+    leaned: values set in the previous step, by name
     """
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):
@@ -456,13 +478,13 @@ def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float
 
 
 def _mixtures(simulator: Any) -> list[str]:
-    """The commands of the mixture of each engine."""
+    """Return the commands of the mixture of each engine."""
     count = simulator.get_propulsion().get_num_engines()
     return ["fcs/mixture-cmd-norm" + (f"[{number}]" if number else "") for number in range(count)]
 
 
 def _states(simulator: Any) -> dict[str, float]:
-    """The states by the names of a model."""
+    """Return the states by the names of a model."""
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
 
 
@@ -491,7 +513,7 @@ def _command(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:
-    """A and B of JSBSim's own finite differences, by its names of states and inputs."""
+    """Return A and B of JSBSim's own finite differences, by its names of states and inputs."""
     import jsbsim
 
     linear = jsbsim.FGLinearization(simulator)
@@ -514,7 +536,8 @@ def _contents(simulator: Any) -> dict[str, float]:
 
 def _unsettled(simulator: Any) -> list[float]:
     """Return the quantities that must settle: speeds of all propellers, rpm, and the
-    accelerations."""
+    accelerations.
+    """
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
     names += [_MEASURED[axis] for axis in AXES]
@@ -522,12 +545,12 @@ def _unsettled(simulator: Any) -> list[float]:
 
 
 def _engine(number: int) -> str:
-    """The folder of an engine's properties; JSBSim leaves [0] out."""
+    """Return the folder of an engine's properties. JSBSim omits [0]."""
     return f"propulsion/engine[{number}]" if number else "propulsion/engine"
 
 
 def _value(simulator: Any, name: str) -> float:
-    """The value of a property, or 0 without it."""
+    """Return the value of a property, or 0 without it."""
     try:
         return float(simulator[name])
     except KeyError:
@@ -535,7 +558,7 @@ def _value(simulator: Any, name: str) -> float:
 
 
 def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """JSBSim's own trim in flight at a speed and an altitude."""
+    """Return JSBSim's own trim in flight at a speed and an altitude."""
     simulator["ic/h-sl-ft"] = point["trim"]["altitude"]
     simulator["ic/vc-kts"] = point["trim"]["kcas"]
     simulator["ic/gamma-deg"] = 0.0

@@ -1,4 +1,4 @@
-"""One aircraft: JSBSim's own trims, ours at the same conditions, and ours measured in JSBSim."""
+"""One aircraft: JSBSim's own trims, and ours at the same conditions, measured in JSBSim."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DENSITY_RATIO = 0.8617
 
 
 def study(name: str) -> dict[str, Any]:
-    """The row of an aircraft: its points, or why it cannot be read."""
+    """Return the row of an aircraft: its points, or the reason why it cannot be read."""
     try:
         model = read_model(f"jsbsim:{name}")
     except BadInputError as error:
@@ -46,8 +46,10 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Our trim at a condition: level, else in a glide with idle throttle, or the reason for its
-    absence."""
+    """Return our trim at a condition, or the reason for its absence.
+
+    It is level, or otherwise a glide with idle throttle.
+    """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
     condition = release(usual_condition(flown), hold=held)
@@ -77,7 +79,7 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 
 
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
-    """States and inputs of a trim."""
+    """Add states and inputs of a trim."""
     point["state"] = solution.states._asdict()
     contents = {
         name: signal.start
@@ -89,7 +91,7 @@ def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
 
 
 def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
-    """JSBSim's properties that are inputs of a model in the place of the pilot's commands."""
+    """Return JSBSim's properties that are inputs of a model in place of the pilot's commands."""
     held = {}
     for name, signal in model.inputs.items():
         if signal.unit == "rad":
@@ -107,8 +109,10 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Accelerations, ft/s^2 and rad/s^2, that JSBSim has at our trims; surfaces that its own
-    control system moves in place of our inputs are held."""
+    """Measure JSBSim's accelerations at our trims, ft/s^2 and rad/s^2.
+
+    Surfaces that its own control system moves in place of our inputs are held.
+    """
     measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []
     for point, answer in zip(measurable, answers, strict=True):
@@ -118,7 +122,7 @@ def _measure(name: str, points: list[dict[str, Any]]) -> None:
 
 
 def _short(text: str) -> str:
-    """A message without the folder of the installed package, and not at any length."""
+    """Return a message, shortened, without the folder of the installed package."""
     words = [word.rsplit("/jsbsim/", 1)[-1] for word in text.split(" ")]
     line = " ".join(words).removeprefix("no trim: ").split(" (these equations")[0]
     return line[:240]

@@ -1,1 +1,1 @@
-"""Answers that others have printed, judged digit by digit."""
+"""Answers printed by others, judged digit by digit."""

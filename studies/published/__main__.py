@@ -1,4 +1,4 @@
-"""Judges the answers of the folder `sources/`, writes results.csv and docs/published.md:
+"""Judges the answers of the folder `sources/` and writes results.csv and docs/published.md.
 
 python -m studies.published
 """
@@ -42,11 +42,11 @@ studies.published` judges all of them.
 
 
 class Row(NamedTuple):
-    """An answer judged.
+    """A judged answer.
 
-    name: of its file
-    verdict: one line, its class before the colon
-    text: the title of the text that prints it
+    name: name of its file
+    verdict: one line, with its class before the colon
+    text: title of the text that prints it
     plant: its time, its numbers of states, inputs and disturbances
     """
 
@@ -57,7 +57,7 @@ class Row(NamedTuple):
 
 
 def row_of(path: Path) -> Row:
-    """The row of a file. Raises BadInputError where the file does not state its source."""
+    """Return the row of a file. Raises BadInputError where the file does not state its source."""
     file = load_printed(path)
     if not file.source:
         raise BadInputError(f"{path}: source is missing; say which text was opened")
@@ -69,7 +69,7 @@ def row_of(path: Path) -> Row:
 
 
 def results_of(rows: list[Row]) -> str:
-    """results.csv: a line for each answer, with a header."""
+    """Return the text of results.csv: a line for each answer, with a header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(Row._fields)
@@ -78,13 +78,13 @@ def results_of(rows: list[Row]) -> str:
 
 
 def load_results() -> list[Row]:
-    """The rows of results.csv."""
+    """Return the rows of results.csv."""
     with RESULTS.open(encoding="utf-8", newline="") as file:
         return [Row(**line) for line in csv.DictReader(file)]
 
 
 def page_of(rows: list[Row]) -> str:
-    """Return docs/published.md: how many answers have each verdict."""
+    """Return docs/published.md: the number of answers with each verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     parts = [
         _HEAD,

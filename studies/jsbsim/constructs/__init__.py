@@ -1,1 +1,1 @@
-"""Small jets of one construct each: read here and by JSBSim, compared."""
+"""Small jets with one construct each, read by this project and by JSBSim and compared."""

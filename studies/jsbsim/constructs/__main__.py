@@ -1,7 +1,7 @@
-"""All constructs, or those whose names hold a text: each agrees with JSBSim, or is refused, or is
-named in a note. Exit 1 where one differs in silence.
+"""All constructs, or those whose names contain a text, compared with JSBSim.
 
-`--drawn N [SEED]` draws N constructs in their place, of the seeds from SEED on.
+Each must agree with JSBSim, be refused, or be named in a note. Exit 1 where one differs without a
+note. `--drawn N [SEED]` draws N constructs in their place, of the seeds from SEED on.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from studies.jsbsim.constructs.judge import ALL, judge
 
 
 def main(words: list[str]) -> int:
-    """0: none differs in silence."""
+    """Return 0 where no construct differs without a note."""
     constructs = ALL
     if words[:1] == ["--drawn"]:
         constructs = drawn(int(words[1]), int(words[2]) if len(words) > 2 else 0)

@@ -1,4 +1,4 @@
-"""Constructs of sizes, mass, tanks and engines, and of sections that stand alone."""
+"""Constructs of sizes, mass, tanks and engines, and of separate sections."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
 def _driven(
     propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
 ) -> dict[str, str]:
-    """A propeller in the place of the jet."""
+    """Return a propeller in the place of the jet."""
     tables = "".join(
         f'<table name="{name}" type="internal"> <tableData> {data} </tableData> </table>'
         for name in ("C_THRUST", "C_POWER")

@@ -1,4 +1,4 @@
-"""Constructs as people write them: several parts of a file that depend on each other."""
+"""Constructs like those of real files: several parts of a file that depend on each other."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def _clip(low: float, high: float, attributes: str = "") -> str:
 
 
 def _g(value: float) -> str:
-    """A property of the file's own that has a value."""
+    """Return a property of the file's own that has a value."""
     return f'<property value="{value}">fcs/g</property>'
 
 
@@ -31,7 +31,7 @@ def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str
 
 
 def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
-    """A component whose failure another component sets."""
+    """Return a component whose failure another component sets."""
     ends = _clip(-0.5, 0.5)
     probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
     writer = f'<fcs_function name="fcs/w"> <function> <v>{value}</v> </function>'
@@ -40,7 +40,7 @@ def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
 
 
 def _channel(attributes: str, head: str = "") -> dict[str, str]:
-    """A damper in a channel with attributes."""
+    """Return a damper in a channel with attributes."""
     damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
     channel = f'<channel name="damper" {attributes}> {damper} </channel>'
     return {"control": head, "channels": channel, "pitch": pitching("fcs/probe")}

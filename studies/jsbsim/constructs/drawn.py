@@ -1,5 +1,7 @@
-"""Random constructs: functions of several operations, chains of components, switches, axes and
-properties, with numbers at the limits of their ranges."""
+"""Random constructs, with numbers at the limits of their ranges.
+
+They are functions of several operations, chains of components, switches, axes and properties.
+"""
 
 from __future__ import annotations
 
@@ -29,19 +31,19 @@ _MANY = ("sum", "product", "avg", "min", "max")
 
 
 class Draw:
-    """Draws the parts of a construct from one stream of random numbers."""
+    """Random generator of the parts of a construct, from one stream of random numbers."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
 
     def construct(self) -> dict[str, str]:
-        """The slots of a construct."""
+        """Return the slots of a construct."""
         kinds = (self.of_function, self.of_chain, self.of_switch, self.of_axes, self.of_property)
         weights = (0.35, 0.35, 0.15, 0.05, 0.1)
         return kinds[int(self._rng.choice(len(kinds), p=weights))]()
 
     def number(self) -> str:
-        """A number, often one at an edge."""
+        """Return a number, often one at an edge."""
         if self._rng.random() < 0.5:
             return str(self._one(_NUMBERS))
         return f"{self._rng.uniform(-2.0, 2.0):.3g}"
@@ -54,11 +56,11 @@ class Draw:
         return f"{sign}{self._one(_SIGNALS)}"
 
     def _value(self) -> str:
-        """A number or a property, as components take them."""
+        """Return a number or a property, in the form that components accept."""
         return self.number() if self._rng.random() < 0.5 else self._signal()
 
     def term(self, depth: int) -> str:
-        """A part of a function."""
+        """Return a part of a function."""
         kind = self._rng.random()
         if depth == 0 or kind < 0.1:
             if self._rng.random() < 0.4:
@@ -85,14 +87,14 @@ class Draw:
         return self._table()
 
     def flag(self) -> str:
-        """A number that counts as true or false."""
+        """Return a number that counts as true or false."""
         return str(self._one((0, 1, 1e-10, 2e-9, -1, -1e-12)))
 
     def _operation(self, name: str, arguments: list[str]) -> str:
         return f"<{name}> {' '.join(arguments)} </{name}>"
 
     def _table(self) -> str:
-        """A table of one or two arguments."""
+        """Return a table of one or two arguments."""
         rows = np.sort(self._rng.uniform(-1.0, 1.0, 4))
         if self._rng.random() < 0.5:
             data = "\n".join(f"{row:.4f} {self._rng.uniform(-1, 1):.3f}" for row in rows)
@@ -111,7 +113,7 @@ class Draw:
         return f"<min> <v>2</v> <max> <v>-2</v> {text} </max> </min>"
 
     def of_function(self) -> dict[str, str]:
-        """A function in a moment, by itself, or by the name of one in another section."""
+        """Return a function in a moment, by itself, or by the name of one in another section."""
         body = self._bounded(self.term(3))
         place = self._rng.random()
         if place < 0.6:
@@ -121,7 +123,7 @@ class Draw:
         return {slot: _kept(slot) + named, "pitch": pitching("own/f")}
 
     def of_chain(self) -> dict[str, str]:
-        """Components that pass a value on."""
+        """Return components that pass a value on."""
         count = int(self._rng.integers(1, 4))
         source = self._signal()
         parts = []
@@ -141,7 +143,7 @@ class Draw:
         return f"<clipto{kind}> <min>{low}</min> <max>{high}</max> </clipto>"
 
     def _component(self, name: str, source: str) -> str:
-        """A component with its limits."""
+        """Return a component with its limits."""
         given = f"<input>{source}</input>"
         extra = ""
         kind = str(
@@ -200,7 +202,7 @@ class Draw:
         return f'<{kind} name="{name}"> {given} {extra} {self._clip()} </{kind}>'
 
     def of_switch(self) -> dict[str, str]:
-        """A switch of several tests."""
+        """Return a switch of several tests."""
         tests = [self._test(self._rng.random() < 0.9) for _ in range(int(self._rng.integers(1, 4)))]
         default = f'<default value="{self._value()}"/>' if self._rng.random() < 0.8 else ""
         text = f'<switch name="fcs/probe"> {default} {" ".join(tests)} {self._clip()} </switch>'
@@ -221,7 +223,7 @@ class Draw:
         return blank.join((self._signal(), str(sign), self._value()))
 
     def of_axes(self) -> dict[str, str]:
-        """Forces and moments in other frames, some at the center of gravity."""
+        """Return forces and moments in other frames, some at the center of gravity."""
         force = str(self._one(("WIND", "BODY", "STABILITY", "")))
         slots = {}
         names: tuple[str, ...] = ("Z", "X", "Y")
@@ -242,7 +244,7 @@ class Draw:
         return slots
 
     def of_property(self) -> dict[str, str]:
-        """A component that writes a property of JSBSim's or of another component."""
+        """Return a component that writes a property of JSBSim's or of another component."""
         name = str(
             self._one(
                 (
@@ -275,5 +277,5 @@ def _kept(slot: str) -> str:
 
 
 def drawn(count: int, seed: int) -> dict[str, dict[str, str]]:
-    """Constructs by name, of one seed each."""
+    """Return constructs by name, of one seed each."""
     return {f"drawn: {seed + number}": Draw(seed + number).construct() for number in range(count)}

@@ -33,7 +33,7 @@ def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
 
 
 def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, str]:
-    """The jet's forces along other axes."""
+    """Return the jet's forces along other axes."""
     names = {"lift_axis": up, "drag_axis": along, "side_axis": across}
     return {slot: f'name="{name}" {attributes}' for slot, name in names.items()}
 

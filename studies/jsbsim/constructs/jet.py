@@ -1,6 +1,6 @@
 """A small jet with one further construct: the text of its file.
 
-A construct is the content of the slots of the jet, by the name of the slot.
+A construct is slot of the jet's file -> its content.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ _JET = """<?xml version="1.0"?>
 
 
 def coefficient(*terms: str, length: str = "") -> str:
-    """A function: q S (length) times the sum of the terms."""
+    """Return a function: q S (length) times the sum of the terms."""
     arm = f"<p>metrics/{length}</p>" if length else ""
     body = "".join(terms)
     size = f"<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p> {arm}"
@@ -115,7 +115,7 @@ def coefficient(*terms: str, length: str = "") -> str:
 
 
 def slope(value: float, name: str) -> str:
-    """value times a property."""
+    """Return a value times a property."""
     return f"<product> <v>{value}</v> <p>{name}</p> </product>"
 
 
@@ -146,14 +146,14 @@ AIR = {
 
 
 def jet(slots: Mapping[str, str]) -> str:
-    """The text of the jet's file with these slots filled."""
+    """Return the text of the jet's file with these slots filled."""
     filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
     filled["engine_kind"] = filled["engine_kind"].format(**filled)
     return _JET.format(**filled, **AIR, SURFACES=SURFACES)
 
 
 def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
-    """A construct of a component that writes fcs/probe, or another property that a moment reads."""
+    """Return a component that writes fcs/probe, or another property that a moment reads."""
     return {
         "channels": f'<channel name="construct"> {text} </channel>',
         "pitch": pitching(name),
@@ -161,22 +161,22 @@ def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
 
 
 def pitching(name: str) -> str:
-    """A pitching moment from a property."""
+    """Return a pitching moment from a property."""
     return coefficient(slope(0.1, name), length="cbarw-ft")
 
 
 def function(text: str) -> dict[str, str]:
-    """A construct of a function that a pitching moment takes."""
+    """Return a construct of a function on which a pitching moment depends."""
     return {"pitch": coefficient(f"<product> <v>0.1</v> {text} </product>", length="cbarw-ft")}
 
 
 def reading(name: str, scale: float = 1.0) -> dict[str, str]:
-    """A construct that reads a property, of about this size."""
+    """Return a construct that reads a property, of about this size."""
     return {"pitch": coefficient(slope(0.1 / scale, name), length="cbarw-ft")}
 
 
 def writing(name: str, value: float, more: str = "") -> dict[str, str]:
-    """A construct of a component that writes a property of JSBSim."""
+    """Return a construct of a component that writes a property of JSBSim."""
     text = f'<fcs_function name="w"> <function> <v>{value}</v> </function>'
     output = f"<output>{name}</output> </fcs_function>"
     return {"channels": f'<channel name="construct"> {text} {output} {more} </channel>'}

@@ -1,4 +1,4 @@
-"""Each construct in the small jet, in the reader and in JSBSim."""
+"""Judgement of each construct in the small jet, in the reader and in JSBSim."""
 
 from __future__ import annotations
 
@@ -44,8 +44,9 @@ _LONGEST_DRAWN = 20
 
 @dataclass(frozen=True)
 class Judgement:
-    """verdict: agrees, refused, noted, silent, or looser (read here, refused by JSBSim).
+    """Judgement of a construct.
 
+    verdict: agrees, refused, noted, silent, or looser (read here, refused by JSBSim).
     why: the message, the notes or the difference.
     """
 
@@ -57,7 +58,7 @@ class Judgement:
 def judge(
     names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
 ) -> list[Judgement]:
-    """The judgement of each construct, whose files are written into a folder."""
+    """Return the judgement of each construct, whose files are written into a folder."""
     models: dict[str, Model | str] = {}
     items = []
     for number, name in enumerate(names):
@@ -90,7 +91,7 @@ def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model:
 
 
 def _point(rng: np.random.Generator) -> dict[str, Any]:
-    """A state and commands, drawn."""
+    """Return a random state and commands."""
     state = {
         "altitude": rng.uniform(2000.0, 9000.0),
         "speed": rng.uniform(250.0, 400.0),
@@ -128,8 +129,10 @@ def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judg
 
 
 def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
-    """The largest difference of the accelerations from JSBSim's, relative to 1 g and 1 rad/s^2 or
-    to JSBSim's where these are larger."""
+    """Return the largest difference of the accelerations from JSBSim's.
+
+    It is relative to 1 g and 1 rad/s^2, or to JSBSim's where these are larger.
+    """
     state = {}
     for name in model.states:
         key = f"state.{name}"
@@ -169,7 +172,7 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
 
 
 def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """The wind over ground in body axes, ft/s."""
+    """Return the wind over ground in body axes, ft/s."""
     roll, pitch, yaw = (state[name] for name in ("roll", "pitch", "yaw"))
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     nod = np.array(
@@ -181,5 +184,5 @@ def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np
 
 
 def unused_slots() -> set[str]:
-    """Slots that no construct fills."""
+    """Return slots that no construct fills."""
     return set(SLOTS) - {slot for slots in ALL.values() for slot in slots}
