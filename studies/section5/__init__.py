@@ -1,2 +1,3 @@
-"""Section 5 of the paper, re-simulated: its statements, the measured numbers, and whether they
-agree."""
+"""Section 5 of the paper, simulated again: its statements, the measured numbers, and their
+agreement.
+"""

@@ -1,9 +1,9 @@
-"""Simulates Section 5 of the paper: figures 3 to 23 anew, and every claim with its number, law by
-law.
+"""Simulates Section 5 of the paper: figures 3 to 23 and every claim with its number, for each law.
 
 Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and
 claims.md. A claim that is not confirmed is a result, not a failure. Takes a minute and a half of
-computing, which the cores share."""
+computing, which the cores share.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +44,10 @@ _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0: every flight was simulated. 1: a law of this project left the envelope. 2: bad
-    usage."""
+    """Run the sections and return the exit code.
+
+    0: every flight was simulated. 1: a law of this project left the envelope. 2: bad usage.
+    """
     parser = argparse.ArgumentParser("python -m studies.section5", description=__doc__)
     parser.add_argument(
         "section", nargs="?", default="all", choices=("all", *SECTIONS), help="default: all"
@@ -91,7 +93,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
-    """Simulate every flight of a section. processes: that share the flights."""
+    """Simulate every flight of a section.
+
+    processes: processes that share the flights
+    """
     plans = plans_of(section, setting)
     fly = partial(simulate_plan, setting, section=section)
     if processes == 1:
@@ -109,11 +114,10 @@ def reproduce(
     resume: bool,
     processes: int,
 ) -> dict[str, Any]:
-    """Run sections into folder/section each, and write the table of their claims, which is
-    returned.
+    """Run sections into folder/section each, write the table of their claims, and return it.
 
-    resume: a section that is there whole, of this version and with the same settings, is not run
-    again."""
+    resume: whether to keep a complete section of this version and with the same settings
+    """
     results = []
     for section in sections:
         place = folder / section
@@ -153,8 +157,7 @@ def _has_pictures(place: Path, names: Sequence[str]) -> bool:
 
 
 def deciding(section: str, setting: Setting) -> dict[str, Any]:
-    """Everything that decides the numbers of a section: matrices, configuration, flights,
-    claims."""
+    """Return all settings of the numbers of a section: matrices, configuration, flights, claims."""
     return {
         "schema": "hfa.experiment/1",
         "section": section,
@@ -168,8 +171,10 @@ def deciding(section: str, setting: Setting) -> dict[str, Any]:
 
 
 def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
-    """Write the pictures and then the result, which a section has when it is whole; returns the
-    result."""
+    """Write the pictures and then the result, and return the result.
+
+    A section with a result is complete.
+    """
     setting = evidence.setting
     section = evidence.section
     flown = evidence.flown
@@ -206,7 +211,9 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The claims of several sections with counts of the verdicts, and the simulated flights."""
+    """Return the claims of several sections with counts of the verdicts, and the simulated
+    flights.
+    """
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]
     used = {law for result in results for law in result["laws"]}
@@ -251,7 +258,7 @@ def counts_text(table: Mapping[str, Any]) -> str:
 
 
 def claims_markdown(claims: Sequence[dict[str, Any]]) -> str:
-    """The table of the page; a number in bold meets the criterion of its claim."""
+    """Return the table of the page. A number in bold meets the criterion of its claim."""
     header, rows = shown_claims(claims)
     bold = [
         tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row)

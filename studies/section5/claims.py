@@ -49,7 +49,7 @@ OPTIMUM = EXACT_FF
 
 
 def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
-    """Flights of a law by the name that claims give them."""
+    """Return the flights of a law by the name that claims give them."""
     both = (CASE_I, CASE_II)
     at_5 = FlightPlan(CASE_II, law)
     return {
@@ -65,7 +65,7 @@ def flights_of(group: str, configuration: Configuration, law: str) -> tuple[Flig
 
 
 def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
-    """The flights of a section."""
+    """Return the flights of a section."""
     both = (CASE_I, CASE_II)
     factors = setting.configuration.uncertainty.factors
     if section == "5.1":  # and from rest under the disturbance alone
@@ -86,7 +86,7 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
 
 
 class FlightLostError(Exception):
-    """A number was requested of a flight that did not reach its end."""
+    """Error of a number requested of a flight that did not reach its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,15 +98,17 @@ class Evidence:
     flown: Mapping[FlightPlan, FlightRecord]
 
     def record(self, plan: FlightPlan) -> FlightRecord:
-        """A flight that came to its end. Raises FlightLostError for one that did not."""
+        """Return a flight that reached its end. Raises FlightLostError for any other flight."""
         found = self.flown[plan]
         if not found.held:
             raise FlightLostError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")
         return found
 
     def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
-        """A metric of each flight of a group, (flights, names). of: states or inputs, all of them
-        when empty."""
+        """Return a metric of each flight of a group, (flights, names).
+
+        of: states or inputs, all of them when empty
+        """
         plans = flights_of(group, self.setting.configuration, law)
         return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
 
@@ -128,12 +130,13 @@ Measure = Callable[[Evidence, str], float]
 
 
 def measure_of(said: str | Mapping[str, Any]) -> Measure:
-    """One of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}, HOW worst,
-    smallest, spread or ratio.
+    """Return a measure: one of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}.
 
-    spread: the largest (largest - smallest) / largest between the flights, inf when a number is inf
-    in some only; one that is inf in all flights (an error that never settles) is left out. ratio:
-    to the same number of the others."""
+    HOW is worst, smallest, spread or ratio. The spread is the largest (largest - smallest) /
+    largest between the flights. It is inf when a number is inf in some flights only. A number that
+    is inf in all flights (an error that never settles) is left out. The ratio is that to the same
+    number of the others.
+    """
     if isinstance(said, str):
         return NAMED[said]
     ((how, name),) = (
@@ -167,8 +170,10 @@ def _spread(values: np.ndarray) -> float:
 
 
 def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
-    """|K - K*| / |K*| at T_w or at the end of the flight, K of the learned value and K* of the
-    exact solution."""
+    """Return |K - K*| / |K*| at T_w or at the end of the flight.
+
+    K is that of the learned value and K* that of the exact solution.
+    """
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
         record = evidence.record(plan)
@@ -187,7 +192,9 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 
 
 def _final_abscissa(evidence: Evidence, law: str) -> float:
-    """Largest real part of the eigenvalues of A - B K with the gain learned last, 1/s."""
+    """Return the largest real part of the eigenvalues of A - B K with the last learned gain,
+    1/s.
+    """
     record = evidence.record(FlightPlan(CASE_II, law))
     game = evidence.setting.case(CASE_II).game
     return float(
@@ -196,7 +203,7 @@ def _final_abscissa(evidence: Evidence, law: str) -> float:
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
-    """The smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
+    """Return the smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
     row = LINEAR_STATES.index("pitch_rate")
     sizes = [
         [np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)]
@@ -206,8 +213,10 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
-    """Largest |λ - quoted| over the modes, each quoted magnitude against the nearest eigenvalue,
-    1/s."""
+    """Return the largest |λ - quoted| over the modes, 1/s.
+
+    Each quoted magnitude is compared with the nearest eigenvalue.
+    """
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
     quoted = published_data()["eigenvalues_quoted_for_5_deg"][
@@ -238,8 +247,10 @@ NAMED: dict[str, Measure] = {
 
 @dataclass(frozen=True)
 class Claim:
-    """One checkable sentence, explained in claims.toml. limit: a number, or the name of one of the
-    criteria."""
+    """One sentence that can be checked, explained in claims.toml.
+
+    limit: a number, or the name of one of the criteria
+    """
 
     number: str
     says: str
@@ -254,7 +265,7 @@ class Claim:
 
 
 def claims_of(section: str) -> tuple[Claim, ...]:
-    """The claims of a section, in the order of claims.toml."""
+    """Return the claims of a section, in the order of claims.toml."""
     return tuple(
         Claim(**entry) for entry in _entries() if entry["number"].startswith(f"{section}-")
     )
@@ -269,7 +280,7 @@ def _entries() -> tuple[dict[str, Any], ...]:
 def _each(
     must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
 ) -> Iterator[dict[str, Any]]:
-    """A claim for every entry of `each`, with its words in the places {..}."""
+    """Return a claim for every entry of `each`, with its words in the places {..}."""
     relation, limit = must.split()
     asked = {"relation": relation, "limit": limit if limit.isidentifier() else float(limit)}
     for words in each:
@@ -285,10 +296,10 @@ def _filled(value: Any, words: dict[str, str]) -> Any:
 
 
 def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
-    """A claim measured for every law, with verdict and reason, ready for JSON; None is a number
-    that is not finite.
+    """Return a claim measured for every law, with verdict and reason, ready for JSON.
 
-    A law whose flight left the envelope does not fulfil the claim, whatever the number would be.
+    None stands for a number that is not finite. A law whose flight left the envelope does not
+    fulfil the claim, regardless of its number.
     """
     limit = claim.limit
     if isinstance(limit, str):

@@ -1,4 +1,6 @@
-"""The configuration of Section 5: section5.toml, and the start and signals of its flights."""
+"""The configuration of Section 5: section5.toml, and the initial condition and signals of its
+flights.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,17 @@ _NONE = np.zeros(6)
 
 
 class PaperFlight:
-    """The conditions of a flight in Section 5 of the paper, as deviations from trim in ft/s, rad
-    and rad/s, in the order of `hfa_model.LINEAR_STATES`: 5.1, the initial condition x(0), the
-    command x_d and the disturbance d, 1.1 times the printed amplitudes; 5.4, the noise n that is
-    added to the measured states and nothing else.
+    """The conditions of a flight in Section 5 of the paper, as deviations from trim in ft/s, rad,
+    rad/s.
 
-    The print lacks all signs; they are taken as positive, and its derivative 0.01 + cos(0.5 t) of
-    the speed's command agrees with that. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5
-    rad of the dihedral."""
+    They are in the order of `hfa_model.LINEAR_STATES`. For 5.1 they are the initial condition x(0),
+    the command x_d and the disturbance d, 1.1 times the printed amplitudes. For 5.4 they are the
+    noise n that is added to the measured states alone.
+
+    The print has no signs. They are assumed to be positive, which agrees with its derivative 0.01 +
+    cos(0.5 t) of the speed's command. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5
+    rad of the dihedral.
+    """
 
     INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
     REFERENCE = Waveform(
@@ -49,15 +54,18 @@ class PaperFlight:
 
 
 class Configuration(SimpleNamespace):
-    """The tables of section5.toml as attributes; initial: x(0); the signals reference, disturbance
-    and noise."""
+    """The tables of section5.toml as attributes.
+
+    initial: x(0)
+    reference, disturbance, noise: the signals
+    """
 
     def steps_per_tick(self) -> int:
-        """Steps of the integration in a tick."""
+        """Return the number of steps of the integration in a tick."""
         return round(self.flight.tick / self.flight.step)
 
     def predefined_time(self, section: str) -> float:
-        """T_w of a section, s."""
+        """Return T_w of a section, s."""
         return float(self.learning.predefined_time[SECTIONS.index(section)])
 
     def frozen(self, section: str) -> bool:
@@ -65,7 +73,7 @@ class Configuration(SimpleNamespace):
         return bool(self.learning.frozen_at_predefined_time[SECTIONS.index(section)])
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, table by table, without the reasons."""
+        """Return plain values for JSON, table by table, without the reasons."""
         tables = {
             name: vars(value)
             for name, value in vars(self).items()
@@ -83,8 +91,10 @@ class Configuration(SimpleNamespace):
 
 
 def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configuration:
-    """The configuration of this project. changes: table -> entries that replace its own, or initial
-    and signals."""
+    """Return the configuration of this project.
+
+    changes: table -> entries that replace its own, or initial and signals
+    """
     given = dict(changes or {})
     tables = read_toml(str(Path(__file__).with_name("section5.toml")))
     flown = {

@@ -18,19 +18,24 @@ from studies.update_law.published_law import PublishedLaw
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CriticPolicy(Policy):
-    """û = -½ R⁻¹B' ∂ψ(z)'W,  W' = p W'(46)(z, F),  F = A z + r(t); p = 1 learns and p = 0 is
-    frozen.
+    """Policy û = -½ R⁻¹B' ∂ψ(z)'W with W' = p W'(46)(z, F), F = A z + r(t).
 
-    law: stack, gains, normalisation and coordinates of Eq. (46); the memory is its W (M,), in the
-    law's coordinates y = z / scales. forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic
-    receives; zero when it receives F = A z. Raises BadInputError when the stack's policies are
-    re-evaluated: only stored ones are flown."""
+    p = 1 learns and p = 0 is frozen.
+
+    law: stack, gains, normalization and coordinates of Eq. (46). The memory is its W (M,), in the
+        law's coordinates y = z / scales.
+    forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic receives, or zero when it
+        receives F = A z
+
+    Raises BadInputError when the stack's policies are re-evaluated, because only stored ones are
+    flown.
+    """
 
     law: PublishedLaw
     forcing: Waveform
 
     def __post_init__(self) -> None:
-        """Refuse the stack that cannot be flown."""
+        """Refuse a stack that cannot be flown."""
         if self.law.settings.stack_policies != "frozen":
             raise BadInputError(
                 "the stack's policies are re-evaluated; a flight needs those stored with the"
@@ -38,7 +43,7 @@ class CriticPolicy(Policy):
             )
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """-½ R⁻¹B' ∂ψ'W, (5,)."""
+        """Return -½ R⁻¹B' ∂ψ'W, (5,)."""
         value_gradient = (
             ca.mtimes(gradient(self.law.basis, measurements.error / self._scales).T, memory)
             / self._scales
@@ -48,7 +53,7 @@ class CriticPolicy(Policy):
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """Eq. (46) with the current sample and the stack, (M,)."""
+        """Return W' of Eq. (46) with the current sample and the stack, (M,)."""
         s = self.law.settings
         gains = self.law.gains
         sigma, residual = self._current(t, measurements.error, memory)
@@ -59,10 +64,12 @@ class CriticPolicy(Policy):
 
     @cached_property
     def _stack(self) -> ca.Function:
-        """W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], ē_j = σ̄_j'W + ē_j(0).
+        """Return W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], ē_j = σ̄_j'W +
+        ē_j(0).
 
-        Two products with one matrix, kept as such: written out entry by entry, 250 samples take
-        minutes to compile."""
+        The two products with one matrix are not expanded, because 250 samples would take minutes to
+        compile entry by entry.
+        """
         stored = self.law.recorded(np.zeros(self.law.basis.size))
         regressors = ca.DM(stored.regressors)
         weights = ca.MX.sym("W", self.law.basis.size)
@@ -71,7 +78,9 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """σ and e of the flown state (Eq. 32-33): policies of the current weights."""
+        """Return σ and e of the simulated state (Eq. 32-33), with the policies of the current
+        weights.
+        """
         e = self.law.equations
         y = z / self._scales
         drift = (ca.mtimes(ca.DM(self.law.game.A), z) + self.forcing.at(t)) / self._scales
@@ -101,7 +110,7 @@ def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
 
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:
-    """∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
+    """Return ∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
     parts = ca.vertsplit(z)
     rows = []
     for exponents in basis.exponents:
@@ -111,7 +120,10 @@ def gradient(basis: Basis, z: ca.SX) -> ca.SX:
 
 
 def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
-    """∂/∂z_channel of Π z_i^exponents[i], or a structural zero when the channel does not occur."""
+    """Return ∂/∂z_channel of Π z_i^exponents[i].
+
+    The result is a structural zero when the channel does not occur.
+    """
     if exponents[channel] == 0:
         return ca.SX(1, 1)
     value = ca.SX(exponents[channel])
@@ -123,8 +135,10 @@ def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry, for SX
-    or MX."""
+    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry.
+
+    The argument is an SX or MX expression.
+    """
     magnitude = ca.fabs(residuals)
     low = magnitude ** (1.0 - eta)
     # |x|^(1+η) = |x|² / |x|^(1-η) costs no second power, which is most of the loop's time; at 0

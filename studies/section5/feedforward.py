@@ -3,11 +3,12 @@
 With z = x - x_d and r(t) = A x_d - x_d' the error obeys z' = A z + B u + E d + r(t), and the value
 of the game is V = z'P z + 2 s'z + c with
 
-    -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),    u = -R⁻¹B'(P z + s),    d = δ⁻²E'(P z +
-s),
+    -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),
+    u = -R⁻¹B'(P z + s),         d = δ⁻²E'(P z + s).
 
-s being the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B
-R⁻¹B')."""
+s is the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B
+R⁻¹B').
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,11 @@ from hfa_support.reporting.report import Reported
 class Exosystem(Reported):
     """A reference made by a linear system: w' = Ω w, w(0) = w0, x_d = C w.
 
-    omega: (p, p), C: (n, p), w0: (p,). Constants, ramps and sinusoids together are one such system.
+    Constants, ramps and sinusoids together are one such system.
+
+    omega: (p, p)
+    C: (n, p)
+    w0: (p,)
     """
 
     omega: np.ndarray
@@ -33,24 +38,27 @@ class Exosystem(Reported):
     w0: np.ndarray
 
     def state(self, t: float) -> np.ndarray:
-        """w(t) = exp(Ω t) w0, (p,)."""
+        """Return w(t) = exp(Ω t) w0, (p,)."""
         from scipy.linalg import expm
 
         return expm(self.omega * t) @ self.w0
 
     def forcing(self, A: np.ndarray) -> np.ndarray:
-        """G with r = G w:  G = A C - C Ω, (n, p)."""
+        """Return G with r = G w:  G = A C - C Ω, (n, p)."""
         return A @ self.C - self.C @ self.omega
 
 
 def exosystem(
     constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]
 ) -> Exosystem:
-    """x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each (n,); harmonics (f in
-    rad/s, sine, cosine).
+    """Return the system of x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each
+    (n,).
 
-    w = [1, t, sin f t, cos f t, ...]; Ω is nilpotent on the first two, which a Sylvester equation
-    does not mind."""
+    w = [1, t, sin f t, cos f t, ...]. Ω is nilpotent on the first two, which a Sylvester equation
+    permits.
+
+    harmonics: (f in rad/s, sine, cosine) each
+    """
     from scipy.linalg import block_diag
 
     waves = [np.array([[0.0, frequency], [-frequency, 0.0]]) for frequency, _, _ in harmonics]
@@ -62,12 +70,16 @@ def exosystem(
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
-    """P_s with s = P_s w:  (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0, (n, p).
+    """Return P_s with s = P_s w, (n, p).
 
-    P: (n, n), with A - S P Hurwitz.  Raises BadInputError when the reference has another number of
-    states than the game, or grows as fast as the closed loop decays, so that no bounded answer
-    exists. Source: Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the
-    costate."""
+        (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0
+
+    P: (n, n), with A - S P Hurwitz
+
+    Raises BadInputError when the reference has another number of states than the game, or grows as
+    fast as the closed loop decays, so that no bounded answer exists. Source: Francis, SIAM J.
+    Control Optim. 15 (1977), the regulator equation of the costate.
+    """
     from scipy.linalg import solve_sylvester
 
     if len(reference.C) != len(game.A):
@@ -86,7 +98,7 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
 
 
 def _decay(loop: np.ndarray) -> float:
-    """-abscissa of A - S P, positive or the feedforward is not defined."""
+    """Return -abscissa of A - S P. It must be positive for the feedforward to be defined."""
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise BadInputError(

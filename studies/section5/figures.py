@@ -1,5 +1,6 @@
-"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and how they are
-drawn."""
+"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and their
+drawing.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +88,11 @@ _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """x: (N,), y: (N,) or (N, k) for a bundle without names."""
+    """Line of a panel.
+
+    x: (N,)
+    y: (N,), or (N, k) for a bundle without names
+    """
 
     label: str
     x: np.ndarray
@@ -96,11 +101,14 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class PlotPanel:
-    """One pair of axes. y_label with its unit; scale: "linear", "log" or "symlog"; marked: times of
-    vertical lines.
+    """One pair of axes.
 
-    linear_part: the part of the largest value below which a "symlog" axis is linear. limits: lowest
-    and highest value that is allowed, drawn where a line comes near them."""
+    y_label: label with its unit
+    scale: "linear", "log" or "symlog"
+    marked: times of vertical lines
+    linear_part: the part of the largest value below which a "symlog" axis is linear
+    limits: lowest and highest value that is allowed, drawn where a line comes near them
+    """
 
     title: str
     y_label: str
@@ -113,7 +121,10 @@ class PlotPanel:
 
 @dataclass(frozen=True, eq=False)
 class PaperFigure:
-    """A figure of the paper: panels row by row. number: the paper's."""
+    """A figure of the paper: panels row by row.
+
+    number: number in the paper
+    """
 
     number: int
     title: str
@@ -135,8 +146,11 @@ class PaperFigure:
 
 @dataclass(frozen=True)
 class _Panels:
-    """Makes panels of flights. T_w: s, marked. by: what tells the lines of a panel apart, "law" or
-    "uncertainty"."""
+    """Builder of panels of flights.
+
+    T_w: s, marked
+    by: property that distinguishes the lines of a panel, "law" or "uncertainty"
+    """
 
     T_w: float
     by: str = "law"
@@ -148,7 +162,7 @@ class _Panels:
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
-        """T_w, and when the learned gain of a law takes over from the gain it started with."""
+        """Return T_w, and the time when the learned gain of a law replaces its initial gain."""
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
@@ -165,13 +179,13 @@ class _Panels:
         values: Values,
         **more: Any,
     ) -> PlotPanel:
-        """One line a flight, as far as there are values."""
+        """Return one line for each flight, as far as there are values."""
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
         return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """A state as a deviation from its trim, with its command."""
+        """Return a panel of a state as a deviation from its trim, with its command."""
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
         panel = self._of_flights(title, label, records, _column("states", row))
@@ -180,7 +194,7 @@ class _Panels:
         return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
 
     def errors(self, records: Sequence[FlightRecord]) -> tuple[PlotPanel, ...]:
-        """The errors of the tracked states."""
+        """Return a panel of the errors of the tracked states."""
         found = []
         for state in TRACKED:
             row = LINEAR_STATES.index(state)
@@ -191,8 +205,10 @@ class _Panels:
     def inputs(
         self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]
     ) -> tuple[PlotPanel, ...]:
-        """The five inputs as deviations from trim: one row an input, one column a group of
-        flights."""
+        """Return panels of the five inputs as deviations from trim.
+
+        There is one row for each input and one column for each group of flights.
+        """
         panels = []
         for row, name in enumerate(INPUTS):
             unit = getattr(INPUT_UNITS, name)
@@ -211,8 +227,10 @@ class _Panels:
         return tuple(panels)
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
-        """The weights W of a critic, or W(t + tick) - W(t): the largest at the end by name, the
-        others as a bundle."""
+        """Return a panel of the weights W of a critic, or of W(t + tick) - W(t).
+
+        The largest at the end have names, and the others are a bundle.
+        """
         assert record.critic is not None
         weights = record.critic.weights
         order = np.argsort(-np.abs(weights[-1]), kind="stable")
@@ -227,7 +245,10 @@ class _Panels:
         return PlotPanel(title, label, (bundle, *lines), "symlog", self.marks())
 
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """|e| of the learned value at the simulated error, in units of the cost rate z'Qz."""
+        """Return a panel of |e| of the learned value at the simulated error.
+
+        It is in units of the cost rate z'Qz.
+        """
 
         def size(record: FlightRecord) -> np.ndarray:
             return np.maximum(np.abs(record.residual), _FLOOR)
@@ -237,7 +258,10 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """|W(t + tick) - W(t)| / tick over |W| at the end: the relative speed of learning, 1/s."""
+        """Return a panel of |W(t + tick) - W(t)| / tick over |W| at the end.
+
+        This is the relative speed of learning, 1/s.
+        """
 
         def speed(record: FlightRecord) -> np.ndarray:
             assert record.critic is not None
@@ -252,12 +276,12 @@ class _Panels:
 
 
 def _column(name: str, column: int) -> Values:
-    """Record -> a column of its array of that name, (N,)."""
+    """Return the function record -> a column of its array of that name, (N,)."""
     return lambda record: getattr(record, name)[:, column]
 
 
 def _monomial(exponents: np.ndarray) -> str:
-    """z1 z2, z4^2: the states of a weight, numbered as the errors are."""
+    """Return the states of a weight, such as z1 z2 or z4^2, numbered as the errors are."""
     return " ".join(
         f"z{i + 1}" + (f"^{power}" if power > 1 else "")
         for i, power in enumerate(exponents)
@@ -266,7 +290,7 @@ def _monomial(exponents: np.ndarray) -> str:
 
 
 def figures_of(section: str, configuration: Configuration, flown: Flights) -> Iterator[PaperFigure]:
-    """The paper's figures of a section."""
+    """Return the paper's figures of a section."""
     T_w = configuration.predefined_time(section)
     law = _Panels(T_w)
     uncertain = _Panels(T_w, "uncertainty")
@@ -321,8 +345,10 @@ def _eight_figures(
     groups: Sequence[Sequence[Sequence[FlightRecord]]],
     learned: Sequence[tuple[FlightRecord, str]],
 ) -> Iterator[PaperFigure]:
-    """States, inputs and learning, two columns each. groups: of the states, the inputs and the
-    learning, by column."""
+    """Return figures of states, inputs and learning, in two columns each.
+
+    groups: groups of flights of the states, the inputs and the learning, by column
+    """
 
     def beside(
         panel: Callable[..., PlotPanel], group: Sequence[Sequence[FlightRecord]]
@@ -350,7 +376,7 @@ def _eight_figures(
 
 
 def draw(picture: PaperFigure) -> Figure:
-    """The picture, with one legend for all panels."""
+    """Return the picture, with one legend for all panels."""
     rows = -(-len(picture.panels) // picture.columns)
     figure = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows)
     title = f"Figure {picture.number}. {picture.title}"

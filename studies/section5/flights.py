@@ -1,5 +1,4 @@
-"""The flights of Section 5: the two aircraft with their games, the laws, and the results of each
-flight."""
+"""The flights of Section 5: the two aircraft with their games, the laws, and the results."""
 
 from __future__ import annotations
 
@@ -73,17 +72,17 @@ Learned = Callable[[np.ndarray], Critic]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingPolicy(Policy):
-    """u = -K z + F w(t), K (5, 6) and F (5, k) held in each tick (`held_gains`).
+    """Policy u = -K z + F w(t), with K (5, 6) and F (5, k) held in each tick (`held_gains`).
 
-    generator: w (k,), the signals that the reference is made of
-    certified_from: s, when a learned gain takes over from the baseline
+    generator: w (k,), the signals of which the reference consists
+    certified_from: s, time when a learned gain replaces the baseline
     """
 
     generator: Waveform
     certified_from: float = 0.0
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """-K z + F w(t)."""
+        """Return -K z + F w(t)."""
         feedback = ca.mtimes(ca.reshape(held[:_ENTRIES], _M, _N), measurements.error)
         feedforward = ca.mtimes(
             ca.reshape(held[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
@@ -92,13 +91,16 @@ class TrackingPolicy(Policy):
 
 
 def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """The held inputs of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    """Return the held inputs of `TrackingPolicy` for K (5, 6) and F (5, k)."""
     return np.concatenate([column_by_column(K), column_by_column(F)])
 
 
 @dataclass(frozen=True, eq=False)
 class PaperCase:
-    """One aircraft of Section 5.1. trim_inputs: U0, (5,), of the trim that is linearized."""
+    """One aircraft of Section 5.1.
+
+    trim_inputs: U0, (5,), of the trim that is linearized
+    """
 
     dihedral_deg: float
     game: Game
@@ -106,8 +108,10 @@ class PaperCase:
 
     @property
     def input_limits(self) -> np.ndarray:
-        """Lowest and highest deviations of the inputs, (2, 5), by the limits of a trim here; the
-        paper has none."""
+        """Lowest and highest deviations of the inputs, (2, 5), by this project's limits of a trim.
+
+        The paper has no limits.
+        """
         limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
         return limits
 
@@ -124,14 +128,17 @@ class PaperCase:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """The configuration and the two aircraft, 15 degrees first. matrices: one of `MATRICES`."""
+    """The configuration and the two aircraft, 15 degrees first.
+
+    matrices: one of `MATRICES`
+    """
 
     configuration: Configuration
     matrices: str
     cases: tuple[PaperCase, ...]
 
     def case(self, dihedral_deg: float) -> PaperCase:
-        """The aircraft of that dihedral angle."""
+        """Return the aircraft of that dihedral angle."""
         return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
 
     @property
@@ -153,8 +160,9 @@ class Setting:
 
 
 def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
-    """Both aircraft: trimmed and linearized with the published dynamics, or with the printed A and
-    B."""
+    """Return both aircraft: trimmed and linearized with the published dynamics, or with the printed
+    A, B.
+    """
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
     for published in published_models():
@@ -170,10 +178,14 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """law controls the aircraft of a dihedral angle whose A is off by `uncertainty` * A.
+    """Plan of a flight of one law on one aircraft.
 
-    noise: whether the sensors have the noise of 5.4. commanded: False for the disturbance alone,
-    from rest and without a command."""
+    dihedral_deg: dihedral angle of the aircraft, deg
+    law: law that controls it
+    uncertainty: A of the aircraft is off by `uncertainty` * A
+    noise: whether the sensors have the noise of 5.4
+    commanded: False for the disturbance alone, from equilibrium and without a command
+    """
 
     dihedral_deg: float
     law: str
@@ -183,7 +195,7 @@ class FlightPlan:
 
     @property
     def name(self) -> str:
-        """For example "5 deg, certified, A + 0.3 A"."""
+        """Name of the flight, for example "5 deg, certified, A + 0.3 A"."""
         parts = [f"{self.dihedral_deg:g} deg", self.law]
         if self.uncertainty:
             parts.append(f"A {'+' if self.uncertainty > 0 else '-'} {abs(self.uncertainty):g} A")
@@ -198,10 +210,15 @@ class FlightPlan:
 class FlightRecord:
     """The record of a flight. Arrays have one row a tick, up to the last one before the departure.
 
-    times (N,); states, commands x_d, errors z (N, 6); inputs (N, 5). residual: (N,), Bellman
-    residual of the learned value at the simulated error; critic: None for laws that do not learn.
-    learned_from: s, when a learned gain takes over. lost_at: s, of the departure, inf without one.
-    limits: (2, 5), lowest and highest inputs that this project assumes."""
+    times: (N,)
+    states, commands, errors: x, x_d and z, (N, 6)
+    inputs: (N, 5)
+    residual: (N,), Bellman residual of the learned value at the simulated error
+    critic: the critic, or None for laws that do not learn
+    learned_from: s, time when a learned gain replaces the baseline
+    lost_at: s, time of the departure, inf without one
+    limits: (2, 5), lowest and highest inputs that this project assumes
+    """
 
     plan: FlightPlan
     times: np.ndarray
@@ -218,11 +235,11 @@ class FlightRecord:
 
     @property
     def held(self) -> bool:
-        """True if the flight came to its end."""
+        """True if the flight reached its end."""
         return bool(np.isinf(self.lost_at))
 
     def learned_value(self, row: int) -> np.ndarray:
-        """P of the weights at a tick, (6, 6)."""
+        """Return P of the weights at a tick, (6, 6)."""
         assert self.critic is not None
         return self.critic.basis.matrix(self.critic.weights[row])
 
@@ -268,8 +285,10 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """The flight up to the last step inside the envelope, and the time of departure (inf:
-    never)."""
+    """Return the flight up to the last step inside the envelope, and the time of departure.
+
+    The time is inf without a departure.
+    """
     limit = configuration.flight.lost_beyond
 
     def sound_rows(bounded: np.ndarray, memory: np.ndarray) -> np.ndarray:
@@ -296,11 +315,12 @@ def law_of(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned | None]:
-    """Return the untrained law for a case, and the function that reads its learned values, or None
-    if it learns nothing.
+    """Return the untrained law for a case, and the function that reads its learned values.
+
+    The function is None if the law learns nothing.
 
     predefined_time: T_w, s
-    frozen: whether learning stops there
+    frozen: whether learning stops at T_w
     reference: x_d, for the feed-forward and the published drift
     """
     if law in (PRINTED, MODIFIED):
@@ -319,7 +339,9 @@ def law_of(
 
 
 def generator(reference: Waveform) -> Waveform:
-    """w = [1, t, sin f₁t, cos f₁t, ...]: the signals that a reference is made of, (2 + 2 k,)."""
+    """Return w = [1, t, sin f₁t, cos f₁t, ...], the signals of which a reference consists, (2 + 2
+    k,).
+    """
     unit = np.eye(2 + 2 * len(reference.harmonics))
     waves = tuple(
         Harmonic(h.frequency, unit[2 + 2 * i], unit[3 + 2 * i])
@@ -329,8 +351,10 @@ def generator(reference: Waveform) -> Waveform:
 
 
 def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
-    """F with u = -K z + F w(t) the exact answer to a reference: F = -R⁻¹B'P_s, (5, k), with the w
-    of `generator`."""
+    """Return F, (5, k), with u = -K z + F w(t) the exact answer to a reference.
+
+    F = -R⁻¹B'P_s, with the w of `generator`.
+    """
     made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
     return -case.game.R_inverse_B_transposed @ exosystem_feedforward(
         case.game, case.exact.P, made_by
@@ -338,7 +362,7 @@ def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
-    """The random states from which the stack of every critic is chosen."""
+    """Return the random states from which the stack of every critic is chosen."""
     critic = setting.configuration.critic
     return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
 
@@ -351,7 +375,7 @@ def _published(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned]:
-    """Eq. (46) on the recorded stack, as printed or modified."""
+    """Return Eq. (46) on the recorded stack, as printed or modified."""
     configuration = setting.configuration
     critic = setting.configuration.critic
     own = configuration.published_as_printed
@@ -399,9 +423,9 @@ def _published(
 class _Training(NamedTuple):
     """A training run for the flights of one case.
 
-    run: with its weights over time
+    run: training run with its weights over time
     gains: (N, m, n), the gain of each tick
-    certified_from: s, when a learned gain takes over from the baseline
+    certified_from: s, time when a learned gain replaces the baseline
     certified: whether the judge accepts the last weights as the critic of the game or LQ problem
         that is learned
     """
@@ -414,7 +438,7 @@ class _Training(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
-    """The training run of a law; flights that differ in the plant or in noise share it."""
+    """Return the training run of a law, shared by flights that differ in the plant or in noise."""
     configuration = setting.configuration
     critic = setting.configuration.critic
     target = case.game
@@ -437,7 +461,10 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Waveform
 ) -> tuple[Policy, Learned]:
-    """K(t) from a learning run during the flight; a baseline is used until K(t) is certified."""
+    """Return the law with K(t) of a learning run during the flight.
+
+    A baseline is used until K(t) is certified.
+    """
     learner = "irl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)
     tick = setting.configuration.flight.tick

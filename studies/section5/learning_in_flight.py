@@ -1,5 +1,4 @@
-"""Learning in flight: the last gain that was certified by each tick, a baseline before the
-first."""
+"""Learning in flight: the last gain certified by each tick, and a baseline before the first."""
 
 from __future__ import annotations
 
@@ -14,11 +13,11 @@ from studies.update_law.integral_rl import baseline_gain
 
 
 def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.ndarray, float]:
-    """In each tick of `tick` seconds the last gain that was certified by then, (N, m, n), and from
-    when on, s.
+    """Return the last gain that was certified by each tick, (N, m, n), and the time of the first,
+    s.
 
-    A value counts when A - S P and A - B K are Hurwitz and P is positive semidefinite; until there
-    is one, the baseline is used. At t only data learned up to t are used, nothing of the later run.
+    A value counts when A - S P and A - B K are Hurwitz and P is positive semidefinite. The baseline
+    is used before the first such value. At t only data learned up to t are used.
     """
     functions = basis(learned.basis, len(game.A))
     current = baseline_gain(game)

@@ -1,5 +1,7 @@
-"""Numbers that tell how a flight went and how its critic learned. All are inf for a flight that
-left the envelope."""
+"""Measures of a flight and of the learning of its critic.
+
+All are inf for a flight that left the envelope.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,12 @@ _SINGLE = ("cost", "early_cost", "effort", "peak_effort", "attenuation")
 
 @dataclass(frozen=True, eq=False)
 class Critic:
-    """The learned critic of a law. weights: (N, M), in the model's units, one row a tick; residual:
-    (N,), relative Bellman residual |e|/|z'Qz| of the game over the recorded stack. facts: of the
-    learning, by name."""
+    """The learned critic of a law.
+
+    weights: (N, M), in the model's units, one row a tick
+    residual: (N,), relative Bellman residual |e|/|z'Qz| of the game over the recorded stack
+    facts: facts about the learning, by name
+    """
 
     basis: Basis
     weights: np.ndarray
@@ -46,18 +51,37 @@ class Critic:
 def flight_metrics(
     configuration: Configuration, game: Game, limits: np.ndarray, flight: Deviations, lost_at: float
 ) -> dict[str, Any]:
-    """The metrics of a flight up to lost_at, s (inf: to its end): numbers, and tables by state or
-    input.
+    """Return the metrics of a flight up to lost_at, s: numbers, and tables by state or input.
 
-    lost_at: None for a flight that came to its end. rms_error, peak_error, late_peak_error: of z,
-    by state; late is the window of the criteria. Of the tracked states: relative_error, late rms
-    over the command; rise and settling, s, when the error entered its band for the first time and
-    for good; growth, largest error after the short adjustment over the largest before. cost: ∫ z'Qz
-    + u'Ru dt. early_cost: ∫ z'Qz dt during the adjustment. effort: ∫ u'Ru dt; peak_effort: largest
-    (u'Ru)^½. attenuation: ∫ z'Qz + u'Ru over ∫ d'd, which the game promises below δ² for the
-    disturbance alone; delta_squared: δ². By input: rms_input, peak_input, peak_rate (per s, over
-    one tick), wiggle (total variation over range, late), remaining_range (after the adjustment,
-    over the peak), beyond_limits (share of the flight in which trim + u passes `limits`, assumed).
+    lost_at is inf for a flight that reached its end, and None in the result.
+
+    By state:
+
+    - rms_error, peak_error, late_peak_error: of z; late is the window of the criteria
+
+    Of the tracked states:
+
+    - relative_error: late rms over the command
+    - rise, settling: s, when the error entered its band for the first time and permanently
+    - growth: largest error after the short adjustment over the largest before
+
+    Numbers:
+
+    - cost: ∫ z'Qz + u'Ru dt
+    - early_cost: ∫ z'Qz dt during the adjustment
+    - effort: ∫ u'Ru dt
+    - peak_effort: largest (u'Ru)^½
+    - attenuation: ∫ z'Qz + u'Ru over ∫ d'd, which the game guarantees below δ² for the disturbance
+      alone
+    - delta_squared: δ²
+
+    By input:
+
+    - rms_input, peak_input
+    - peak_rate: per s, over one tick
+    - wiggle: total variation over range, late
+    - remaining_range: range after the adjustment, over the peak
+    - beyond_limits: share of the flight in which trim + u exceeds `limits`, assumed
     """
     if not np.isinf(lost_at):
         lost: dict[str, Any] = {
@@ -118,16 +142,24 @@ def flight_metrics(
 def learning_metrics(
     times: np.ndarray, critic: Critic, residual: np.ndarray, T_w: float, lost_at: float
 ) -> dict[str, Any]:
-    """Return the progress of the critic within the learning time T_w, s, whose last tenth is called
-    the end.
+    """Return the progress of the critic within the learning time T_w, s.
 
-    residual: (N,), at the simulated error. path_share: share of the length of the path of W that
-    lies before T_w. late_update: largest update of a tick after T_w over the largest before.
-    end_update: the same for the end of the learning time. late_change: largest |W - W(T_w)| after
-    T_w over |W(T_w)|. end_change: |W(T_w) - W| at the beginning of the end over |W(T_w)|.
-    stack_residual: relative residual on the stack at the start, at T_w and at the end of the
-    flight. flown_residual: |e| at the simulated error, at the start, and the largest before and
-    after T_w. facts: the law's own."""
+    The last tenth of this time is called the end.
+
+    residual: (N,), at the simulated error
+
+    The metrics are:
+
+    - path_share: share of the length of the path of W that lies before T_w
+    - late_update: largest update of a tick after T_w over the largest before
+    - end_update: likewise for the end of the learning time
+    - late_change: largest |W - W(T_w)| after T_w over |W(T_w)|
+    - end_change: |W(T_w) - W| at the beginning of the end over |W(T_w)|
+    - stack_residual: relative residual on the stack at the start, at T_w and at the end of the
+      flight
+    - flown_residual: |e| at the simulated error, at the start, and the largest before and after T_w
+    - facts: the law's own
+    """
     names = ("path_share", "late_update", "end_update", "late_change", "end_change")
     if not np.isinf(lost_at):
         never = dict.fromkeys(("stack_residual", "flown_residual"), (np.inf, np.inf, np.inf))
@@ -153,8 +185,10 @@ def learning_metrics(
 
 
 def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W: residual of the Hamilton-Jacobi-Isaacs equation,
-    (N,)."""
+    """Return e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W, (N,).
+
+    It is the residual of the Hamilton-Jacobi-Isaacs equation.
+    """
     gradient = np.einsum("jmi,jm->ji", basis.gradient(errors), weights)
     drift = np.einsum("ji,ji->j", gradient, errors @ game.A.T - 0.25 * gradient @ game.S)
     residual: np.ndarray = drift + _quadratic(errors, game.Q)
@@ -162,21 +196,23 @@ def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarra
 
 
 def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
-    """The first time at which size <= band, s, or inf when it never is."""
+    """Return the first time at which size <= band, s, or inf without one."""
     inside = np.flatnonzero(size <= band)
     return float(times[inside[0]]) if len(inside) else np.inf
 
 
 def wiggle(inputs: np.ndarray) -> np.ndarray:
-    """Total variation over range of each column, 0 for a constant: 1 for a monotone signal, large
-    for chatter."""
+    """Return the total variation over the range of each column, 0 for a constant.
+
+    It is 1 for a monotone signal and large for chatter.
+    """
     spread = np.ptp(inputs, axis=0)
     variation = np.abs(np.diff(inputs, axis=0)).sum(axis=0)
     return np.divide(variation, spread, out=np.zeros_like(spread), where=spread > 0.0)
 
 
 def over(one: float, other: float) -> float:
-    """one / other of numbers that are not negative; inf over nothing."""
+    """Return one / other of numbers that are not negative, or inf where other is 0."""
     return one / other if other > 0.0 else np.inf
 
 
@@ -186,7 +222,7 @@ def _quadratic(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _ratio(over: np.ndarray, under: np.ndarray) -> np.ndarray:
-    """over / under, and inf where nothing is below."""
+    """Return over / under, or inf where under is 0."""
     return np.divide(over, under, out=np.full_like(over, np.inf), where=under > 0.0)
 
 

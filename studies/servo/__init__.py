@@ -1,2 +1,4 @@
-"""Servos through commands, actuator faults and gusts, and the search for their weights; see
-README.md."""
+"""Servos through commands, actuator faults and gusts, and the search for their weights.
+
+README.md describes the study.
+"""

@@ -1,5 +1,5 @@
-"""Servos of the aircraft: SimVFA's, adaptive laws and ours through commands, actuator faults and
-gusts.
+"""Servos of the aircraft through commands, actuator faults and gusts: SimVFA's, adaptive laws and
+ours.
 
 See studies/servo/README.md, and findings.md for the results.
 """
@@ -23,9 +23,9 @@ from hfa_support.provenance import Provenance, parameter_hash
 
 
 def main() -> int:
-    """Run one command, without words the whole comparison.
+    """Run one command, or the whole comparison without one, and return the exit code.
 
-    Exit code: 0 done, 1 a constraint is missed or no solution exists, 2 bad usage or input.
+    0: done. 1: a constraint is missed or no solution exists. 2: bad usage or input.
     """
     arguments = parser().parse_args(sys.argv[1:] or ["fly", "-o", "out/servo", "--resume"])
     try:
@@ -42,7 +42,7 @@ def main() -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """All commands with their options."""
+    """Return the parser of all commands with their options."""
     whole = argparse.ArgumentParser("python -m studies.servo", description=__doc__)
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
 

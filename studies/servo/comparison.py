@@ -1,5 +1,7 @@
-"""Servos through the step commands and actuator faults of SimVFA: laws, flights, a table and a
-figure a case."""
+"""Servos through the step commands and actuator faults of SimVFA.
+
+The module defines laws and flights, and draws a table and a figure for each case.
+"""
 
 from __future__ import annotations
 
@@ -75,13 +77,18 @@ CASES: dict[str, Case] = {
 
 
 def simvfa_commands() -> CommandSteps:
-    """SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s²; its command filter."""
+    """Return SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s², with its
+    filter.
+    """
     times = _FIRST + _EACH * np.arange(len(_DIHEDRAL))
     return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]))
 
 
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
-    """The flight of a case, s long. Raises BadInputError where that is longer than the commands."""
+    """Return the flight of a case with this duration, s.
+
+    Raises BadInputError where it is longer than the commands.
+    """
     if duration > DURATION:
         raise BadInputError(
             f"duration is {duration:g} s; the commands of a case end after {DURATION:g} s"
@@ -110,10 +117,12 @@ Make = Callable[[Start], Policy]
 def laws_of(
     order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
 ) -> dict[str, Make]:
-    """Name -> how the law is made. order: of the actuators that SimVFA's laws are designed for.
-    only: () for all.
+    """Return name -> function that makes the law.
 
-    Raises BadInputError when a law of `only` is not among them.
+    order: order of the actuators that SimVFA's laws are designed for
+    only: names of the laws, () for all
+
+    Raises BadInputError when a law of `only` is unknown.
     """
     found: dict[str, Make] = {
         f"simvfa-{order}": lambda on: _flown(
@@ -137,23 +146,28 @@ def _flown(on: Start, controller: ScheduledController) -> Policy:
 
 @lru_cache(maxsize=2)
 def designed_servo(aircraft: Model) -> ScheduledController:
-    """The servo of the package, at the angles of its design; the same for all cases."""
+    """Return the servo of the package, at the angles of its design. It is equal for all cases."""
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     assert design.shaping is not None
     return design_controller(aircraft, design, np.array(design.shaping.breakpoints))
 
 
 def _paper(on: Start) -> Policy:
-    """The exact policy of the paper's game at the trim: five inputs, six states, no actuators and
-    no integrals."""
+    """Return the exact policy of the paper's game at the trim.
+
+    It has five inputs and six states, and no actuators or integrals.
+    """
     model = linearize(on.aircraft, on.point)
     return GainPolicy("paper", solve_game(published_game(model.A, model.B)).K)
 
 
 @dataclass(frozen=True, eq=False)
 class ServoFlight:
-    """A law in a case. tracked: each commanded output. fastest: largest |ΔU / Δt| of the surfaces,
-    rad/s."""
+    """A law in a case.
+
+    tracked: each commanded output
+    fastest: largest |ΔU / Δt| of the surfaces, rad/s
+    """
 
     law: str
     tracked: list[Tracked]
@@ -162,16 +176,16 @@ class ServoFlight:
 
     @property
     def times(self) -> np.ndarray:
-        """(N,), s."""
+        """Times (N,), s."""
         return self.result.flight.times
 
     @property
     def lost_at(self) -> float | None:
-        """s, when the first state left its envelope, or None when the aircraft held."""
+        """Time when the first state left its envelope, s, or None without a departure."""
         return None if self.result.departure is None else self.result.departure.time
 
     def to_dict(self) -> dict[str, Any]:
-        """English units and radians."""
+        """Return the result in English units and radians."""
         gone = self.result.departure
         units = {each.name: each.unit for each in self.tracked}
         return {
@@ -194,8 +208,10 @@ def fly_case(
     only: Sequence[str] = (),
     commands: CommandSteps | None = None,
 ) -> Iterator[ServoFlight]:
-    """Every law, or those named in `only`, through the commands (those of SimVFA) and the faults of
-    a case."""
+    """Fly every law, or those named in `only`, through the commands and the faults of a case.
+
+    The commands are SimVFA's by default.
+    """
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
     point = find_operating_point(aircraft, level_flight(float(np.radians(TRIM_DEG))))
@@ -224,10 +240,11 @@ def run_case(
     only: Sequence[str] = (),
     resume: bool = False,
 ) -> dict[str, Any]:
-    """The result of a case of `CASES`, in FOLDER/NAME.json, with its figure.
+    """Return the result of a case of `CASES`, written to FOLDER/NAME.json with its figure.
 
-    resume: a case that this version finished for the same aircraft, laws and duration is not flown
-    again."""
+    resume: whether to keep a case that this version finished for the same aircraft, laws and
+        duration
+    """
     target = folder / f"{name}.json"
     picture = folder / f"{name}.png"
     case = CASES[name]
@@ -258,7 +275,9 @@ def run_case(
 
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
-    """Root mean square errors, surface rates and losses, law by law, a table a case."""
+    """Return root mean square errors, surface rates and departures for each law, a table for each
+    case.
+    """
     blocks = []
     for result in results:
         title = f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
@@ -268,7 +287,7 @@ def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
 
 
 def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Law, both rms errors, surface rate and outcome, a row a law."""
+    """Return law, both rms errors, surface rate and outcome, one row for each law."""
     rows: list[tuple[str, ...]] = []
     for flight in result["flights"]:
         angle, acceleration = (flight["rms_error"][name] for name in REGULATED)
@@ -282,8 +301,10 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Each output with its command, and the error of every law. A law that leaves the envelope ends
-    with a cross."""
+    """Draw each output with its command, and the error of every law.
+
+    A law that leaves the envelope ends with a cross.
+    """
     longest = max(flights, key=lambda flight: len(flight.times))
     held = [flight for flight in flights if flight.lost_at is None] or [longest]
     figure = new_figure(10.4, 6.4)

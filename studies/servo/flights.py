@@ -1,5 +1,7 @@
-"""The requirements of a servo, and what one reaches: margins, delay, gusts, a biased gyro, noisy
-sensors."""
+"""The requirements of a servo, and the values that a servo reaches.
+
+They concern margins, delay, gusts, a biased gyro and noisy sensors.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,7 @@ ANGLES = (5.0, 11.0, 15.0)
 
 
 def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
-    """All five alike, within the control limits of a trim, without a limit of rate."""
+    """Return five equal actuators, within the control limits of a trim, without a limit of rate."""
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
     if acting.effectiveness != 1.0:
@@ -77,7 +79,10 @@ def flown(
     acting: Actuator,
     **happens: Any,
 ) -> Flight:
-    """The nonlinear aircraft without commands. happens: of `Scenario`."""
+    """Fly the nonlinear aircraft without commands.
+
+    happens: fields of `Scenario`
+    """
     still = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     scenario = Scenario(
         **{"duration": SECONDS, "step": STEP, "tick": TICK, **happens},
@@ -97,8 +102,10 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Return the largest 1-cosine gust up to `peak`, ft/s, with which a flight of 30 s stays in its
-    envelope, to `APART`; signed."""
+    """Return the largest 1-cosine gust with which a flight of 30 s stays in its envelope, signed.
+
+    It is searched up to `peak`, ft/s, to `APART`.
+    """
 
     def held(size: float) -> bool:
         gust = OneMinusCosine(length, math.copysign(size, peak), model.point.states.speed, 1.0)
@@ -108,7 +115,10 @@ def gust_held(
 
 
 def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
-    """The largest size up to `highest` at which `held` is true, to `apart`; it is at 0."""
+    """Return the largest size up to `highest` at which `held` is true, to `apart`.
+
+    `held` is true at 0.
+    """
     if held(highest):
         return highest
     low = 0.0
@@ -120,8 +130,10 @@ def largest_held(held: Callable[[float], bool], highest: float, apart: float) ->
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
-    """The loop with a delay in each input, by Padé's approximant of order 3: phase right to 1e-6
-    below 0.7/seconds."""
+    """Return the loop with a delay in each input, by Padé's approximant of order 3.
+
+    Its phase is right to 1e-6 below 0.7/seconds.
+    """
     from control import pade, ss, tf
 
     delay = ss(tf(*pade(seconds, 3)))
@@ -139,8 +151,10 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
 def slowest_delayed(
     aircraft: Model, controller: ScheduledController, degrees: Sequence[float]
 ) -> float:
-    """Largest real part of a pole, 1/s, with `DELAY`, behind all of `REAL` at effectiveness 0.5 and
-    1."""
+    """Return the largest real part of a pole with `DELAY`, 1/s.
+
+    The loop has each of `REAL` as actuators, at effectiveness 0.5 and 1.
+    """
     found = []
     for model in [level_model(aircraft, math.radians(each)) for each in degrees]:
         for acting, share in itertools.product(REAL, (0.5, 1.0)):
@@ -151,7 +165,7 @@ def slowest_delayed(
 
 
 def requirements(aircraft: Model, controller: ScheduledController) -> Report:
-    """Requirements and reached values, without the commands and faults of `comparison`."""
+    """Return requirements and reached values, without the commands and faults of `comparison`."""
     degrees = np.arange(21.0)
     single = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0)).single
     found: list[dict[str, Any]] = [

@@ -1,5 +1,7 @@
-"""The cost of following A_z: the servo with other gains of A_z, between commands with a fault,
-gusts and margins."""
+"""The cost of following A_z: the servo with other gains of A_z.
+
+A gain is a compromise between commands with a fault, gusts and margins.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,11 @@ LARGEST = 60.0
 
 
 def front(aircraft: Model) -> Report:
-    """At 11 deg, order 1: rms of A_z with the fault of `order-1-fault`, largest updrafts held,
-    smallest margins."""
+    """Return the rms of A_z with the fault of `order-1-fault`, the largest updrafts held and the
+    margins.
+
+    The aircraft is at 11 deg, with actuators of order 1. The margins are the smallest.
+    """
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     model = level_model(aircraft, math.radians(TRIM_DEG))
     assert design.shaping is not None

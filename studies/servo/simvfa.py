@@ -1,8 +1,8 @@
-"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and the adaptive
-laws on top of it.
+"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and adaptive laws.
 
 Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. Regressors and rates of the adaptive
-laws, for actuators of order 1 and of order 2, are those of the simulation released with them."""
+laws, for actuators of order 1 and of order 2, are those of the simulation released with them.
+"""
 
 from __future__ import annotations
 
@@ -48,12 +48,19 @@ _THIRD = np.array([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel:
-    """x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m,  y = [pitch rate; integrals] (Qu
-    2018).
+    """Reference model x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m (Qu 2018).
 
-    A: (n, n). B: (n, 2). C: (3, n). K: (2, n). L = B1 R⁻¹S: (n, 3), with B1 (n, 3) the squared-up
-    input path of relative degree 1, `squared_up` B itself, S: (3, 3) of the mixed output S y, for
-    which S C B1 is symmetric and positive definite, R_inverse: (3, 3)."""
+    y = [pitch rate; integrals].
+
+    A: (n, n)
+    B: (n, 2)
+    C: (3, n)
+    K: (2, n)
+    L: (n, 3), B1 R⁻¹S, with B1 (n, 3) the squared-up input path of relative degree 1
+    squared_up: (n, 3), B squared up
+    S: (3, 3), of the mixed output S y, for which S C B1 is symmetric and positive definite
+    R_inverse: (3, 3)
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -66,10 +73,10 @@ class ReferenceModel:
 
 
 def reference_model(built: DesignModel) -> ReferenceModel:
-    """The reference model of the design model `simvfa-1` or `simvfa-2`.
+    """Return the reference model of the design model `simvfa-1` or `simvfa-2`.
 
-    R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I.
-    Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1.
+    R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I. Source: Qu, Thomsen,
+    Annaswamy 2018; Thomsen 2018, Section 4.1.
     """
     from scipy.linalg import polar
 
@@ -97,13 +104,14 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """c (n,) that gives (A, B, [C; c]) as many outputs as inputs, the same relative degree, and
-    stable zeros.
+    """Return c (n,), a further row of outputs, with stable zeros.
 
-    With T = [B⁺; N'], N'B = 0, the part of T z that no input reaches directly is a smaller plant
-    with the same outputs; where its C B has full rank, the zeros are the eigenvalues of an LQR and
-    c its gain. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission
-    zeros, 2014."""
+    (A, B, [C; c]) has as many outputs as inputs, and the same relative degree. With T = [B⁺; N'],
+    N'B = 0, the part of T z that no input reaches directly is a smaller plant with the same
+    outputs. Where its C B has full rank, the zeros are the eigenvalues of an LQR and c its gain.
+    Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission zeros,
+    2014.
+    """
     from scipy.linalg import null_space, solve_continuous_are
 
     m = B.shape[1]
@@ -129,7 +137,7 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 
 def simvfa_design(name: str) -> Design:
-    """SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
+    """Return SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
     return replace(
         load_design(str(Path(__file__).parent / "designs" / f"{name}.toml"), hfa.aircraft()),
         name=name,
@@ -137,10 +145,11 @@ def simvfa_design(name: str) -> Design:
 
 
 def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> ScheduledController:
-    """The LQR with its reference model, tabled over the dihedral, rad; `simvfa-1` or `simvfa-2`.
+    """Return the LQR with its reference model, scheduled over the dihedral angle, rad.
 
-    x = [e; x_m]: e' = z - r of the regulated outputs, and the reference model corrected by [pitch
-    rate; e]."""
+    It is `simvfa-1` or `simvfa-2`. x = [e; x_m]: e' = z - r of the regulated outputs, and the
+    reference model corrected by [pitch rate; e].
+    """
     chosen = simvfa_design(design)
     built = [
         design_model(aircraft, level_model(aircraft, dihedral), chosen)
@@ -213,8 +222,10 @@ class Part(NamedTuple):
 
 
 class MemoryParts:
-    """The memory in parts, each with its start and its rate. memory: None to find out the starts
-    alone."""
+    """The memory in parts, each with its initial value and its rate.
+
+    memory: the memory, or None to compute the initial values alone
+    """
 
     def __init__(self, memory: ca.SX | None = None) -> None:
         self._memory = memory
@@ -223,7 +234,7 @@ class MemoryParts:
         self._rates: dict[int, ca.SX] = {}
 
     def take(self, rows: int, columns: int = 1, start: np.ndarray | None = None) -> Part:
-        """The next (rows, columns); it begins at 0 by default."""
+        """Return the next part (rows, columns), with the initial value 0 by default."""
         size = rows * columns
         self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))
         flat = (
@@ -235,7 +246,7 @@ class MemoryParts:
         return Part(len(self._starts) - 1, ca.reshape(flat, rows, columns))
 
     def move(self, part: Part, rate: ca.SX) -> None:
-        """The rate of a part."""
+        """Set the rate of a part."""
         self._rates[part.place] = ca.vec(rate)
 
     @property
@@ -250,7 +261,7 @@ class MemoryParts:
 
 
 class Filter:
-    """α2 ξ'' + α1 ξ' + α0 ξ = x."""
+    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x."""
 
     def __init__(self, memory: MemoryParts, size: int) -> None:
         self._memory = memory
@@ -258,11 +269,11 @@ class Filter:
 
     @property
     def low_now(self) -> ca.SX:
-        """α2 / Π x, which needs no x."""
+        """Return α2 / Π x, which does not depend on the present x."""
         return A2 * self._parts[0].now
 
     def drive(self, x: ca.SX) -> Filter:
-        """With its input x."""
+        """Set the input x."""
         xi, xi_rate = self._parts
         bend = (x - A0 * xi.now - A1 * xi_rate.now) / A2
         self._memory.move(xi, xi_rate.now)
@@ -272,19 +283,21 @@ class Filter:
 
     @property
     def low(self) -> tuple[ca.SX, ...]:
-        """α2 / Π x, with two derivatives."""
+        """Return α2 / Π x, with two derivatives."""
         return tuple(A2 * each for each in self.plain)
 
     def high(self, x_rate: ca.SX | None = None) -> tuple[ca.SX, ...]:
-        """(α2 s + α1) / Π x, with one derivative, or two where x' is given."""
+        """Return (α2 s + α1) / Π x, with one derivative, or two where x' is given."""
         xi, xi_rate, bend = self.plain
         found = A1 * xi + A2 * xi_rate, A1 * xi_rate + A2 * bend
         return found if x_rate is None else (*found, x_rate - A0 * xi_rate)
 
 
 class Tuner:
-    """Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e',  g = 1 + μ ν'ν of the regressor
-    ν."""
+    """Tuner Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e'.
+
+    g = 1 + μ ν'ν of the regressor ν.
+    """
 
     def __init__(
         self, memory: MemoryParts, rows: int, columns: int, start: np.ndarray | None = None
@@ -296,7 +309,7 @@ class Tuner:
         self._X_rate = memory.take(rows, columns)
 
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Ψ with two derivatives."""
+        """Return Ψ with two derivatives."""
         g = 1 + MU * ca.dot(regressor, regressor)
         X = self._X.now
         X_rate = self._X_rate.now
@@ -308,22 +321,22 @@ class Tuner:
 
 
 def product_rate(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
-    """(Ψ'x)'."""
+    """Return (Ψ'x)'."""
     return ca.mtimes(psi[1].T, x[0]) + ca.mtimes(psi[0].T, x[1])
 
 
 def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
-    """Π{Ψ'x}."""
+    """Return Π{Ψ'x}."""
     second = ca.mtimes(psi[2].T, x[0]) + 2 * ca.mtimes(psi[1].T, x[1]) + ca.mtimes(psi[0].T, x[2])
     return A2 * second + A1 * product_rate(psi, x) + A0 * ca.mtimes(psi[0].T, x[0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AdaptivePolicy(Policy, ABC):
-    """A law with a reference model, tabled over the measured dihedral.
+    """A law with a reference model, scheduled over the measured dihedral angle.
 
     outputs: pitch rate and the regulated outputs
-    dihedral: of the trim in which the flight begins, rad
+    dihedral: dihedral angle of the trim in which the flight begins, rad
     angles: (N,), rad, of `models`
     inputs: names of u
     """
@@ -343,15 +356,17 @@ class AdaptivePolicy(Policy, ABC):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Take the parts of the memory and set their rates; u, (m,).
+        """Take the parts of the memory, set their rates and return u, (m,).
 
         tables: A, B, K, L, S, R⁻¹ and the squared-up B
         command: r and r'
         """
 
     def nominal_memory(self) -> np.ndarray:
-        """Reference model, filters and adaptive parameters: these are the nominal ones, everything
-        else is 0."""
+        """Memory of reference model, filters and adaptive parameters, with the nominal parameters.
+
+        Everything else is 0.
+        """
         memory = MemoryParts()
         nothing = ca.SX.zeros(len(self.inputs))
         self.law(
@@ -363,7 +378,7 @@ class AdaptivePolicy(Policy, ABC):
         return memory.start
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """u of the inputs, 0 of the others."""
+        """Return u of the inputs, and 0 for the others."""
         chosen = np.array([[float(name == one) for one in self.inputs] for name in INPUTS])
         return ca.mtimes(ca.DM(chosen), self._flown(t, measurements, memory)[0])
 
@@ -387,15 +402,17 @@ class AdaptivePolicy(Policy, ABC):
 
 
 class AdaptiveDegree2(AdaptivePolicy):
-    """u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt,  with v = -K x_m and  α0 v̄ + α1 v̄' = α0
-    v,  x̄ from x_m alike,
+    """Law u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt.
 
-        x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},   e_y = y - C x_m,   ē' = R⁻¹S e_y -
-    (α0/α1) ē, Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S
-    e_y)'.
+    v = -K x_m and α0 v̄ + α1 v̄' = α0 v, with x̄ from x_m alike:
 
-    x̄1: of the six states of the aircraft; x̄2: with the actuators. S1: the first two rows of S.
-    B_s: the squared-up input matrix."""
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},
+        e_y = y - C x_m,   ē' = R⁻¹S e_y - (α0/α1) ē,
+        Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S e_y)'.
+
+    x̄1 is that of the six states of the aircraft, x̄2 includes the actuators. S1 are the first two
+    rows of S, and B_s is the squared-up input matrix.
+    """
 
     def law(
         self,
@@ -404,7 +421,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs; the equations are in the docstring of the class."""
+        """Return the commanded inputs. The equations are in the docstring of the class."""
         a0, a1 = ALPHAS[1]
         A, B, K, L, S, R_inverse, squared_up = tables
         integrals = memory.take(_M)
@@ -416,7 +433,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         v = -ca.mtimes(K, model.now)
 
         def followed(size: int, x: ca.SX, gain: float) -> tuple[ca.SX, ca.SX]:
-            """x through gain / (s + α0/α1), with its rate."""
+            """Return x through gain / (s + α0/α1), with its rate."""
             part = memory.take(size)
             rate = gain * x - a0 / a1 * part.now
             memory.move(part, rate)
@@ -425,7 +442,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         def operated(
             weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX
         ) -> ca.SX:
-            """Π{Ψ'x} of weights with Ψ' = γ x e'."""
+            """Return Π{Ψ'x} of weights with Ψ' = γ x e'."""
             rate = gamma * ca.mtimes(regressor[0], error.T)
             memory.move(weights, rate)
             slow = ca.mtimes(weights.now.T, regressor[1]) + ca.mtimes(rate.T, regressor[0])
@@ -447,16 +464,21 @@ class AdaptiveDegree2(AdaptivePolicy):
 
 
 class AdaptiveDegree3(AdaptivePolicy):
-    """u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε with derivatives of Ψ from
-    tuners (`Tuner`),
+    """Law u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε.
 
-        x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,  ε' = the rows of L e_y that belong to
-    the aircraft, F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}), F_ε = B32 (Λ̂2'ε̄1)' +
-    B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}),
+    The derivatives of Ψ are those of tuners (`Tuner`):
 
-    B3 = α2 B, B32 = α2 A B + α1 B, squared up in F_e; v̄ = -K x_m through 1/Π; x̄1, ē1 through (α2
-    s + α1)/Π, x̄2, ē2 through α2/Π; ē12 of (Ψ4'ē1)' and ε̄12 of (Λ̂2'ε̄1)' through α2/Π, ε̄1 of
-    (Ψ1'ε)' through (α2 s + α1)/Π; ē of R⁻¹S e_y."""
+        x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,
+        ε' = the rows of L e_y that belong to the aircraft,
+        F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}),
+        F_ε = B32 (Λ̂2'ε̄1)' + B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}).
+
+    B3 = α2 B and B32 = α2 A B + α1 B are squared up in F_e. ē is that of R⁻¹S e_y. The filters are:
+
+    - 1/Π: v̄ from -K x_m
+    - (α2 s + α1)/Π: x̄1 and ē1, and ε̄1 from (Ψ1'ε)'
+    - α2/Π: x̄2 and ē2, ē12 from (Ψ4'ē1)', and ε̄12 from (Λ̂2'ε̄1)'
+    """
 
     def law(
         self,
@@ -465,7 +487,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs; the equations are in the docstring of the class."""
+        """Return the commanded inputs. The equations are in the docstring of the class."""
         A, B, K, L, S, R_inverse, squared_up = tables
         r, r_rate = command
         one = np.eye(_M)
@@ -506,7 +528,7 @@ class AdaptiveDegree3(AdaptivePolicy):
     def _of_errors(
         memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
-        """F_e."""
+        """Return F_e."""
         bar = Filter(memory, _Y).drive(scaled)
         bar_12 = Filter(memory, _Y)
         psi_4 = Tuner(memory, _Y, _Y)
@@ -526,7 +548,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         error: ca.SX,
         path: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """F_ε."""
+        """Return F_ε."""
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
         effect = memory.take(_M, _M, np.eye(_M))
         bar_12 = Filter(memory, _M)
@@ -539,7 +561,7 @@ class AdaptiveDegree3(AdaptivePolicy):
 
 
 def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
-    """B32 moved + B3 still of path = (B3, A), B32 = A B3 + (α1 / α2) B3."""
+    """Return B32 moved + B3 still of path = (B3, A), B32 = A B3 + (α1 / α2) B3."""
     B3, A = path
     return ca.mtimes(A, ca.mtimes(B3, moved)) + ca.mtimes(B3, A1 / A2 * moved + still)
 
@@ -551,8 +573,10 @@ def adaptive_law(
     commands: CommandSteps,
     angles: np.ndarray,
 ) -> Policy:
-    """The law for actuators of this order, from its nominal parameters. angles: of its tables,
-    rad."""
+    """Return the law for actuators of this order, from its nominal parameters.
+
+    angles: angles of its tables, rad
+    """
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
     design = simvfa_design(f"simvfa-{order}")
     models = [

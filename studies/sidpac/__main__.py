@@ -1,6 +1,6 @@
 """Bands of `hfa identify` compared with the Cramér-Rao bounds that NASA's SIDPAC prints.
 
-`python -m studies.sidpac [COUNT]` prints the table of README.md: COUNT records, 24 without it.
+`python -m studies.sidpac [COUNT]` prints the table of README.md for COUNT records, by default 24.
 
 SciPy simulates the Twin Otter of example 6.1 of Klein and Morelli with the printed derivatives, the
 inputs of the record and white noise of the printed residuals. `hfa.identify` begins 30 % off.
@@ -37,7 +37,7 @@ _STEP = 1e-4
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a row for each parameter, and the bands that hold the printed estimates."""
+    """Print a row for each parameter, and the bands that contain the printed estimates."""
     count = int(words[0]) if words else 24
     found = [identified(seed) for seed in range(count)]
     known, unknown = bounds(start_known=True), bounds(start_known=False)
@@ -80,7 +80,7 @@ def record(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def manoeuvre() -> tuple[np.ndarray, np.ndarray]:
-    """Return the times, s, and the aileron and rudder, rad: straight lines between the points."""
+    """Return the times, s, and the aileron and rudder, rad, as straight lines between points."""
     read = SOURCE["inputs"]
     times = SOURCE["record"]["interval"] * np.arange(SOURCE["record"]["samples"])
     return times, np.transpose([np.interp(times, read["time"], read[name]) for name in INPUTS])
@@ -129,8 +129,12 @@ def matrices(parameters: Mapping[str, float]) -> tuple[np.ndarray, ...]:
 
 
 def bounds(*, start_known: bool) -> dict[str, float]:
-    """Return the Cramér-Rao bounds, parameter -> standard deviation, by SciPy's response and
-    central differences. start_known: whether the initial state is known, as in SIDPAC."""
+    """Return the Cramér-Rao bounds, parameter -> standard deviation.
+
+    They follow from SciPy's response and central differences.
+
+    start_known: whether the initial state is known, as in SIDPAC
+    """
     rest = np.zeros(len(STATES))
     columns = []
     for name, value in PRINTED.items():

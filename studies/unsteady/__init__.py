@@ -1,1 +1,1 @@
-"""Which results survive on the `unsteady` dynamics."""
+"""Validity of results on the `unsteady` dynamics."""

@@ -1,11 +1,12 @@
-"""Which results survive on the `unsteady` dynamics: loops of packaged servos and the largest gusts
-under the paper's policy, compared with `published` and `newton`. Two minutes:
+"""Servos and gusts on the `unsteady` dynamics, compared with `published` and `newton`. Two minutes:
 
     python -m studies.unsteady
 
-Servos: designed on the named dynamics, flown (linear) with actuators of 2 rad/s on each. Gusts: the
-nonlinear aircraft with u = -K (x - x0), K the exact gain of the paper's game on `published` at that
-angle, no actuators; 20 s inside the envelope and the control limits."""
+Servos are designed on the named dynamics and simulated (linear) with actuators of 2 rad/s on each.
+Gusts are the largest under the paper's policy: the nonlinear aircraft with u = -K (x - x0), K the
+exact gain of the paper's game on `published` at that angle, without actuators. The flight must stay
+inside the envelope and the control limits for 20 s.
+"""
 
 from __future__ import annotations
 
@@ -32,16 +33,19 @@ PLANTS["unsteady"] = UNSTEADY
 
 @cache
 def model_at(plant: str, degrees: float) -> LinearModel:
-    """The linear model at the paper's level flight with this dihedral."""
+    """Return the linear model at the paper's level flight with this dihedral."""
     return level_model(PLANTS[plant], np.radians(degrees))
 
 
 def margins(
     plant: str, degrees: float, servo: ScheduledController, order: int
 ) -> tuple[float, float]:
-    """Behind actuators of 2 rad/s: the abscissa of the closed loop, 1/s, and the smallest disk
-    margin of one command with the others closed, or nan when unstable. A disk margin a means a gain
-    of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at least."""
+    """Return the abscissa of the closed loop, 1/s, and the smallest disk margin of one command.
+
+    The loop has actuators of 2 rad/s. For the margin the other commands are closed. It is nan when
+    unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at
+    least.
+    """
     actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
     loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
     if loop.abscissa >= 0.0:
@@ -51,8 +55,10 @@ def margins(
 
 
 def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
-    """(length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5, that leaves every state and
-    input within its limits; 60 means that or more."""
+    """Return the function (length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5.
+
+    With it every state and input stays within its limits. 60 means that or more.
+    """
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
     law = GainPolicy("paper", np.pad(K, ((0, 0), (0, len(model.A) - K.shape[1])))[None])

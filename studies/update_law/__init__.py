@@ -1,2 +1,3 @@
-"""Why the paper's update law, Eq. (46), overflows; and a learning law written by a user of the
-packages."""
+"""The overflow of the paper's update law, Eq. (46), and a learning law of a user of the
+packages.
+"""

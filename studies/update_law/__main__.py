@@ -1,8 +1,8 @@
-"""Runs the paper's update law in every setting of the study and prints the table of its README.md,
-which has the causes.
+"""Runs the paper's update law in every setting of the study and prints the table of its README.md.
 
-Writes FOLDER/published_study.json with every run, and each finished row into FOLDER/rows. Takes
-about a minute on two cores."""
+The README.md states the causes. Writes FOLDER/published_study.json with every run, and each
+finished row into FOLDER/rows. Takes about a minute on two cores.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +29,11 @@ _HEADER = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Return exit code 0 whatever the law does, because its failure is the result. 1: no reference
-    solution. 2: bad usage."""
+    """Run the study and return the exit code.
+
+    0 whatever the law does, because its failure is the result. 1: no reference solution. 2: bad
+    usage.
+    """
     parser = argparse.ArgumentParser("python -m studies.update_law", description=__doc__)
     about = "the rows whose name contains TEXT; repeatable; default: all"
     parser.add_argument("--only", action="append", default=[], metavar="TEXT", help=about)
@@ -67,8 +70,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def study(
     names: Sequence[str], folder: Path, *, resume: bool = False, workers: int = 1
 ) -> list[dict[str, Any]]:
-    """The rows, each written into folder/rows when it is finished; resume: those that are there are
-    not run again."""
+    """Return the rows, each written into folder/rows when it is finished.
+
+    resume: whether to keep the rows that exist
+    """
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of = references()
     rows = []
@@ -93,7 +98,9 @@ def study(
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """One line a row as Markdown: counts, and smallest to largest number over its runs."""
+    """Return one line for each row as Markdown: counts, and smallest to largest number over its
+    runs.
+    """
     header = _HEADER.split(",")
     lines = [header, ["---"] * len(header)]
     for row in rows:

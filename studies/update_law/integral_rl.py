@@ -1,5 +1,7 @@
-"""Off-policy integral reinforcement learning with known B and E, the baseline of paper Section 5.2,
-as a user's law."""
+"""Off-policy integral reinforcement learning with known B and E, as a user's law.
+
+It is the baseline of paper Section 5.2.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +34,18 @@ LARGEST_STATE = 1e100
 
 @dataclass(frozen=True)
 class IrlSettings:
-    """interval Δ, s; longer ones tell the slow modes apart better. intervals: N >= M of them are
-    simulated, then `iterations` policy updates follow, one per Δ; None means 40, and more where the
-    basis has more than 26 weights (`enough_for`).
+    """Settings of integral reinforcement learning.
 
-    form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller).
-    initial_weights: W(0) of the first policies, model's units; 0 is u = 0 and needs a stable plant.
-    probe: amplitude of the probing inputs. disturbance: amplitude of the simulated disturbance.
-    disturbance_measured: whether the learner uses it."""
+    interval: Δ, s; longer intervals distinguish the slow modes better
+    intervals: N >= M, number of simulated intervals. `iterations` policy updates follow, one for
+        each Δ. None means 40, and more where the basis has more than 26 weights (`enough_for`).
+    form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller)
+    initial_weights: W(0) of the first policies, model's units; 0 is u = 0 and requires a stable
+        plant
+    probe: amplitude of the probing inputs
+    disturbance: amplitude of the simulated disturbance
+    disturbance_measured: whether the learner uses the disturbance
+    """
 
     interval: float = 0.2
     intervals: int | None = None
@@ -59,8 +65,13 @@ Memory = dict[str, np.ndarray]
 class Record:
     """Data of N intervals in coordinates z / scales.
 
-    change: (N, M), ψ(z(t+Δ)) - ψ(z(t)). zz, zu, zd: (N, n, n), (N, n, m), (N, n, k), ∫ z z', ∫ z
-    u', ∫ z d'. states: (N, n), z(t). scales: (n,)."""
+    change: (N, M), ψ(z(t+Δ)) - ψ(z(t))
+    zz: (N, n, n), ∫ z z'
+    zu: (N, n, m), ∫ z u'
+    zd: (N, n, k), ∫ z d'
+    states: (N, n), z(t)
+    scales: (n,)
+    """
 
     change: np.ndarray
     zz: np.ndarray
@@ -71,20 +82,26 @@ class Record:
 
     @property
     def monomials(self) -> np.ndarray:
-        """∫ ψ(z) for the quadratic basis, (N, M): a row of the least squares is this times the
-        closed-loop operator."""
+        """∫ ψ(z) for the quadratic basis, (N, M).
+
+        A row of the least squares is this times the closed-loop operator.
+        """
         row, column = np.triu_indices(self.zz.shape[1])
         return self.zz[:, row, column]
 
 
 @dataclass(frozen=True, eq=False)
 class IntegralLearning:
-    """Policy iteration on simulated data; from the game only B, E, Q, R, δ are read, never A.
+    """Policy iteration on simulated data. Of the game only B, E, Q, R and δ are read, never A.
 
     For the policies u = -K z, d = L z of the last iteration, their value z'Pz satisfies over every
-    interval [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z,
-    whatever u and d were applied (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by
-    least squares, then K = R⁻¹B'P, L = δ⁻²E'P."""
+    interval
+
+        [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z,
+
+    for any applied u and d (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by least
+    squares, then K = R⁻¹B'P, L = δ⁻²E'P.
+    """
 
     game: Game
     basis: Basis
@@ -93,13 +110,16 @@ class IntegralLearning:
 
     @property
     def intervals(self) -> int:
-        """N, how many intervals are simulated."""
+        """Number N of simulated intervals."""
         given = self.settings.intervals
         return enough_for(self.basis.size, 40) if given is None else given
 
     @cached_property
     def record(self) -> Record:
-        """The flight and its integrals. Raises BadInputError when the flight leaves all bounds."""
+        """The flight and its integrals.
+
+        Raises BadInputError when the flight grows without bound.
+        """
         s = self.settings
         nodes, quadrature = np.polynomial.legendre.leggauss(NODES)
         within = s.interval * np.concatenate([0.5 * (1.0 + nodes), [1.0]])
@@ -141,18 +161,23 @@ class IntegralLearning:
 
     @cached_property
     def equations(self) -> StackEquations:
-        """Bellman residuals at the simulated states, for the history only: they use A, the learning
-        does not."""
+        """Bellman residuals at the simulated states, for the history alone.
+
+        They use A, but the learning does not.
+        """
         flown = record(self.target, self.record.states * self.record.scales)
         return StackEquations.build(self.target, self.basis, flown, self.record.scales)
 
     @property
     def ticks(self) -> int:
-        """One policy update each."""
+        """Number of ticks, one for each policy update."""
         return self.settings.iterations
 
     def start(self) -> Memory:
-        """W(0). Raises BadInputError when the flight is too poor for M weights."""
+        """Return W(0).
+
+        Raises BadInputError when the flight does not determine M weights.
+        """
         weights = initial_weights(self.settings.initial_weights, self.basis)
         scaled = weights * self.basis.scaling(self.record.scales)
         if self.intervals < self.basis.size:
@@ -164,8 +189,9 @@ class IntegralLearning:
         return {"weights": scaled, "misfit": np.array(np.inf)}
 
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (N, M) and right side (N,) of the equations for the policies of the given scaled
-        weights."""
+        """Return rows (N, M) and right side (N,) of the equations for the policies of scaled
+        weights.
+        """
         data = self.record
         game = self.target
         B = game.B / data.scales[:, None]
@@ -182,8 +208,10 @@ class IntegralLearning:
         return data.change - pushed, -np.einsum("jab,ab->j", data.zz, cost)
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """One policy evaluation and improvement. Raises NoSolutionError when the numbers break
-        down."""
+        """Return the weights after one policy evaluation and improvement.
+
+        Raises NoSolutionError when the numbers overflow.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             rows, right = self._least_squares(memory["weights"])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(right))):
@@ -196,7 +224,10 @@ class IntegralLearning:
         return {"weights": weights, "misfit": np.array(misfit)}
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """See `controller.run`; the law's residual is the misfit of the last least squares."""
+        """Return the row of the history, as for `controller.run`.
+
+        The law's residual is the misfit of the last least squares.
+        """
         return {
             "time": (self.intervals + tick) * self.settings.interval,
             "weights": self.equations.unscaled(memory["weights"]),
@@ -205,7 +236,7 @@ class IntegralLearning:
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """The training run of finished ticks."""
+        """Return the training run of finished ticks."""
         weights = finished.history["weights"]
         change = np.linalg.norm(np.diff(weights, axis=0), axis=1) / np.linalg.norm(weights[-1])
         late = np.flatnonzero(change > 1e-3)
@@ -229,8 +260,10 @@ class IntegralLearning:
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
-    """The result of the law on a probing flight, with the quadratic basis; options: of
-    `IrlSettings`."""
+    """Return the result of the law on a probing flight, with the quadratic basis.
+
+    options: fields of `IrlSettings`
+    """
     law = IntegralLearning(game, basis("quadratic", game.A.shape[0]), IrlSettings(**options), seed)
     return law.conclude(run(law))
 
@@ -244,11 +277,12 @@ _BAND = (0.5, 12.0)
 def probing_flight(
     game: Game, seed: int, times: np.ndarray, amplitudes: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
+    """Return states (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
 
-    z' = A z + B u + E d with sines of random phase in every channel of u and d, the largest sums of
-    which are the two amplitudes: one linear system for [z; w], w' = Ω w. z(0) is random in the box
-    of `natural_spread`, which excites the slow modes that the sines leave alone."""
+    z' = A z + B u + E d with sines of random phase in every channel of u and d, whose largest sums
+    are the two amplitudes. It is one linear system for [z; w], w' = Ω w. z(0) is random in the box
+    of `natural_spread`, which excites the slow modes that the sines do not excite.
+    """
     from scipy.linalg import expm
 
     rng = np.random.default_rng(seed)
@@ -282,10 +316,9 @@ def probing_flight(
 
 
 def baseline_value(game: Game) -> np.ndarray:
-    """P with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT; (n, n). A gentle gain
-    without a game.
+    """Return P, (n, n), with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT.
 
-    Raises NoSolutionError when (A, B) cannot be stabilized.
+    It gives a small gain without a game. Raises NoSolutionError when (A, B) cannot be stabilized.
     """
     from scipy.linalg import solve_continuous_are
 
@@ -299,11 +332,11 @@ def baseline_value(game: Game) -> np.ndarray:
 
 
 def baseline_gain(game: Game) -> np.ndarray:
-    """K = (f R)⁻¹ B'P of `baseline_value`, (m, n)."""
+    """Return K = (f R)⁻¹ B'P of `baseline_value`, (m, n)."""
     return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 
 def baseline_weights(game: Game) -> tuple[float, ...]:
-    """Quadratic weights whose policy is that of `baseline_gain`, (M,)."""
+    """Return quadratic weights whose policy is that of `baseline_gain`, (M,)."""
     weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
     return tuple(weights.tolist())

@@ -1,9 +1,10 @@
 """The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they
-need.
+require.
 
-It is also an example of a learning law of one's own. A law is an object with `ticks`, `start`,
-`advance` and `observe` that `controller.run` runs, and `conclude` turns its last weights into P and
-K with certificates."""
+It is also an example of a user's own learning law. A law is an object with `ticks`, `start`,
+`advance` and `observe` that `controller.run` runs. `conclude` turns its last weights into P and K
+with certificates.
+"""
 
 from __future__ import annotations
 
@@ -42,17 +43,23 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class PublishedSettings:
-    """Defaults: Section 5.1. Not printed, hence assumed: theta, samples (N_h), basis and
-    normalisation.
+    """Settings of the update law, by default those of Section 5.1.
 
-    samples: N_h, the most different ones of `pool_samples` random states. normalisation: "root" n =
-    sqrt(1 + σ'σ) or "squared" n = 1 + σ'σ. stack_policies: "frozen", the policies of
-    `recorded_weights` stored with the samples, or "reevaluated" with the current weights. gains:
-    (α₁, α₂), or None for those of Theorem 1. integrator: "explicit" (forward Euler) or "proximal"
-    (implicit). coordinates: "raw" units of the model or "scaled" by the root mean square of each
-    recorded channel, in which Γ, σ̄ and λ₀ are then meant; initial and recorded weights are in the
-    model's units in both. flight_start: z(0) of the flight z' = A z + B û that gives the current
-    sample, for explicit steps; () learns from the stack alone. gamma: Γ = γ I."""
+    The paper does not print theta, samples (N_h), basis and normalization, which are assumed.
+
+    gamma: Γ = γ I
+    samples: N_h, the most different ones of `pool_samples` random states
+    normalisation: "root" n = sqrt(1 + σ'σ) or "squared" n = 1 + σ'σ
+    stack_policies: "frozen", the policies of `recorded_weights` stored with the samples, or
+        "reevaluated" with the current weights
+    gains: (α₁, α₂), or None for those of Theorem 1
+    integrator: "explicit" (forward Euler) or "proximal" (implicit)
+    coordinates: "raw" units of the model or "scaled" by the root mean square of each recorded
+        channel. Γ, σ̄ and λ₀ are those in these coordinates. Initial and recorded weights are in
+        the model's units in both.
+    flight_start: z(0) of the flight z' = A z + B û that gives the current sample, for explicit
+        steps; () learns from the stack alone
+    """
 
     predefined_time: float = 10.0
     step: float = 1e-4
@@ -72,7 +79,7 @@ class PublishedSettings:
     flight_start: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a word that means nothing, and a flight that implicit steps would leave out."""
+        """Refuse an unknown word, and a flight that implicit steps would leave out."""
         for name, words in _WORDS.items():
             if getattr(self, name) not in words:
                 raise BadInputError(
@@ -86,14 +93,18 @@ class PublishedSettings:
 
 
 class Sample(NamedTuple):
-    """σ̄_j = σ_j/n_j, (N, M), and ē_j = e_j/n_j, (N,)."""
+    """Regressors σ̄_j = σ_j/n_j, (N, M), and residuals ē_j = e_j/n_j, (N,)."""
 
     regressors: np.ndarray
     residuals: np.ndarray
 
 
 class TheoremGains(NamedTuple):
-    """lambda_0: smallest eigenvalue of Σ. c1, c2, alpha1, alpha2: Eq. (48)-(49)."""
+    """Gains of Theorem 1.
+
+    lambda_0: smallest eigenvalue of Σ
+    c1, c2, alpha1, alpha2: Eq. (48)-(49)
+    """
 
     lambda_0: float
     c1: float
@@ -103,7 +114,10 @@ class TheoremGains(NamedTuple):
 
 
 def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
-    """n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root"); the print does not tell which."""
+    """Return n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root").
+
+    The paper does not state which it uses.
+    """
     squared = 1.0 + (regressors**2).sum(axis=-1)
     return squared if kind == "squared" else np.sqrt(squared)
 
@@ -116,12 +130,16 @@ def bellman(
     weights: np.ndarray,
     policy: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """σ_j = ∂ψ_j (F_j + B û_j + E d̂_j) and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂ (Eq. 32-33), (N, M)
-    and (N,).
+    """Return σ_j = ∂ψ_j (F_j + B û_j + E d̂_j), (N, M), and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂,
+    (N,).
 
-    The policies are those of the value with the weights `policy`, W_p: B û + E d̂ = -½ S ∂ψ'W_p,
-    and their cost is ¼ (∂ψ'W_p)' S (∂ψ'W_p). gradient: (N, M, n), ∂ψ_j. drifts: (N, n), F_j. costs:
-    (N,), z'Qz."""
+    These are Eq. 32-33. The policies are those of the value with the weights `policy`, W_p: B û + E
+    d̂ = -½ S ∂ψ'W_p. Their cost is ¼ (∂ψ'W_p)' S (∂ψ'W_p).
+
+    gradient: (N, M, n), ∂ψ_j
+    drifts: (N, n), F_j
+    costs: (N,), z'Qz
+    """
     value_gradient = policy @ gradient
     pushed = value_gradient @ S
     regressors = (gradient @ (drifts - 0.5 * pushed)[..., None])[..., 0]
@@ -131,11 +149,14 @@ def bellman(
 def theorem_gains(
     regressors: np.ndarray, gamma: float, eta: float, theta: float, T_w: float
 ) -> TheoremGains:
-    """c₁ = (2γλ₀)^(1-η/2), c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2), α_i = π / (θ T η c_i), T = T_w/2 (Eq.
-    48-49).
+    """Return the gains of Theorem 1 (Eq. 48-49).
 
-    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j'). A stack of rank below M to rounding
-    gives α = inf."""
+    c₁ = (2γλ₀)^(1-η/2),  c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2),  α_i = π / (θ T η c_i),  T = T_w/2
+
+    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j')
+
+    A stack of rank below M except for rounding gives α = inf.
+    """
     lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
     c1 = math.pow(2.0 * gamma * lambda_0, 1.0 - eta / 2.0)
     c2 = len(regressors) ** (-eta / 2.0) * math.pow(2.0 * gamma * lambda_0, 1.0 + eta / 2.0)
@@ -144,7 +165,7 @@ def theorem_gains(
 
 
 def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: float) -> np.ndarray:
-    """(α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x)."""
+    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x)."""
     magnitude = np.abs(residuals)
     low = magnitude ** (1.0 - eta)
     # |e|^(1+η) = |e|² / |e|^(1-η) costs no second power; at 0 both are 0.
@@ -156,18 +177,20 @@ def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: floa
 def update_direction(
     sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
 ) -> np.ndarray:
-    """The share of the given samples in W', Eq. (46): -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1)
-    sig^(1+η)(ē_j)]."""
+    """Return the contribution of the given samples to W', Eq. (46).
+
+    It is -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
+    """
     return -gamma * (signed_powers(sample.residuals, alpha1, alpha2, eta) @ sample.regressors)
 
 
 def explicit_step_limit(
     sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
 ) -> float:
-    """The largest stable step of explicit Euler on Eq. (46) at these weights: 2 / λ_max(γ Σ_j c_j
-    σ̄_j σ̄_j'), s.
+    """Return the largest stable step of explicit Euler on Eq. (46) at these weights, s.
 
-    c_j: the slope of `signed_powers` at ē_j. The limit shrinks to 0 as any residual approaches 0.
+    It is 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), with c_j the slope of `signed_powers` at ē_j. The limit
+    decreases to 0 as any residual approaches 0.
     """
     size = np.maximum(np.abs(sample.residuals), TINY)
     slopes = (alpha1 + 1.0) * (1.0 - eta) * size**-eta + (alpha2 + 1.0) * (1.0 + eta) * size**eta
@@ -187,12 +210,14 @@ def proximal_step(
     alpha2: float,
     eta: float,
 ) -> np.ndarray:
-    """argmin over W of |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η).
+    """Return W of Eq. (46) after a step h with the right side taken at the end of the step.
 
-    It is W' of Eq. (46) over the step h with the right side taken at the end of the step.
-    Gauss-Newton with the curvature that bounds |ē|^(2-η) from above, and a backtracking line
-    search. at: W -> Sample, with ∂ē/∂W = σ̄. Returns a vector with entries that are not finite when
-    the powers overflow."""
+    It minimizes |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η). The
+    method is Gauss-Newton with the curvature that bounds |ē|^(2-η) from above, and a backtracking
+    line search. The result has entries that are not finite when the powers overflow.
+
+    at: W -> Sample, with ∂ē/∂W = σ̄
+    """
 
     def tried(trial: np.ndarray) -> tuple[float, Sample]:
         sample = at(trial)
@@ -230,10 +255,10 @@ def proximal_step(
 
 @dataclass(frozen=True, eq=False)
 class PublishedLaw:
-    """W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46), for
-    `controller.run`.
+    """Law W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46).
 
-    Sample 0 is the current one, with the policies of the current weights; it exists in flight only.
+    It is for `controller.run`. Sample 0 is the current one, with the policies of the current
+    weights. It exists in flight only.
     """
 
     game: Game
@@ -268,8 +293,9 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """σ_j, the cost, n_j and σ̄_j of the stored policies; none depends on the current
-        weights."""
+        """σ_j, the cost, n_j and σ̄_j of the stored policies, independent of the current
+        weights.
+        """
         e = self.equations
         policy = self._scaled(self.settings.recorded_weights)
         regressors, costs = bellman(
@@ -279,10 +305,11 @@ class PublishedLaw:
         return regressors, costs, n, regressors / n[:, None]
 
     def terms(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """σ_j and e_j of the recorded samples.
+        """Return σ_j and e_j of the recorded samples.
 
-        The paper stores the policies; then the stack's fixed point is their value and not that of
-        the game."""
+        The paper stores the policies. The stack's fixed point is then their value and not that of
+        the game.
+        """
         if self.settings.stack_policies == "reevaluated":
             e = self.equations
             return bellman(e.gradient, e.drifts, self._costs, self.S, weights, weights)
@@ -290,7 +317,7 @@ class PublishedLaw:
         return regressors, regressors @ weights + costs
 
     def recorded(self, weights: np.ndarray) -> Sample:
-        """σ̄_j and ē_j of the recorded samples at the current weights."""
+        """Return σ̄_j and ē_j of the recorded samples at the current weights."""
         regressors, residuals = self.terms(weights)
         if self.settings.stack_policies == "reevaluated":
             return self._normalised(regressors, residuals)
@@ -302,7 +329,7 @@ class PublishedLaw:
         return Sample(regressors / n[:, None], residuals / n)
 
     def _all_samples(self, weights: np.ndarray, error: np.ndarray) -> Sample:
-        """The recorded samples, in flight with the current one before them."""
+        """Return the recorded samples, preceded in flight by the current one."""
         stored = self.recorded(weights)
         e = self.equations
         if len(error) == 0:
@@ -329,7 +356,7 @@ class PublishedLaw:
 
     @property
     def gains(self) -> tuple[float, float]:
-        """(α₁, α₂) that the law runs with."""
+        """(α₁, α₂) of the law."""
         return self.settings.gains or (self.theorem.alpha1, self.theorem.alpha2)
 
     @cached_property
@@ -340,7 +367,7 @@ class PublishedLaw:
 
     @property
     def facts(self) -> dict[str, float]:
-        """λ₀, the gains and the step that they need, at the start."""
+        """Return λ₀, the gains and the step that they require, at the start."""
         alpha1, alpha2 = self.gains
         named = {"lambda_0": self.theorem.lambda_0, "alpha1": alpha1, "alpha2": alpha2}
         return named | {"explicit_step_limit": self.explicit_step_limit}
@@ -361,17 +388,20 @@ class PublishedLaw:
 
     @property
     def ticks(self) -> int:
-        """Rows of history after the first."""
+        """Number of rows of history after the first."""
         return min(ROWS, self._steps)
 
     def start(self) -> dict[str, np.ndarray]:
-        """W(0) and z(0) in the coordinates of the law."""
+        """Return W(0) and z(0) in the coordinates of the law."""
         flight = np.array(self.settings.flight_start, dtype=float)
         error = flight / self.equations.scales if len(flight) else flight
         return {"weights": self._scaled(self.settings.initial_weights), "error": error}
 
     def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The integration steps of one tick. Raises NoSolutionError when the numbers overflow."""
+        """Take the integration steps of one tick.
+
+        Raises NoSolutionError when the numbers overflow.
+        """
         weights = memory["weights"]
         error = memory["error"]
         with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
@@ -382,7 +412,7 @@ class PublishedLaw:
         return {"weights": weights, "error": error}
 
     def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
-        """The row of history after `tick` ticks."""
+        """Return the row of history after `tick` ticks."""
         weights = memory["weights"]
         return {
             "time": min(self._steps_done(tick) * self.settings.step, self.settings.predefined_time),
@@ -421,7 +451,7 @@ class PublishedLaw:
         )
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """The training run of finished ticks."""
+        """Return the training run of finished ticks."""
         return training_run(
             "published",
             self.game,
@@ -437,8 +467,10 @@ class PublishedLaw:
 def published_law(
     game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None
 ) -> PublishedLaw:
-    """The law on a pool of recorded samples, by default random states; the N_h most different ones
-    are kept."""
+    """Return the law on a pool of recorded samples, by default random states.
+
+    The N_h most different ones are used.
+    """
     functions = basis(chosen.basis, game.A.shape[0])
     recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool
     return PublishedLaw(game, choose(recorded, functions, chosen.samples), functions, chosen, seed)

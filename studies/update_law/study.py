@@ -1,5 +1,7 @@
-"""The rows of the study and their runs, as values for JSON: None is a number that is not finite or
-was not reached."""
+"""The rows of the study and their runs, as values for JSON.
+
+None is a number that is not finite or was not reached.
+"""
 
 from __future__ import annotations
 
@@ -46,11 +48,14 @@ _IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
 
 
 class Case(NamedTuple):
-    """changes: of `PublishedSettings`. seed: of the stack. from_lqr: weights set to the stabilizing
-    start.
+    """One run of a row.
 
-    box: the stack is drawn from `FLIGHT_BOX` instead of the plant's stationary deviations. nearby:
-    relative changes of W(0) with which the run is made again."""
+    changes: changes of `PublishedSettings`
+    seed: seed of the stack
+    from_lqr: weights set to the stabilizing start
+    box: whether the stack is drawn from `FLIGHT_BOX` instead of the plant's stationary deviations
+    nearby: relative changes of W(0) with which the run is repeated
+    """
 
     changes: dict[str, Any]
     seed: int = 0
@@ -60,7 +65,11 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """cases: each is run on both printed models. cause: why the runs end as they do."""
+    """A row of the table.
+
+    cases: cases, each of which is run on both printed models
+    cause: reason for the end of the runs
+    """
 
     cases: Callable[[], Iterator[Case]]
     cause: str
@@ -154,8 +163,10 @@ ROWS = {
 
 
 class Reference(NamedTuple):
-    """A game, its exact solution, and the stabilizing start: the weights of the LQ solution for Q =
-    1000 I."""
+    """A game, its exact solution, and the stabilizing start.
+
+    The start has the weights of the LQ solution for Q = 1000 I.
+    """
 
     dihedral_deg: float
     game: Game
@@ -163,13 +174,15 @@ class Reference(NamedTuple):
     lqr_weights: tuple[float, ...]
 
     def settings(self, case: Case) -> PublishedSettings:
-        """The settings of one run on this model."""
+        """Return the settings of one run on this model."""
         return PublishedSettings(**case.changes | dict.fromkeys(case.from_lqr, self.lqr_weights))
 
 
 def references() -> tuple[Reference, ...]:
-    """Return the references of both printed models, with the critics of the certified law. Raises
-    NoSolutionError where it does not settle."""
+    """Return the references of both printed models, with the critics of the certified law.
+
+    Raises NoSolutionError where the law does not settle.
+    """
     found = []
     for model in published_models():
         game = published_game(model.A, model.B)
@@ -185,12 +198,16 @@ def references() -> tuple[Reference, ...]:
 
 
 def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[str, Any]:
-    """One run of the published law.
+    """Return the result of one run of the published law.
 
-    overflow: the reason, "" when the run reached T_w. P_error, K_error: relative to the exact game.
-    settled: when the law's own residual fell below `SETTLED` of its start for good, s. stabilizing:
-    A - S P and A - B K Hurwitz. lambda_0, alpha1, alpha2, explicit_step_limit: at the start;
-    last_lambda_0: at T_w. P_errors_nearby: P_error from the W(0) of `case.nearby`."""
+    - overflow: the reason, "" when the run reached T_w
+    - P_error, K_error: relative to the exact game
+    - settled: time after which the law's own residual stays below `SETTLED` of its start, s
+    - stabilizing: whether A - S P and A - B K are Hurwitz
+    - lambda_0, alpha1, alpha2, explicit_step_limit: at the start
+    - last_lambda_0: at T_w
+    - P_errors_nearby: P_error from the W(0) of `case.nearby`
+    """
     game = reference.game
     exact = reference.exact
     pool = (
@@ -238,7 +255,7 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
 def planned(
     name: str, of: tuple[Reference, ...]
 ) -> list[tuple[Reference, Case, PublishedSettings]]:
-    """The runs of a row of `ROWS`, every case on both models."""
+    """Return the runs of a row of `ROWS`, every case on both models."""
     return [
         (reference, case, reference.settings(case))
         for case in ROWS[name].cases()
@@ -247,9 +264,9 @@ def planned(
 
 
 def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """A row of these runs: counts, ranges [smallest, largest] and all of them.
+    """Return a row of these runs: counts, ranges [smallest, largest] and all of them.
 
-    decided_by_rounding: None where no run was made again from a start nearby.
+    decided_by_rounding is None where no run was repeated from a start nearby.
     """
     finished = [one for one in runs if not one["overflow"]]
     return {
@@ -271,8 +288,10 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Return whether starts that differ in the ninth digit end elsewhere: then P_error is one of
-    several, not a number."""
+    """Return whether starts that differ in the ninth digit end elsewhere.
+
+    P_error is then one of several numbers.
+    """
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]
     )

@@ -14,13 +14,13 @@ from studies.validation.outside import validate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationRequest(HfaOptions, OutputOptions):
-    """A comparison of the model with published data."""
+    """Request of the comparison of the model with published data."""
 
 
 @command(ValidationRequest)
 def validation(request: ValidationRequest) -> int:
-    """Compare the model with printed and released data of others: a third printed model, and a
-    simulation's trims.
+    """Compare the model with printed and released data: a third printed model, and a simulation's
+    trims.
 
     Exit code 1 when a difference is beyond its limit.
     """

@@ -1,5 +1,4 @@
-"""The model compared with published and released data, with a limit on each difference, and the
-conclusions."""
+"""The model compared with published and released data, with a limit on each difference."""
 
 from __future__ import annotations
 
@@ -38,10 +37,12 @@ _ANY_INPUT = dict.fromkeys(INPUTS, (-10000.0, 10000.0))
 
 
 class ReleasedTrim(NamedTuple):
-    """One trim of the released simulation. speed: ft/s. dihedral, alpha: rad. inputs: lbf
-    (throttle) and rad.
+    """One trim of the released simulation.
 
-    eigenvalues: of its six-state A, one of each conjugate pair, 1/s, fastest first.
+    speed: ft/s
+    dihedral, alpha: rad
+    inputs: lbf (throttle) and rad
+    eigenvalues: of its six-state A, one of each conjugate pair, 1/s, fastest first
     """
 
     speed: float
@@ -53,8 +54,10 @@ class ReleasedTrim(NamedTuple):
 
 
 class TrimDifference(NamedTuple):
-    """Differences of ours from theirs at one trim: the largest of four deflections, the thrust
-    relative to theirs, the largest eigenvalue."""
+    """Differences of our values from the released ones at one trim.
+
+    They are the largest of four deflections, the relative thrust, and the largest eigenvalue.
+    """
 
     speed: float
     dihedral: float
@@ -69,12 +72,12 @@ _UNITS = dict(zip(TrimDifference._fields, ("ft/s", "rad", "rad", "rad", "1", "1/
 
 @cache
 def outside_data() -> dict[str, Any]:
-    """The file, parsed."""
+    """Return the content of the file."""
     return dict(json.loads(Path(__file__).with_name("outside.json").read_text("utf-8")))
 
 
 def released_trims() -> tuple[ReleasedTrim, ...]:
-    """The trims of the released simulation, in the order of the file."""
+    """Return the trims of the released simulation, in the order of the file."""
     data = outside_data()["released_simulation"]
     return tuple(
         ReleasedTrim(
@@ -86,8 +89,10 @@ def released_trims() -> tuple[ReleasedTrim, ...]:
 
 
 def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
-    """Return the entries of A and B in Qu 2018, Eq. (97), compared with those of a model; B has two
-    of the inputs."""
+    """Return the entries of A and B in Qu 2018, Eq. (97), compared with those of a model.
+
+    B has two of the inputs.
+    """
     data = outside_data()["qu_2018"]
     return tuple(
         EntryRow(
@@ -109,16 +114,20 @@ def third_printed_entries(model: LinearModel) -> tuple[EntryRow, ...]:
 
 
 def _half_unit(digits: str) -> float:
-    """Half of the last printed digit. For an exact entry without decimals it is the rounding
-    error."""
+    """Return half a unit of the last printed digit.
+
+    For an exact entry without decimals it is the rounding error.
+    """
     decimals = len(digits.partition(".")[2])
     return 0.5 * 10.0**-decimals if decimals else _ROUNDING
 
 
 @dataclass(frozen=True, repr=False)
 class Validation(Checked, Reported):
-    """Every comparison with the outside. fast_roots: (dihedral deg, read from the figure,
-    computed), 1/s."""
+    """Every comparison with published and released data.
+
+    fast_roots: (dihedral deg, value read from the figure, computed value), 1/s
+    """
 
     dynamics: str
     trims: tuple[TrimDifference, ...]
@@ -127,8 +136,9 @@ class Validation(Checked, Reported):
     checks: tuple[Check, ...]
 
     def report(self) -> Report:
-        """The released simulation trim by trim, the third printed model entry by entry, and the
-        verdicts."""
+        """Return the report: the released simulation trim by trim, the third printed model, and the
+        verdicts.
+        """
         sources = outside_data()
         trims = [
             (
@@ -179,7 +189,7 @@ class Validation(Checked, Reported):
 
 
 def validate(aircraft: Model) -> Validation:
-    """Trim at each of their conditions, linearize, compare."""
+    """Trim at each of the released conditions, linearize and compare."""
     models = {released: model_at(aircraft, released) for released in released_trims()}
     trims = tuple(_trim_difference(released, model) for released, model in models.items())
     known = outside_data()
@@ -202,8 +212,10 @@ def validate(aircraft: Model) -> Validation:
 
 
 def model_at(aircraft: Model, released: ReleasedTrim) -> LinearModel:
-    """Five inputs balance four equations: alpha and the center aileron are held at theirs, the rest
-    is solved."""
+    """Return the model at a released trim, where five inputs balance four equations.
+
+    alpha and the center aileron are held at the released values, and the other inputs are solved.
+    """
     level = level_flight(
         released.dihedral,
         speed=released.speed,
