@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balancing import balanced, spectrum
-from controller.riccati.frequency_response import TOLERANCE, level_crossings, responses
+from controller.riccati.frequency_response import level_crossings, responses
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import NoSolutionError
 
@@ -30,6 +30,8 @@ SWEEPS = 20
 #: the end.
 MAX_STEPS = 1000
 MAX_TRIALS = 40
+#: The search ends where σ_max(D M D⁻¹) would fall by less in a step, relative.
+SETTLED = 1e-14
 #: Longest step of log D, which is best at infinity for a triangular M: there exp(log D) must not
 #: overflow on the way.
 FARTHEST = 5.0
@@ -137,7 +139,10 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     pieces = list(pairwise([*ends.tolist(), math.inf]))
     # The largest bound first: then most pieces are below the level at once.
     there = loop.at(ends)
-    first = [*ends[np.argsort(scaled_norm(there, _osborne_scaling(there)))].tolist(), near]
+    scalings = _osborne_scaling(there)
+    order = np.argsort(scaled_norm(there, scalings))
+    scaling = scalings[order[-1]]
+    first = [*ends[order].tolist(), near]
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     level = highest
@@ -148,7 +153,7 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
         if not any(low <= point <= high for low, high in pieces):
             continue
         M = loop.at(np.array([point]))[0]
-        scaling = best_scaling(M)
+        scaling = best_scaling(M, scaling)
         bound = float(scaled_norm(M, scaling))
         if bound > highest:
             highest = bound
@@ -177,10 +182,11 @@ def _above(
     C = D[:, None] * loop.C
     through = D[:, None] * loop.D / D
     crossings = np.append(level_crossings(loop.A, loop.B / D, C, through, level), cut)
+    crossings.sort()
     parts: list[Piece] = []
     for low, high in pieces:
         inside = crossings[(crossings > low) & (crossings < high)].tolist()
-        parts += pairwise(np.unique([low, *inside, high]).tolist())
+        parts += pairwise([low, *inside, high])
     inner = np.array([_between(*part) for part in parts])
     bounds = scaled_norm(loop.at(inner), scaling)
     for part, bound, point in zip(parts, bounds, inner, strict=True):
@@ -188,7 +194,7 @@ def _above(
             yield part
 
 
-def best_scaling(M: np.ndarray) -> np.ndarray:
+def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     """Return log D, (m,), of the smallest σ_max(D M D⁻¹), D > 0 diagonal, the upper bound of μ(M).
 
     The bound is exact for m <= 3. The method is BFGS with a line search that needs no smoothness,
@@ -197,19 +203,21 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
     (2013), 135-163.
 
     M: (m, m), complex
+    start: log D to begin with, (m,); without it `_osborne_scaling`
     """
-    start = _osborne_scaling(M)
+    start = _osborne_scaling(M) if start is None else start
     free = start[:-1] - start[-1]
     size, slope = _norm_and_slope(free, M)
-    inverse = np.eye(len(free)) / size if size > 0.0 else np.eye(len(free))
+    unit = np.eye(len(free))
+    inverse = unit / size if size > 0.0 else unit
     for _ in range(MAX_STEPS):
-        if np.abs(slope).max(initial=0.0) <= TOLERANCE * size:
-            break
         way = -inverse @ slope
-        if np.abs(way).max() > FARTHEST:  # no curvature is left: steepest descent again
-            inverse = np.eye(len(free)) / size
+        if np.abs(way).max(initial=0.0) > FARTHEST:  # no curvature is left: steepest descent again
+            inverse = unit / size
             way = -inverse @ slope
         falls = slope @ way
+        if -falls <= SETTLED * size:
+            break
         share = 1.0
         low = 0.0
         high = math.inf
@@ -226,8 +234,9 @@ def best_scaling(M: np.ndarray) -> np.ndarray:
             break
         step = share * way
         change = slope_there - slope
-        turn = np.eye(len(free)) - np.outer(step, change) / (step @ change)
-        inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
+        column = step[:, None] / (step @ change)
+        turn = unit - column * change
+        inverse = turn @ inverse @ turn.T + column * step
         free = free + step
         size = there
         slope = slope_there

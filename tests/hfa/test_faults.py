@@ -55,7 +55,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
 )
 def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
     """Without a home that can be written the result is there."""
-    works_without_a_home(tmp_path, PICTURE, home)
+    works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)
 
 
 @pytest.mark.parametrize(
