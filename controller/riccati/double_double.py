@@ -12,8 +12,9 @@ import math
 
 import numpy as np
 
-#: Of 22 to 25 bits each up to 100 columns: together more than twice the digits of a double.
-SLICES = 5
+#: Of 22 to 25 bits each up to 100 columns. Rounding of the products with what is left over is below
+#: twice the digits of a double.
+SLICES = 3
 
 #: (high, low), arrays of one shape.
 Pair = tuple[np.ndarray, np.ndarray]
@@ -50,16 +51,18 @@ def product(left: Pair, right: Pair) -> Pair:
 
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
-    """Return `product` of plain doubles, without terms smaller than the last slices."""
+    """Return `product` of plain doubles."""
     n = left.shape[-1]
-    rows = np.concatenate(_slices(left, -1), axis=-1)
-    columns = np.concatenate(_slices(right, -2)[::-1], axis=-2)
+    of_left, left_over = _slices(left, -1)
+    of_right, right_over = _slices(right, -2)
+    rows = np.concatenate([*of_left, left_over[-1]], axis=-1)
+    columns = np.concatenate(of_right[::-1], axis=-2)
     parts = [  # products of slices of one size at once, largest first
         rows[..., : order * n] @ columns[..., (SLICES - order) * n :, :]
         for order in range(1, SLICES + 1)
     ]
-    high = parts.pop() + parts.pop()  # rounded below the digits of the result
-    low = np.zeros_like(high)
+    high = parts.pop()
+    low = rows @ np.concatenate(right_over[::-1], axis=-2)  # all other products, with rounding
     while parts:
         high, low = _sum(parts.pop(), high, low)
     return high, low
@@ -96,19 +99,21 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, numbers - high
 
 
-def _slices(matrix: np.ndarray, axis: int) -> list[np.ndarray]:
-    """Return slices whose sum is the matrix, except for bits below the last slice.
+def _slices(matrix: np.ndarray, axis: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return slices of a matrix, and what is left of the matrix before each and after the last.
 
     The entries along an axis have one scale, and sums of products along it are free of rounding.
     """
     bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[axis], 1)))) // 2
     largest = np.abs(matrix).max(axis=axis, keepdims=True, initial=0.0)
     # Beside this number a double has no bits below the first slice.
-    shift = np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits))
+    shift = np.full_like(matrix, np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits)))
     slices = []
+    left_over = [matrix]
     for _ in range(SLICES):
         piece = (matrix + shift) - shift
         slices.append(piece)
         matrix = matrix - piece
+        left_over.append(matrix)
         shift = shift * 2.0**-bits
-    return slices
+    return slices, left_over

@@ -146,6 +146,11 @@ class NormalForm:
         return np.linalg.solve(self.root, self.inputs.mT).mT
 
     @cached_property
+    def B_over_R(self) -> np.ndarray:
+        """B R⁻¹ of the user's B and R, in y, (..., n, m)."""
+        return np.linalg.solve(self.root.T, self.B.mT).mT
+
+    @cached_property
     def E(self) -> np.ndarray:
         """E with δ = 1, (..., n, k)."""
         return self.disturbance / self.delta
@@ -166,9 +171,9 @@ class NormalForm:
         root = self.root
         half = np.zeros_like(self.A)
         if not np.array_equal(root, self.R):  # R = I leaves B as it is
-            over_R = np.linalg.solve(root.T, self.B.mT).mT
             of_B = remainder(self.inputs, self.B, root)
-            half = over_R @ (0.5 * over_R @ remainder(self.R, root, root) - of_B).mT
+            of_root = 0.5 * self.B_over_R @ remainder(self.R, root, root)
+            half = self.B_over_R @ (of_root - of_B).mT
         if math.isfinite(self.delta):
             deltas = np.eye(self.E.shape[-1]) * self.delta
             half = half + remainder(self.disturbance, self.E, deltas) / self.delta @ self.E.mT
@@ -253,7 +258,7 @@ class NormalForm:
 
     def gain(self, X: np.ndarray) -> np.ndarray:
         """Return K of u = -K z in the user's coordinates, (..., m, n)."""
-        return np.linalg.solve(self.root.T, self.B.mT @ X @ self.T)
+        return self.B_over_R.mT @ X @ self.T
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
         """Return L of the worst disturbance d = L z in the user's coordinates, (..., k, n)."""
