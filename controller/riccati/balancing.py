@@ -158,7 +158,7 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 def largest(matrices: np.ndarray) -> np.ndarray:
     """Return max |M_ij| of each matrix, (...)."""
-    return np.asarray(np.abs(matrices).max(axis=(-2, -1)))
+    return np.abs(matrices).max(axis=(-2, -1))
 
 
 def largest_or_1(matrices: np.ndarray) -> np.ndarray:

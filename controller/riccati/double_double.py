@@ -8,8 +8,6 @@ Source: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 #: Of 22 to 25 bits each up to 100 columns. Rounding of the products with what is left over is below
@@ -52,17 +50,15 @@ def product(left: Pair, right: Pair) -> Pair:
 
 def product_of_doubles(left: np.ndarray, right: np.ndarray) -> Pair:
     """Return `product` of plain doubles."""
-    n = left.shape[-1]
-    of_left, left_over = _slices(left, -1)
-    of_right, right_over = _slices(right, -2)
-    rows = np.concatenate([*of_left, left_over[-1]], axis=-1)
-    columns = np.concatenate(of_right[::-1], axis=-2)
-    parts = [  # products of slices of one size at once, largest first
-        rows[..., : order * n] @ columns[..., (SLICES - order) * n :, :]
-        for order in range(1, SLICES + 1)
-    ]
-    high = parts.pop()
-    low = rows @ np.concatenate(right_over[::-1], axis=-2)  # all other products, with rounding
+    p = left.shape[-2]
+    slices, left_over = _slices(np.concatenate([left, right.mT], axis=-2))
+    rows = [each[..., :p, :] for each in (*slices, left_over[-1])]
+    # Products of slices of one size are added exactly, largest first; those of the rest follow.
+    parts = []
+    for factors in (slices[:1], slices[:2], slices, left_over):
+        columns = [each[..., p:, :].mT for each in factors[::-1]]
+        parts.append(sum(map(np.matmul, rows, columns)))
+    low, high = parts.pop(), parts.pop()
     while parts:
         high, low = _sum(parts.pop(), high, low)
     return high, low
@@ -85,11 +81,11 @@ def remainder(total: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndar
     if np.count_nonzero(right) > np.count_nonzero(factors):
         columns = np.broadcast_to(right.T, (*left.shape[:-2], *right.T.shape))
         high, low = product_of_doubles(left, columns)
-        return np.asarray((total - high) - low)
+        return (total - high) - low
     high, low = _halves(left)
     of_factors = _halves(factors)
     left_over = total - high * of_factors[0] - high * of_factors[1]
-    return np.asarray(left_over - low * of_factors[0] - low * of_factors[1])
+    return left_over - low * of_factors[0] - low * of_factors[1]
 
 
 def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -99,21 +95,20 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, numbers - high
 
 
-def _slices(matrix: np.ndarray, axis: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return slices of a matrix, and what is left of the matrix before each and after the last.
+def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return slices of rows, and what is left of the rows before each and after the last.
 
-    The entries along an axis have one scale, and sums of products along it are free of rounding.
+    The entries of a row have one scale, and sums of products of two rows are free of rounding.
     """
-    bits = (53 - math.ceil(math.log2(SLICES * max(matrix.shape[axis], 1)))) // 2
-    largest = np.abs(matrix).max(axis=axis, keepdims=True, initial=0.0)
+    bits = (53 - (SLICES * rows.shape[-1]).bit_length()) // 2
+    largest = np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)
     # Beside this number a double has no bits below the first slice.
-    shift = np.full_like(matrix, np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits)))
+    shift = np.full_like(rows, np.ldexp(1.5, np.frexp(largest)[1] + (52 - bits)))
     slices = []
-    left_over = [matrix]
+    left_over = [rows]
     for _ in range(SLICES):
-        piece = (matrix + shift) - shift
-        slices.append(piece)
-        matrix = matrix - piece
-        left_over.append(matrix)
+        slices.append((rows + shift) - shift)
+        rows = rows - slices[-1]
+        left_over.append(rows)
         shift = shift * 2.0**-bits
     return slices, left_over

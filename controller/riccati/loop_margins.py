@@ -136,7 +136,7 @@ def response_of(loop: ClosedLoop) -> Callable[[np.ndarray], np.ndarray]:
             known = (T[row, row + 1 :] @ columns[row + 1 :]).reshape(states[row].shape)
             states[row] = (enters[row, :, None] + known) / (points - T[row, row])
         outputs = (leaves @ columns).reshape(*loop.D.shape, len(points))
-        return np.asarray(loop.D + np.moveaxis(outputs, -1, 0))
+        return loop.D + np.moveaxis(outputs, -1, 0)
 
     return at
 

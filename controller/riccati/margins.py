@@ -256,7 +256,7 @@ def _norm_and_slope(free: np.ndarray, M: np.ndarray) -> tuple[float, np.ndarray]
 def scaled_norm(M: np.ndarray, log_D: np.ndarray) -> np.ndarray:
     """Return σ_max(D M D⁻¹) of one matrix, or of a stack (..., m, m) with its scalings (..., m)."""
     scaled = np.exp(log_D[..., :, None] - log_D[..., None, :]) * M
-    return np.asarray(np.linalg.norm(scaled, 2, axis=(-2, -1)))
+    return np.linalg.norm(scaled, 2, axis=(-2, -1))
 
 
 def _osborne_scaling(M: np.ndarray) -> np.ndarray:
@@ -274,7 +274,7 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
         column = scaled.sum(axis=-2)
         ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
         log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
-    return np.asarray(log_D - log_D.mean(axis=-1, keepdims=True))
+    return log_D - log_D.mean(axis=-1, keepdims=True)
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:

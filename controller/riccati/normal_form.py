@@ -177,12 +177,12 @@ class NormalForm:
         if math.isfinite(self.delta):
             deltas = np.eye(self.E.shape[-1]) * self.delta
             half = half + remainder(self.disturbance, self.E, deltas) / self.delta @ self.E.mT
-        return np.asarray(half + half.mT)
+        return half + half.mT
 
     @property
     def units(self) -> np.ndarray:
         """Units u with z_i = u_i y_i, (n,), powers of two; the form must not be turned."""
-        return np.asarray(1.0 / np.diag(self.T))
+        return 1.0 / np.diag(self.T)
 
     def of_value(self, P: np.ndarray) -> np.ndarray:
         """Return X for one P or a stack of P in the user's coordinates; the form must not be
@@ -232,7 +232,7 @@ class NormalForm:
         square = product_of_doubles(signed, inputs.mT)
         total = add(add(linear, transposed(linear)), add(exact(self.Q), square))
         mixed = signed @ low[..., n:].mT
-        return np.asarray(total[0] + (mixed + mixed.mT + X @ self.rounded @ X))
+        return total[0] + (mixed + mixed.mT + X @ self.rounded @ X)
 
     def relative_residual(self, X: np.ndarray) -> np.ndarray:
         """Return the largest residual of each game relative to its terms, (...).

@@ -127,11 +127,11 @@ def least_vectors(matrices: np.ndarray) -> np.ndarray:
     diagonal += np.where(diagonal == 0.0, rounding, 0.0)
     inverse = np.array([ztrtri(each.T, lower=1)[0].T for each in triangle])
     if not np.isfinite(inverse).all():
-        return np.asarray(np.linalg.svd(matrices)[2][:, -1:].mT.conj())
+        return np.linalg.svd(matrices)[2][:, -1:].mT.conj()
     inverse = inverse / np.abs(inverse).max(axis=(1, 2), keepdims=True)
     adjoint = inverse.mT.conj()
     row = np.linalg.norm(inverse, axis=2).argmax(axis=1)[:, None, None]
     vector = inverse @ np.take_along_axis(adjoint, row, axis=2)
     for _ in range(_INVERSE_STEPS):  # grows by at most n² a step, and does not shrink
         vector = inverse @ (adjoint @ vector)
-    return np.asarray(vector / np.linalg.norm(vector, axis=1, keepdims=True))
+    return vector / np.linalg.norm(vector, axis=1, keepdims=True)

@@ -1,0 +1,25 @@
+"""Products of matrices with twice the digits of double precision."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from controller.riccati.double_double import product_of_doubles
+
+
+@pytest.mark.parametrize("n", [0, 1, 6, 100])
+def test_product_has_twice_the_digits(n: int) -> None:
+    """Each entry is exact to 2^-104 of the largest entries of its row and column."""
+    random = np.random.default_rng(n)
+    sizes = np.exp2(random.integers(-30, 30, (2, 3, n)))
+    left, columns = random.normal(size=(2, 3, n)) * sizes
+    high, low = product_of_doubles(left, columns.T)
+    for i, row in enumerate(left.tolist()):
+        for j, column in enumerate(columns.tolist()):
+            exact = sum(Fraction(a) * Fraction(b) for a, b in zip(row, column, strict=True))
+            error = abs(exact - Fraction(high[i, j]) - Fraction(low[i, j]))
+            scale = max(map(abs, row), default=0.0) * max(map(abs, column), default=0.0)
+            assert error <= Fraction(scale) / 2**104
