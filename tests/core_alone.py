@@ -1,7 +1,8 @@
-"""The tests of the core where no extension is installed: `make test-core`.
+"""Tests of the core in an environment without extensions: `make test-core`.
 
-A new environment has the libraries of this one and the core's packages, and nothing of the folder
-extensions/: no module of it can be imported, and no entry point is offered."""
+A new environment has the libraries of this one and the packages of the core. No module of the
+folder extensions/ can be imported there, and no entry point is offered.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ SCRIPT = "#!{python}\nimport sys\nfrom hfa.entry import main\nsys.exit(main())\n
 
 
 def environment(folder: Path) -> Path:
-    """The interpreter of a new environment without extensions."""
+    """Return the interpreter of a new environment without extensions."""
     venv.create(folder, symlinks=True)
     (packages,) = folder.glob("lib/python*/site-packages")
     libraries = [path for path in sys.path if Path(path).name == "site-packages"]
@@ -40,7 +41,7 @@ def environment(folder: Path) -> Path:
 
 
 def main(words: list[str]) -> int:
-    """Run pytest with the words of the command line, by default on all tests of the core."""
+    """Run pytest with the arguments of the command line, by default on all tests of the core."""
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder))
         tests = words or [*_DEFAULT, *(f"--ignore=tests/{name}" for name in _OF_ALL)]

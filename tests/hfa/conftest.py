@@ -9,4 +9,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """`folder` of the tests, for all."""
+    """Run every test in the fixture `folder`."""

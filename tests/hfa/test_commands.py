@@ -39,7 +39,10 @@ LINEAR_MODEL_KEYS = {
 
 
 def text(*words: str, code: int = DONE) -> str:
-    """Return the printed text of `hfa words...`: no escape codes, nothing on standard error."""
+    """Return the printed text of `hfa words...`.
+
+    It must have no escape codes, and standard error must be empty.
+    """
     result = hfa(*words)
     assert (result.code, result.err) == (code, "")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", result.out)
@@ -48,7 +51,7 @@ def text(*words: str, code: int = DONE) -> str:
 
 
 def test_help_names_every_command() -> None:
-    """Help names every command and every command has help."""
+    """The help lists every command, and every command has a help."""
     overview = text("--help")
     assert text() == overview
     for command in commands():
@@ -61,8 +64,9 @@ def test_help_names_every_command() -> None:
 
 
 def test_trim_json() -> None:
-    """JSON of `hfa trim` has the documented names, units and residuals, and the condition of the
-    paper."""
+    """JSON of `hfa trim` has the documented names, units and residuals, and the paper's
+    condition.
+    """
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
     assert data["dihedral_deg"] == pytest.approx(10.0, rel=1e-15)
@@ -84,7 +88,7 @@ def test_trim_json() -> None:
 
 
 def test_degrees_go_in_and_radians_come_out() -> None:
-    """Held values and limits are typed in degrees; JSON has radians."""
+    """Held values and limits are given in degrees, and JSON has radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -128,7 +132,7 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_sweep_text_and_json() -> None:
-    """`hfa sweep` prints a column for each mode; its eigenvalues are those of its A."""
+    """`hfa sweep` prints a column for each mode. The eigenvalues of a point are those of its A."""
     shown = text("sweep", "--dihedral", "0:15:5")
     assert shown.startswith("Sweep, published dynamics: trimmed at 4 of 4 points\n")
     assert re.search(
@@ -183,7 +187,7 @@ def test_regenerate_passes_with_the_shipped_parameters() -> None:
     "name", ["panel_mass", *ASSUMED]
 )  # the other identified ones: test_linear_model.py
 def test_regenerate_fails_with_one_changed_parameter(tmp_path: Path, name: str) -> None:
-    """Regenerate fails with one parameter changed by one percent."""
+    """`hfa regenerate` fails if one parameter is changed by 1 %."""
     shipped = default_parameters()
     changed = shipped.values._replace(**{name: 1.01 * getattr(shipped.values, name)})
     path = tmp_path / "changed.toml"
@@ -227,7 +231,7 @@ def test_without_names_every_state_is_an_output() -> None:
 
 
 def test_names_choose_rows_and_columns_in_their_order() -> None:
-    """--states, --inputs and --outputs select rows and columns of A to E in the typed order."""
+    """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
     rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
@@ -248,7 +252,9 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
-    """Text omits E. The file contains E and F of all winds, equal to those of `linearize`."""
+    """The file contains E and F of all winds, as returned by `linearize`. The printed text
+    omits E.
+    """
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
     winds = tuple(choice.aircraft().disturbances)
@@ -268,7 +274,7 @@ def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> N
 
 
 def test_a_files_wind_is_not_its_games_disturbance() -> None:
-    """The wind in a file is not the disturbance of its game."""
+    """The wind in a file of a linear model is not used as the disturbance of the game."""
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
     assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
 
@@ -278,7 +284,7 @@ def test_a_files_wind_is_not_its_games_disturbance() -> None:
 
 @pytest.fixture(scope="module")
 def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The identified aircraft with heavier panels."""
+    """Return the identified aircraft with heavier panels."""
     usual = default_parameters()
     path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
     heavier = replace(
@@ -293,7 +299,7 @@ def hash_of(path: Path) -> str:
 
 
 def test_text_says_which_aircraft(heavy: Path) -> None:
-    """The last line names the parameters and their hash, and edited values."""
+    """The last line of the text names the parameters, their hash, and edited values."""
     plain = hfa("solve", "--dihedral", "12")
     edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
     assert (
@@ -309,7 +315,8 @@ def test_text_says_which_aircraft(heavy: Path) -> None:
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
     """The provenance contains imposed, free and limited variables, changed parameters and the
-    command."""
+    command.
+    """
     words = (
         "--dihedral",
         "12",

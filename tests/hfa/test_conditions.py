@@ -1,4 +1,6 @@
-"""One flight condition, named the same way in every command that trims, one point or a grid."""
+"""A flight condition is given with the same options to every command that trims one point or
+many.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from scipy.io import loadmat
 
 
 def test_it_matters_which_variable_is_held() -> None:
-    """At 10 deg and 60 ft/s: alpha held as in the paper, or free with the outer aileron at 0."""
+    """At 10 deg and 60 ft/s, holding alpha as in the paper and holding the outer aileron at 0 give
+    different trims.
+    """
     words = ("--dihedral", "10", "--hold", "speed=60")
     held = answer("linearize", *words)
     free = answer("linearize", *words, "--free", "alpha", "--hold", "aileron_outer=0")
@@ -27,7 +31,7 @@ def test_it_matters_which_variable_is_held() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
-    """A condition that cannot be trimmed is refused by each: so each has used it."""
+    """Every command that trims uses the condition: each refuses one that cannot be trimmed."""
     words = (
         "--dihedral",
         "10",
@@ -52,7 +56,7 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
 
 
 def test_a_held_alpha_in_the_way_is_named() -> None:
-    """A held alpha that makes a trim impossible is named."""
+    """If a held alpha makes a trim impossible, the message names it."""
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(
@@ -76,7 +80,7 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
     ],
 )
 def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
-    """A point of a sweep is that of linearize."""
+    """A point of a sweep equals the result of `linearize`."""
     swept = hfa("sweep", "--dihedral", "10", *words, "--json")
     single = hfa("linearize", "--dihedral", "10", *words, "--json")
     assert swept.code == single.code
@@ -90,7 +94,9 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
 
 
 def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
-    """A sweep of the throttle with free gamma finds the known glide angles, and stores its grid."""
+    """A sweep over the throttle with gamma free finds the known glide angles and stores its
+    grid.
+    """
     target = tmp_path / "glide.npz"
     data = answer(
         "sweep",
@@ -132,7 +138,7 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
 
 
 def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
-    """In .mat the points of a sweep are the last axis, and the grid keeps its units."""
+    """In .mat files the last axis counts the points of a sweep, and the grid keeps its units."""
     target = tmp_path / "grid.mat"
     data = answer("sweep", *GRID, "-o", str(target))
     loaded = loadmat(target, simplify_cells=True)
@@ -146,7 +152,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
-    """A store obeys the condition and keeps to it."""
+    """A store contains its condition and refuses to be continued with another one."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0

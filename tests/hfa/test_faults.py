@@ -1,4 +1,4 @@
-"""Faults of the system: a full disk, a home that cannot be written, invalid settings."""
+"""Faults of the system: a full disk, a home folder that cannot be written, invalid settings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["small_disk"]
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
 def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -> None:
-    """A refusal that cannot be printed has its exit code."""
+    """A refusal that cannot be printed still has its exit code."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
@@ -32,7 +32,7 @@ def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -
     ],
 )
 def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str) -> None:
-    """An output file is no input and no other output."""
+    """An output file may be neither an input nor another output of the same run."""
     path = tmp_path / "plant.json"
     path.write_text("{}")
     assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
@@ -54,7 +54,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
     ],
 )
 def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
-    """Without a home that can be written the result is there."""
+    """The result is written if the home folder cannot be written."""
     works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)
 
 
@@ -69,12 +69,14 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
     ],
 )
 def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -> None:
-    """A result that the disk has no room for is not there."""
+    """A full disk leaves no part of a result."""
     has_no_room(small_disk, words, left)
 
 
 def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
-    """OpenBLAS would wait for memory while it is loaded, where no signal reaches Python."""
+    """Too little address space ends in one line, although OpenBLAS would wait for memory while it
+    loads.
+    """
     done = shell('ulimit -v 204800; exec "$0" "$@"', "solve", "--dihedral", "15", folder=tmp_path)
     assert (done.returncode, done.stdout) == (BAD_INPUT, "")
     assert done.stderr == (

@@ -1,5 +1,6 @@
-"""Files that `hfa` writes: full precision, names, units, offsets and schema; the same bytes every
-time; pictures."""
+"""Files that `hfa` writes: full precision, names, units, offsets and schema, equal bytes in every
+run, and pictures.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ COMMANDS = {
 
 
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
-    """Return the file that a command writes, and the JSON that it prints."""
+    """Return the file that a command writes and the JSON that it prints."""
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.{suffix}"
     with contextlib.chdir(folder):  # an output bears its command: the same words in every folder
@@ -50,7 +51,7 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
 
 
 def numbers(data: Any) -> list[float]:
-    """Every number of a tree of JSON data, in order; null is nan, true and false are 1 and 0."""
+    """Return every number of nested JSON data in order. null becomes nan, true 1, and false 0."""
     return [
         np.nan if value is None else float(value)
         for _, value in leaves(data)
@@ -63,7 +64,7 @@ def texts(data: Any) -> list[str]:
 
 
 def plain(value: Any) -> Any:
-    """Return structs, cells and arrays of `loadmat` as JSON data."""
+    """Return the structs, cells and arrays of `loadmat` as JSON data."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
     if isinstance(value, (np.ndarray, list)):
@@ -146,7 +147,7 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
 def test_two_runs_write_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
 ) -> None:
-    """Files do not contain the time at which they were written."""
+    """Two runs write equal bytes, because files do not contain the time of writing."""
     first, data = written(tmp_path / "first", name, suffix)
     # Another day: nothing in a file may tell when it was written.
     monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
@@ -157,7 +158,7 @@ def test_two_runs_write_the_same_bytes(
 
 
 def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
-    """With exit code 1 the result is written too, with ok false."""
+    """With exit code 1 the result is also written, with ok = false."""
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False

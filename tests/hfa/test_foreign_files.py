@@ -1,4 +1,6 @@
-"""Plants and gains of other tools, solved and checked; our tables in pandas and polars."""
+"""Plants and gains of other tools are solved and checked. Tables of `hfa` are read by pandas and
+polars.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ SLOW_TABLES = {
 
 @pytest.fixture(scope="module")
 def known() -> dict[str, Any]:
-    """Return the results of `hfa solve`, without the text."""
+    """Return the data of `hfa solve` without its text."""
     model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
     return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
 
@@ -49,8 +51,9 @@ def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) ->
 
 
 def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
-    """The attributes of a StateSpace as JSON are read as a plant; one with a time step is
-    refused."""
+    """The attributes of a StateSpace of python-control as JSON are read as a plant. One with a time
+    step is refused.
+    """
     names = {"states": known["states"], "inputs": known["inputs"]}
     system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
     content = {
@@ -86,8 +89,9 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
 def test_tables_are_read_as_they_are(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Numbers are numbers, to the last digit, and each has its unit: in its name, or in the column
-    "unit"."""
+    """pandas and polars read numbers of our tables to the last digit, and each column states its
+    unit in its name or in the column "unit".
+    """
     if "learn.npz" in command:
         assert (
             hfa("learn", "--dihedral", "10", "--set", "predefined_time=2", "-o", "learn.npz").code
@@ -112,7 +116,7 @@ def test_tables_are_read_as_they_are(
 
 
 def is_number(cell: str) -> bool:
-    """Or nothing."""
+    """Return whether a cell is a number or empty."""
     try:
         float(cell or "nan")
     except ValueError:

@@ -1,5 +1,4 @@
-"""`hfa solve`, `hfa learn`, `hfa verify`, with plants of the user's own and with designs; `hfa
-design`."""
+"""`hfa solve`, `hfa learn`, `hfa verify` and `hfa design`, on plants of users and on designs."""
 
 from __future__ import annotations
 
@@ -24,8 +23,9 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
-    """`hfa solve` reports P and K of `solve_game` bit by bit, with certificate, delta_min and
-    margins."""
+    """`hfa solve` reports P and K with the bits of `solve_game`, its certificate, delta_min and
+    margins.
+    """
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
     assert (
         set(data)
@@ -54,7 +54,7 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
     ],
 )
 def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str) -> None:
-    """Solve below the smallest delta gives no P and names a delta that has one."""
+    """Below the smallest delta `hfa solve` reports no P and names a delta that has a solution."""
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1
@@ -93,7 +93,9 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     ],
 )
 def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
-    """solve, learn and verify accept plants without E, delta or the cost of some states."""
+    """`hfa solve`, `learn` and `verify` accept plants without E or delta, and with states without
+    cost.
+    """
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
     assert answer("learn", "--model", plant, *QUICK, "-o", "learned.json")["converged"] is True
@@ -104,7 +106,7 @@ def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None
 
 
 def test_learn_keeps_the_history_for_files() -> None:
-    """Learn prints the outcome and keeps the history for files."""
+    """`hfa learn` prints the outcome and stores the history in files only."""
     printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
     assert (
         set(printed)
@@ -124,7 +126,9 @@ def test_learn_keeps_the_history_for_files() -> None:
 
 @pytest.mark.parametrize(("command", "suffix"), [("learn", "npz"), ("solve", "mat")])
 def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
-    """Files of learn and solve pass verify, with their names and provenance."""
+    """`hfa verify` reads the files of `learn` and `solve`, passes them, and keeps their names and
+    provenance.
+    """
     plant = small("plant.json")
     quick = QUICK if command == "learn" else ()
     assert hfa(command, "--model", plant, *quick, "-o", f"critic.{suffix}").code == DONE
@@ -137,7 +141,7 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
 
 
 def test_a_linear_model_keeps_its_names() -> None:
-    """A plant written by linearize has names, units and provenance in the game."""
+    """The game of a plant written by `linearize` keeps its names, units and provenance."""
     assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
     data = answer("solve", "--model", "plant.json")
     assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)

@@ -1,4 +1,4 @@
-"""The help of every command: its length, and the example that ends it, which runs."""
+"""The help of every command is short, and ends with an example that runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ QUICK = [name for name in ("trim", "linearize", "sweep", "solve", "printed") if 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_help_is_short_and_ends_with_an_example(name: str) -> None:
-    """A help is short and ends with its example."""
+    """The help of a command is short and ends with its example."""
     text = hfa(*name.split(), "--help").out
     *_, last = text.splitlines()
     assert last == f"example: {commands()[name].example}"
@@ -33,7 +33,7 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
-    """No option, value or text of the HFA in the help of a command about another aircraft."""
+    """The help of a command for another aircraft shows no option, value or text of the HFA."""
     if "--aircraft" not in hfa(*name.split(), "--help").out:
         return
     own = f"{ROOT / 'examples' / 'navion.py'}:NAVION"
@@ -46,7 +46,9 @@ def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
 def ran(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
 ) -> dict[str, int]:
-    """Example -> exit code of its run with these words more, one after the other in a folder."""
+    """Run examples with these extra words one after the other in a folder. Return each one's exit
+    code.
+    """
     monkeypatch.chdir(tmp_path)
     for folder in ("examples", "studies"):
         Path(folder).symlink_to(ROOT / folder)
@@ -63,7 +65,7 @@ def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_every_example_runs_and_its_json_is_published(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The example of each command runs with --json."""
+    """The example of each command runs with --json, and its JSON has the published format."""
     codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}
     assert len(codes) == len(NAMES)

@@ -1,5 +1,6 @@
-"""Hostile inputs by every way in: a result, or one line and nothing left; `make fuzz` makes many
-more of them."""
+"""Hostile inputs of every kind give a result, or one line and no file. `make fuzz` makes many more
+of them.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
     "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
 )
 def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
-    """A hostile input is a result or one line."""
+    """A hostile input gives a result or one line."""
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
         number: (case(way, number)[0], fault) for number, fault in faults.items() if fault

@@ -1,4 +1,6 @@
-"""No output is a file that the run has read, however either is named; what fails leaves no file."""
+"""An output never overwrites a file that the run has read, under any name. A failed run leaves no
+file.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ from hfa.main import BAD_INPUT, DONE
 
 
 def plant_of_parts() -> None:
-    """A plant whose matrices are files of their own: A.csv, B.csv."""
+    """Return a plant whose matrices are in the files A.csv and B.csv."""
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
 
@@ -35,7 +37,9 @@ OF_PARTS = "--Q 1,1 --R 1 --delta inf"
     ],
 )
 def test_no_output_is_an_input(words: str, kept: str) -> None:
-    """A file that the run reads, also through a link, is refused as output and unchanged."""
+    """An output that is an input of the run, also through a link, is refused, and the input is
+    unchanged.
+    """
     plant_of_parts()
     Path("link.csv").symlink_to("A.csv")
     small("plant.json")
@@ -56,7 +60,7 @@ def test_an_output_beside_the_inputs_is_written() -> None:
 
 
 def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If -o cannot be written, neither its file nor the picture remains."""
+    """If the file of -o cannot be written, neither the file nor the picture remains."""
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

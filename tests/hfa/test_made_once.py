@@ -1,4 +1,4 @@
-"""Objects that one command computes once: the equations of a trim, its condition."""
+"""The equations and the condition of a trim are built once in a command."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trim.point.system import TrimSystem
 
 
 def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[..., Any]:
-    """Return the function with a record of its calls."""
+    """Return a function that records its calls."""
 
     def called(*arguments: Any, **options: Any) -> Any:
         calls.append(name)

@@ -1,4 +1,4 @@
-"""Notes on standard error and on terminals: notes, colors, progress."""
+"""Notes, colors and progress on standard error and on terminals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 
 def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
-    """A command says once that a dihedral lies beyond the paper."""
+    """A command notes once that a dihedral angle is beyond the range of the paper."""
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa("solve", "--dihedral", degrees, "--json")
         assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
@@ -24,7 +24,7 @@ def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
 
 
 def test_quiet_prints_errors_alone() -> None:
-    """Quiet says no note and no progress but errors."""
+    """--quiet suppresses notes and progress, and errors are still printed."""
     words = ("sweep", "--dihedral", "14:20:2")
     for quiet in ("-q", "--quiet"):
         terminal = Terminal()
@@ -35,7 +35,7 @@ def test_quiet_prints_errors_alone() -> None:
 
 @needs("hfa_stores")
 def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
-    """A stored sweep has it of its farthest dihedral in its store."""
+    """The note of a stored sweep names its largest dihedral angle and is kept in the store."""
     import zarr
 
     result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
@@ -84,7 +84,7 @@ def test_tables_fit_a_terminal_of_80_columns(
 def test_a_minutes_work_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A task of more than a minute is announced once."""
+    """Work that takes more than a minute is announced once."""
     clock = iter(range(0, 1000, 2))
     # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
@@ -101,7 +101,9 @@ def test_a_minutes_work_is_announced_once(
 def test_time_before_the_first_part_is_no_pace(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """40 s of preparation, then 2 s for each of 1000 parts: half an hour, not 11 hours."""
+    """The announced time ignores preparation: 40 s and then 2 s for each of 1,000 parts are half an
+    hour.
+    """
     times = iter([0.0, 40.0, 42.0, 44.0])
     # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: next(times))

@@ -1,5 +1,6 @@
-"""`hfa` as a child process: exit codes, pipes, full disks, simple terminals, and packages that it
-does not import."""
+"""`hfa` as a child process: exit codes, pipes, full disks, simple terminals, and modules that it
+does not import.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_the_module_is_the_command(tmp_path: Path) -> None:
-    """`python -m hfa` prints and returns what `hfa` does."""
+    """`python -m hfa` prints the same text and returns the same exit code as `hfa`."""
     words = ("trim", "--dihedrl", "15")
     run = [sys.executable, "-m", "hfa", *words]
     done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, timeout=60)
@@ -25,7 +26,7 @@ def test_the_module_is_the_command(tmp_path: Path) -> None:
 
 
 def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
-    """Output depends neither on the hash seed nor on color variables."""
+    """The output depends neither on the hash seed nor on variables that control color."""
     words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)
     assert inside.code == DONE
@@ -58,7 +59,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuff
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
 def test_a_full_disk_is_one_line() -> None:
-    """A full disk on standard output is exit code 2 and one line."""
+    """A full disk on standard output gives exit code 2 and one line."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             [SCRIPT, "trim", "--dihedral", "15"],
@@ -71,7 +72,7 @@ def test_a_full_disk_is_one_line() -> None:
 
 
 def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
-    """Progress on a real terminal leaves a clean line."""
+    """On a real terminal the progress is erased and leaves a clean line."""
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(
@@ -100,7 +101,7 @@ def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
     ],
 )
 def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -> None:
-    """Commands do not import the listed heavy libraries, also where they refuse their words."""
+    """Commands do not import the listed heavy libraries, also if they refuse their arguments."""
     run = f"for words in {commands}: main(words.split())"
     program = (
         f"import sys\nfrom hfa.main import main\n{run}\nprint('imported', *sorted(sys.modules))"

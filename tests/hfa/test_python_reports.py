@@ -35,7 +35,7 @@ def without_source(text: str) -> str:
 def test_a_points_report_equals_the_commands(
     aircraft: str, hold: dict[str, float], words: tuple[str, ...]
 ) -> None:
-    """The report of a point is that of the command."""
+    """The report of a point in Python equals the text of the command."""
     model = hfa.load_model(aircraft) if aircraft else hfa.aircraft()
     point = hfa.find_operating_point(model, hold=hold)
     assert without_source(command("trim", *words).out) == point.report().text()

@@ -1,4 +1,4 @@
-"""Refusals of `hfa`: exit code 1 or 2, one line that names cause and remedy, nothing written."""
+"""Refusals of `hfa` have exit code 1 or 2, one line with cause and remedy, and write no file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DIGITS = "9" * 5000
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """Every path below a folder, with its content."""
+    """Return every path below a folder with its content."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))
@@ -28,8 +28,10 @@ def snapshot(folder: Path) -> dict[str, bytes | None]:
 
 @pytest.fixture(autouse=True)
 def untouched(tmp_path: Path) -> Iterator[None]:
-    """Work in a folder with a few things in it, the same afterwards; files `given...` are a test's
-    own."""
+    """Run a test in a folder with a few files, and assert that they are unchanged afterwards.
+
+    Files named `given...` belong to the test itself.
+    """
     for name in ("folder.json", "folder.png", "folder.html"):
         (tmp_path / name).mkdir()
     (tmp_path / "file").write_text("a file", encoding="utf-8")
@@ -160,7 +162,7 @@ REFUSED_BY_EXTENSIONS = (
     ],
 )
 def test_bad_requests(command: str, words: str, named: str) -> None:
-    """Each bad request is exit code 2 and one short printable line that names the fault."""
+    """Each bad request gives exit code 2 and one short printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
     result = hfa(command, *words.split())

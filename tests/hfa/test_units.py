@@ -1,5 +1,6 @@
-"""`--units si`: physics holds in the numbers that are written; in every command what has a unit of
-length, mass or force changes by its factor and nothing else does."""
+"""`--units si`: written numbers obey the laws of physics. In every command, quantities with a unit
+of length, mass or force are converted, and nothing else changes.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
-    """Return quantities of a trim that must be 1: laws of physics between its numbers."""
+    """Return ratios between the numbers of a trim that are 1 by the laws of physics."""
     performance = data["performance"]
     loads = data["loads"]
     states = data["operating_point"]["states"]
@@ -46,7 +47,7 @@ def test_the_laws_of_physics_hold_in_si() -> None:
 
 @pytest.mark.parametrize("unit", ENGLISH)
 def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
-    """Patched: the table of units is data of the product, and a wrong factor must be planted."""
+    """A wrong factor planted in the table of units violates the laws of physics."""
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
     wrong = [
@@ -56,7 +57,9 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
 
 
 def test_matrices_are_similar() -> None:
-    """A_si = T A T⁻¹, and so for all others, with T from the units in the same file."""
+    """A in SI units is T A T⁻¹, with T from the units in its file. Other matrices are converted
+    accordingly.
+    """
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
     after = answer(*words, "--units", "si")
@@ -90,7 +93,9 @@ def test_matrices_are_similar() -> None:
 
 
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
-    """Plants and points written in SI are converted; a point in km/h is refused."""
+    """Plants and points that were written in SI units are converted on reading. A point in km/h is
+    refused.
+    """
     for suffix in ("json", "npz", "mat"):
         plant = str(tmp_path / f"plant.{suffix}")
         assert hfa("linearize", "--dihedral", "12", "--units", "si", "-o", plant).code == 0
@@ -108,8 +113,9 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
 
 
 def test_the_trim_that_was_printed_can_be_typed() -> None:
-    """A flight in m and m/s: what --units si prints, typed again, is the same trim; in feet it is
-    another."""
+    """Values printed with --units si and given again in m and m/s define the same trim. Read as
+    feet, they define another one.
+    """
     words = ("trim", "--dihedral", "10", "--units", "si", "--free", "alpha")
     first = answer(*words, "--hold", "altitude=12000", "--hold", "speed=21")["operating_point"][
         "states"
@@ -139,7 +145,7 @@ AT = ("--dihedral", "12")
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])
 def test_a_critic_in_other_units_is_the_same(suffix: str, tmp_path: Path) -> None:
-    """P, K and plants written in m are right on plants in ft, and the other way round."""
+    """P, K and plants written in metres are right for plants in feet, and vice versa."""
     files = {}
     for system in ("english", "si"):
         for command in ("solve", "linearize"):

@@ -1,5 +1,4 @@
-"""Critics judged through the command line: right ones pass, planted mistakes are refused with their
-reason."""
+"""`hfa verify`: right critics pass, and planted mistakes are refused with their reason."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_verify_keeps_the_contract() -> None:
-    """The JSON of verify has the keys of the contract, and the learned critic passes."""
+    """The JSON of `hfa verify` has the published keys, and the learned critic passes."""
     data = answer("verify", *AT_15)
     assert data["ok"] is True
     assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
@@ -35,14 +34,14 @@ def test_verify_keeps_the_contract() -> None:
 
 
 def test_verify_names_the_critic_that_it_judges() -> None:
-    """The first paragraphs name the law and seed, or the file."""
+    """The first paragraph of the report names the law and seed of the critic, or its file."""
     shown = hfa("verify", *AT_15).out.split("\n\n")[1]
     assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
-    """Files with the exact P, K or W pass; P is compared unless only K is given."""
+    """Files with the exact P, K or W pass. P is compared unless only K is given."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
@@ -55,7 +54,7 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
 
 
 def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
-    """Progress of verify appears on a terminal and is erased at the end."""
+    """Progress of `hfa verify` appears on a terminal and is erased at the end."""
     file = stored("critic.npz", K=solve_game(game).K)
     message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
@@ -63,7 +62,7 @@ def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
 
 @needs("hfa_reasons")
 def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
-    """A weight that leaves P and K alone is refused with its reason."""
+    """A wrong weight that changes neither P nor K is refused with its reason."""
     P = solve_game(game).P
     row, column = np.triu_indices(6)
     weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])
@@ -96,7 +95,7 @@ def test_the_limit_of_errors_is_the_users(game: Game) -> None:
 
 
 def test_verify_draws_a_run() -> None:
-    """--picture writes a PNG of a training run."""
+    """`hfa verify --picture` writes a PNG of a training run."""
     assert (
         hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
     )
@@ -108,7 +107,7 @@ def test_verify_draws_a_run() -> None:
 
 @needs("hfa_discrete")
 def test_a_critic_over_time_keeps_its_time() -> None:
-    """A critic over time is held to its time."""
+    """A critic over time must settle within its predefined time."""
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
@@ -150,7 +149,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
 
 
 def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
-    """The cost of a critic is printed and can decide."""
+    """The cost of a critic is printed, and with a limit it decides the verdict."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]

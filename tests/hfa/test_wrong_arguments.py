@@ -1,5 +1,6 @@
-"""Public functions with wrong arguments: a result, or one line that names the fault, never an
-internal traceback."""
+"""Public functions with wrong arguments give a result or one line that names the fault. They never
+end in an internal traceback.
+"""
 
 from __future__ import annotations
 
@@ -138,7 +139,7 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """Return the fault in how a function treats arguments, or "" without one."""
+    """Return the fault in a function's treatment of its arguments, or "" without one."""
     try:
         function(**arguments)
     except (BadInputError, NoSolutionError) as error:
@@ -149,7 +150,7 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Replace one argument of a function after the other by every wrong value."""
+    """Replace each argument of a function in turn by every wrong value, and return the faults."""
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):

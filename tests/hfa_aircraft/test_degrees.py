@@ -1,4 +1,4 @@
-"""Sines of signals in degrees are noticed."""
+"""A sine of a signal in degrees is noticed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hfa_aircraft.units import in_si
 
 
 def pendulum(torque: Any) -> Model:
-    """A pendulum whose angle is declared in degrees; `torque` of the angle moves it."""
+    """Return a pendulum whose angle is declared in degrees. `torque` is a function of the angle."""
 
     def equations(x: Any, u: Any, _p: Any, _w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         rates = {"angle": x.rate, "rate": u.moment - torque(x.angle) - x.rate}

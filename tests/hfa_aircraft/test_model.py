@@ -1,4 +1,4 @@
-"""Refusals of a declaration, in one line, before or at compilation."""
+"""Faulty declarations are refused in one line, before or at compilation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_aircraft.signals import Signal
 
 
 def cart(**declared: Any) -> Model:
-    """x' = v, v' = u; output position = x."""
+    """Return the cart x' = v, v' = u with the output position = x."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"x": x.v, "v": u.force}, {"position": x.x}
@@ -63,7 +63,7 @@ def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) 
 def test_rates_and_outputs_are_single_numbers(
     rates: dict[str, Any], outputs: dict[str, Any], message: str
 ) -> None:
-    """Rates and outputs that are vectors or other objects are refused by name."""
+    """Rates and outputs that are vectors or objects of other types are refused by name."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"x": x.v, "v": u.force} | rates, {"position": x.x} | outputs
@@ -73,12 +73,12 @@ def test_rates_and_outputs_are_single_numbers(
 
 
 def test_a_model_is_short_at_the_prompt() -> None:
-    """The repr of a model counts states, inputs and outputs."""
+    """The repr of a model states its numbers of states, inputs and outputs."""
     assert repr(cart()) == "<Model cart: 2 states, 1 inputs, 1 outputs>"
 
 
 class Car(NamedTuple):
-    """A declaration's own class of states, with a property."""
+    """A declaration with its own class of states, which has a property."""
 
     place: Any
     pace: Any
@@ -89,7 +89,9 @@ class Car(NamedTuple):
 
 
 def test_states_keep_the_class_of_their_declaration() -> None:
-    """A model with its properties, in the equations and in results."""
+    """The properties of the declared class of states are available in the equations and in
+    results.
+    """
     model = cart(
         states=Car(Signal("m"), Signal("m/s", start=2.0)),
         equations=lambda x, u, p, w: (
@@ -107,7 +109,7 @@ def test_states_keep_the_class_of_their_declaration() -> None:
 
 @pytest.mark.parametrize("where", ["a rate", "an output", "a rate of MX"])
 def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
-    """Before, the first function that was made raised CasADi's RuntimeError."""
+    """A CasADi symbol of the user in the equations is refused by name at compilation."""
     stray = ca.SX.sym("stray")
     rate = stray if where == "a rate" else 0.0
     output = stray if where == "an output" else 0.0
@@ -125,7 +127,7 @@ def test_an_own_symbol_in_the_equations_is_named(where: str) -> None:
 
 
 def test_undividable_numbers_use_the_compiled_equations() -> None:
-    """1 / 0 is inf, as in the functions that CasADi makes of them."""
+    """Equations in plain numbers return inf for 1 / 0, as compiled equations do."""
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})
     )

@@ -1,4 +1,6 @@
-"""A model in SI is the same aircraft: trims, linear models, games and reports differ by units."""
+"""A model in SI units is the same aircraft: its trims, linear models, games and reports are
+converted.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,7 @@ def test_the_same_trim_linear_model_and_game(model: Model) -> None:
 
 
 def test_a_trim_report_in_si_has_newtons() -> None:
-    """The report of a trim has its loads in newtons."""
+    """The report of a trim in SI units has loads in newtons."""
     model = MODELS[0]
     converted = in_si(model)
     data, data_in_si = (
@@ -75,7 +77,7 @@ def test_a_trim_report_in_si_has_newtons() -> None:
 
 
 def test_parameters_envelope_and_pickles_are_converted() -> None:
-    """A model in SI accepts parameters in kg, converts its envelope, and survives a pickle."""
+    """A model in SI units accepts parameters in kg, converts its envelope, and can be pickled."""
     model = MODELS[1]
     converted = in_si(model)
     heavier = converted.with_parameters(panel_mass=200.0)
@@ -95,7 +97,9 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Units follow the signal that declares them, whatever it is called."""
+    """Units are taken from the declaration of a signal, also if its name resembles that of other
+    data.
+    """
     names = ("effort", "limits", "gust", "history", "noise")
     model = Model(
         "cart",
@@ -120,7 +124,7 @@ def test_a_model_without_english_units_is_itself() -> None:
 
 
 def test_conditions_and_points_in_other_units_are_refused() -> None:
-    """Conditions and points in the units of the unconverted model are refused."""
+    """A model in SI units refuses conditions and points in the units of the original model."""
     model = MODELS[0]
     converted = in_si(model)
     with pytest.raises(BadInputError, match="condition is not in the units of the model"):

@@ -1,4 +1,6 @@
-"""Names of the modes of an aircraft that declares none: by the names and units of its states."""
+"""Modes of an aircraft that declares no mode names get names by the names and units of its
+states.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ _UNITS = {
 
 
 def _rates(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Textbook motions of a light jet; all derivatives but those of the speed grow with it."""
+    """Return the textbook motions of a light jet. All derivatives but those of the speed grow with
+    it.
+    """
     k = x.V / 500.0
     rates = {
         "V": 20.0 * u.throttle - 10.0 * k**2 - 32.2 * (x.theta - x.alpha),
@@ -61,7 +65,9 @@ def test_linearize_and_sweep_give_one_name() -> None:
 
 
 def test_other_units_and_states_stay_unnamed() -> None:
-    """A body rate in 1/h, an aircraft without sideslip, declared modes: none is overruled."""
+    """No usual mode names are given to a body rate in 1/h, an aircraft without sideslip, or
+    declared modes.
+    """
     assert set(_jet({**_UNITS, "q": "1/h"}).modes) == {"dutch roll", "roll", "spiral"}
     spinning = {name: Signal("rad/s") for name in ("p", "q", "r")}
     rates = dict.fromkeys(spinning, 0.0)

@@ -1,5 +1,6 @@
-"""Density and speed of sound against the standard's tables, an independent package, and
-hydrostatics."""
+"""Density and speed of sound compared with the tables of the standard, with an independent package,
+and with hydrostatics.
+"""
 
 from __future__ import annotations
 
@@ -75,8 +76,9 @@ def test_what_the_printed_tables_have(
 
 
 def test_derivative_is_hydrostatic() -> None:
-    """dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r + h))²: written down here, not
-    differentiated."""
+    """The derivative of the density by altitude is dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r +
+    h))².
+    """
     h = ca.SX.sym("h")
     slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])
     for altitude in np.linspace(0.0, HIGHEST_ALTITUDE, 98).tolist():

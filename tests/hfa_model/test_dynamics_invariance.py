@@ -1,5 +1,6 @@
-"""Invariance of the physics under other units and a common scale of mass, and the limit of a stiff
-hinge."""
+"""The physics does not depend on units or on a common scale of mass. A very stiff hinge gives the
+rigid aircraft.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,9 @@ RATE_UNITS = tuple(map(hfa.aircraft().rate_unit, STATES))
 
 
 def unit_size(unit: str, length: float, mass: float, time: float) -> float:
-    """How many new units one old unit is, for the units written in `FIELDS` and `vectors.py`."""
+    """Return the number of new units in one old unit, for the units in `FIELDS` and
+    `vectors.py`.
+    """
     base = {
         "ft": length,
         "slug": mass,
@@ -50,8 +53,9 @@ def unit_size(unit: str, length: float, mass: float, time: float) -> float:
 def change_of_units_error(
     variant: Variant, parameters: Parameters, fields: Parameters, *new: float
 ) -> float:
-    """Largest relative error of the rates when everything is first converted to units of `new`
-    sizes."""
+    """Return the largest relative error of the rates after everything is converted to units of
+    `new` sizes.
+    """
 
     def converted(values: Any, units: Any) -> list[float]:
         return [value * unit_size(unit, *new) for value, unit in zip(values, units, strict=True)]
@@ -92,7 +96,7 @@ def test_a_change_of_units_leaves_the_physics_alone(
 
 @pytest.mark.parametrize("name", Parameters._fields)
 def test_a_wrong_unit_is_seen(parameters: Parameters, name: str) -> None:
-    """A parameter that declared a unit of time too many would fail the test above."""
+    """A parameter declared with one unit of time too many fails the test of a change of units."""
     unit = re.sub(r"(/|$)", r" s\1", getattr(FIELDS, name).unit, count=1)
     wrong = FIELDS._replace(**{name: Field(unit, "")})
     assert change_of_units_error(Published(), parameters, wrong, *SI_WITH_MINUTES) > 1e-6
@@ -111,7 +115,10 @@ def scaled(
 
 
 def heavier(p: Parameters, factor: float) -> Parameters:
-    """All masses and all forces times `factor`; C_D = C_D0 + κ C_L² needs κ over `factor`."""
+    """Return the parameters with all masses and all forces multiplied by `factor`.
+
+    κ is divided by `factor`, because C_D = C_D0 + κ C_L².
+    """
     inertias = ("panel_mass", "inertia_roll", "inertia_pitch", "inertia_yaw")
     coefficients = (
         "lift_slope",
@@ -125,8 +132,11 @@ def heavier(p: Parameters, factor: float) -> Parameters:
 
 
 def longer_chord(p: Parameters, factor: float) -> Parameters:
-    """Area times coefficient kept: C_L, C_D0 over `factor`, C_M (area times chord) twice, tail area
-    times it."""
+    """Return the parameters with a longer chord and the same products of area and coefficient.
+
+    C_L and C_D0 are divided by `factor`, C_M (area times chord) twice, and the tail area is
+    multiplied by it.
+    """
     once = scaled(
         p,
         factor,
@@ -170,8 +180,9 @@ def test_freedoms_that_no_linear_model_shows(aircraft: Model, change: Any) -> No
 
 
 def test_a_stiff_hinge_gives_the_rigid_aircraft(aircraft: Model) -> None:
-    """The four other eigenvalues approach those of the flat rigid aircraft, with an error of order
-    1/k."""
+    """With a hinge stiffness k, the four other eigenvalues differ from those of the flat rigid
+    aircraft by an error of order 1/k.
+    """
     elastic = release(
         level_flight(0.0), free=("alpha",), hold={"aileron_outer": 0.0, "elevator_outer": -0.05}
     )

@@ -1,8 +1,8 @@
-"""Three panels in space, written down once more: with locked hinges the aircraft is that rigid
+"""An independent model of three panels in space. With locked hinges the aircraft is that rigid
 body, and symmetric conditions keep it in its plane.
 
-Nothing of `kinematics.py`, the sums of `aerodynamics.py` or `dynamics.py` is used but the law of
-one panel's loads."""
+The only function of the product that is used is the law of one panel's loads.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ SIDES = (0, 1, -1)
 
 
 class Body(NamedTuple):
-    """In body axes about the center of mass: force (lbf) without weight, moment (ft lbf), inertia
-    (slug ft^2)."""
+    """Force (lbf) without weight, moment (ft lbf) and inertia (slug ft^2), in body axes about the
+    center of mass.
+    """
 
     force: np.ndarray
     moment: np.ndarray
@@ -33,7 +34,7 @@ class Body(NamedTuple):
 def three_panels(
     x: State, u: Input, p: Parameters, winds: Winds, more_aileron_right: float = 0.0
 ) -> Body:
-    """Center, right and left panel, each with its own place, motion, air and loads."""
+    """Return the center, right and left panel, each with its place, motion, air and loads."""
     center = np.array([0.0, 0.0, p.panel_span / 3 * np.sin(x.dihedral)])
     sinking = np.array([0.0, 0.0, p.panel_span / 3 * np.cos(x.dihedral) * x.dihedral_rate])
     path = x.speed * np.array([np.cos(x.alpha), 0.0, np.sin(x.alpha)])
@@ -78,7 +79,7 @@ def three_panels(
 
 
 def rigid_rates(x: State, body: Body, p: Parameters) -> np.ndarray:
-    """V', α', q' of a rigid body in its plane: Newton's and Euler's laws."""
+    """Return V', α', q' of a rigid body in its plane by Newton's and Euler's laws."""
     weight = p.gravity * np.array([-np.sin(x.pitch), 0.0, np.cos(x.pitch)])
     acceleration = body.force / (3 * p.panel_mass) + weight
     along = np.array([np.cos(x.alpha), 0, np.sin(x.alpha)])
@@ -98,8 +99,10 @@ def cases(change: Callable[[State], State]) -> list[tuple[State, Input, Winds]]:
 
 
 def differences(p: Parameters, dynamics: str, change: Callable[[State], State]) -> np.ndarray:
-    """Largest errors of V', α', q' against the rigid body's, relative to the rate or, near zero, to
-    its scale."""
+    """Return the largest errors of V', α', q' compared with the rigid body.
+
+    They are relative to the rate or, near zero, to its scale.
+    """
     worst = np.zeros(3)
     scales = np.array([RATE_SCALES.speed, RATE_SCALES.alpha, RATE_SCALES.pitch_rate])
     for x, u, winds in cases(change):
@@ -132,17 +135,17 @@ def test_with_locked_hinges_newton_is_the_rigid_aircraft(
 def test_moving_hinges_move_only_the_mass_center(
     parameters: Parameters,
 ) -> None:
-    """With moving hinges only the center of mass moves as a rigid body s."""
+    """With moving hinges the center of mass, and nothing else, moves as that of a rigid body."""
     speed, alpha, pitch_rate = differences(parameters, "newton", lambda x: x)
     assert max(speed, alpha) <= 1e-12
     assert pitch_rate > 1e-3
 
 
 def test_symmetric_flight_stays_in_its_plane(parameters: Parameters) -> None:
-    """No force aside, no moment of roll or yaw, no product of inertia; and the hinges see the same
-    from both sides.
+    """Symmetric flight has no side force, no moment of roll or yaw, and no product of inertia, and
+    both hinges have the same loads.
 
-    In moving air and with moving hinges; an aileron on one side breaks it.
+    This holds in moving air and with moving hinges. An aileron on one side breaks it.
     """
     for x, u, winds in cases(lambda x: x):
         body = three_panels(x, u, parameters, winds)

@@ -1,5 +1,6 @@
-"""The equations of motion judged by their second derivation, and by the energy that only one
-variant conserves."""
+"""The equations of motion compared with their second derivation, and with the energy that only one
+variant conserves.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ NAMES = tuple(DISTURBANCES)
 
 
 def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.Function:
-    """(x, u, p, w) -> dX/dt by these equations, in still air or with all named winds."""
+    """Return the function (x, u, p, w) -> dX/dt of these equations, in still air or with all named
+    winds.
+    """
     (x, u, p), w = symbols(), ca.SX.sym("w", len(NAMES))
     winds = winds_named(NAMES, ca.vertsplit(w), **drag) if moving else STILL_AIR
     return ca.Function("rates", [x, u, p, w], [ca.vertcat(*rates(*by_name(x, u, p), winds))])
@@ -32,7 +35,7 @@ def function_of(rates: Callable[..., State], moving: bool, **drag: bool) -> ca.F
 
 @cache
 def judge(moving: bool, **drag: bool) -> ca.Function:
-    """The Euler-Lagrange equations."""
+    """Return the function of the Euler-Lagrange equations."""
     return function_of(
         lambda x, u, p, w: lagrangian_rates(x, u, density(x.altitude), p, w), moving, **drag
     )
@@ -41,10 +44,9 @@ def judge(moving: bool, **drag: bool) -> ca.Function:
 def disagreement(
     judge: ca.Function, variant: Variant, parameters: Parameters, count: int, **air: bool
 ) -> State:
-    """Largest |difference| of each rate over random points, relative to the rate or, near zero, to
-    its scale.
+    """Return the largest |difference| of each rate over random points.
 
-    The parameters vary too, by some 20 percent each.
+    It is relative to the rate or, near zero, to its scale. The parameters vary by some 20 %.
     """
     closed_form = function_of(lambda x, u, p, w: rates(x, u, p, variant, w), **air)
     random = np.random.default_rng(5)
@@ -154,8 +156,10 @@ def test_published_differs_from_newton_in_two_equations_only(parameters: Paramet
 
 
 def internal_energy(state: np.ndarray, p: Parameters) -> float:
-    """½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η²: energy about the
-    center of mass."""
+    """Return the energy about the center of mass.
+
+    It is ½ (c1 + c2 sin² η) q² + (I_x3x3 + m s²/4 - (m s²/6) cos² η) η'² + k η².
+    """
     x = State(*state.tolist())
     mass_moment = p.panel_mass * p.panel_span**2
     pitch_inertia = 3 * p.inertia_pitch
@@ -171,7 +175,9 @@ def internal_energy(state: np.ndarray, p: Parameters) -> float:
 
 
 def energy_growth(variant: Variant, parameters: Parameters, seconds: float) -> float:
-    """Largest relative change of the internal energy in a fall without air and without dampers."""
+    """Return the largest relative change of the internal energy in a fall without air and
+    dampers.
+    """
     from scipy.integrate import solve_ivp
 
     p = parameters._replace(hinge_damping=0.0)
@@ -200,7 +206,7 @@ def test_published_makes_energy_out_of_nothing(parameters: Parameters) -> None:
 
 
 def test_lagrangian_energy_is_internal_plus_mass_center(parameters: Parameters) -> None:
-    """König's theorem: T + U = internal energy + ½ (3 m) V² + 3 m g h."""
+    """By König's theorem T + U is the internal energy plus ½ (3 m) V² + 3 m g h."""
     symbol = ca.SX.sym("x", len(STATES))
     energy = ca.Function(
         "energy", [symbol], [mechanical_energy(State(*ca.vertsplit(symbol)), parameters)]

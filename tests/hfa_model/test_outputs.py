@@ -34,8 +34,10 @@ def outputs(
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 20.0])
 def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
-    """L + T sin α = W, D = T cos α, M = 0, H = k η from `loads` alone, lift and drag positive; and
-    the outputs."""
+    """In steady level flight the loads satisfy L + T sin α = W, D = T cos α, M = 0 and H = k η.
+
+    Lift and drag are positive, and the outputs agree with the loads.
+    """
     point = model_at(degrees, hfa_model.variant_of(aircraft).name).point
     p = hfa_model.parameters_of(aircraft)
     loads = hfa_model.loads(aircraft, point.states, point.inputs)
@@ -74,7 +76,7 @@ def test_steady_level_flight(aircraft: Model, degrees: float) -> None:
 
 
 def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) -> np.ndarray:
-    """North, east, down of a panel's center of mass from that of the aircraft, ft."""
+    """Return a panel's center of mass relative to that of the aircraft, (north, east, down), ft."""
     eta = x[STATES.index("dihedral")]
     theta = x[STATES.index("pitch")]
     down = float(height(eta, p))
@@ -86,8 +88,10 @@ def place_of_panel(x: np.ndarray, height: Callable, side: float, p: Parameters) 
 def velocity_of_panel(
     aircraft: Model, x: np.ndarray, u: np.ndarray, height: Callable, side: float
 ) -> np.ndarray:
-    """North, east, down, ft/s: of the aircraft's center of mass, plus the rate of the panel's
-    place."""
+    """Return a panel's velocity (north, east, down), ft/s.
+
+    It is the velocity of the aircraft's center of mass plus the rate of the panel's place.
+    """
     state = State(*x)
     ahead = 1e-6 * aircraft.at(x, u).f
     places = [
@@ -100,7 +104,7 @@ def velocity_of_panel(
 
 
 def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray:
-    """The state t seconds on, by the midpoint rule."""
+    """Return the state t seconds later by the midpoint rule."""
     return np.asarray(x + t * aircraft.at(x + t / 2 * aircraft.at(x, u).f, u).f)
 
 
@@ -111,8 +115,11 @@ def later(aircraft: Model, x: np.ndarray, u: np.ndarray, t: float) -> np.ndarray
 def test_panel_load_factors_follow_the_moving_panels(
     aircraft: Model, name: str, height: Callable, side: float
 ) -> None:
-    """Gravity less the acceleration of the panel's center of mass, differenced along the motion,
-    across the panel."""
+    """A panel's load factor is gravity minus the acceleration of its center of mass, normal to the
+    panel.
+
+    The acceleration is computed by differences along the motion.
+    """
     gravity = np.array([0.0, 0.0, hfa_model.parameters_of(aircraft).gravity])
     for x, u in zip(*random_points(20, seed=11), strict=True):
         velocities = [
@@ -128,7 +135,7 @@ def test_panel_load_factors_follow_the_moving_panels(
 
 
 def test_an_updraft_raises_the_air_angle_alone(published_aircraft: Model) -> None:
-    """An updraft raises the angle through the air alone."""
+    """An updraft increases the angle of attack through the air and changes no other output."""
     point = find_operating_point(published_aircraft, level_flight(0.2))
     x = np.array(point.states)
     u = np.array(point.inputs)

@@ -1,4 +1,6 @@
-"""Parameters files are read bit for bit or refused in one line; the printed matrices."""
+"""Files of parameters are read bit for bit, or refused in one line. The printed matrices are
+correct.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,9 @@ from hfa_model.printed_matrices import PublishedModel
 
 
 def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) -> None:
-    """Awkward numbers, and a covariance of rank one: its other eigenvalues are zero but for
-    rounding."""
+    """Saved parameters with awkward numbers and a covariance of rank one are read with equal
+    bits.
+    """
     rng = np.random.default_rng(1)
     count = len(parameter_set.identified)
     awkward = Parameters(*(10.0 ** rng.uniform(-300, 300, len(FIELDS))).tolist())
@@ -44,8 +47,7 @@ def test_round_trip_is_bit_for_bit(tmp_path: Path, parameter_set: ParameterSet) 
 def test_a_covariance_with_a_negative_eigenvalue_is_refused(
     tmp_path: Path, parameter_set: ParameterSet, units: float
 ) -> None:
-    """Symmetric, variances on the diagonal, but two parameters that vary together by more than they
-    vary."""
+    """A symmetric covariance with positive variances is refused if a correlation exceeds 1."""
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
     covariance[2] *= units
@@ -99,7 +101,9 @@ def test_sizes_below_zero_are_refused(aircraft: Model) -> None:
 
 
 def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
-    """Both named sets load. Their identified parameters differ by at most three standard errors."""
+    """Both named sets load, and their identified parameters differ by at most three standard
+    errors.
+    """
     identified, released = (
         load_parameters(name).values for name in ("identified", "gibson-2011-simulation")
     )
@@ -127,7 +131,9 @@ def test_the_named_sets_are_there(parameter_set: ParameterSet) -> None:
 def test_printed_entries_are_whole_last_digits(
     model: PublishedModel,
 ) -> None:
-    """They are not all multiples of ten; one entry, -32.2, has fewer digits than the others."""
+    """Printed entries are multiples of the last digit, and not all of ten. Only -32.2 has fewer
+    digits.
+    """
     for entries, half_unit in ((model.A, model.half_unit_A), (model.B, model.half_unit_B)):
         units = entries / (2 * half_unit)
         np.testing.assert_allclose(units, np.round(units), rtol=0, atol=1e-6)

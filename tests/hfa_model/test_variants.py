@@ -25,25 +25,27 @@ REPAIRS = ("section moment", "hinge inertia", "pitch rate", "moving hinge")
 
 
 class GibsonsLever(Published):
-    """The lever of Eq. (42), and the hinge inertia of Eq. (46)."""
+    """The variant with the lever of Eq. (42) and the hinge inertia of Eq. (46)."""
 
     outer_lever = Newton.outer_lever
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """I_x3x3 + m s²/4 + (m s²/6) cos² η."""
+        """Return I_x3x3 + m s²/4 + (m s²/6) cos² η."""
         return p.inertia_roll + p.panel_mass * p.panel_span**2 * (1 / 4 + ca.cos(dihedral) ** 2 / 6)
 
 
 def accelerations(
     x: State, found: State, loads: Loads, p: Parameters, repairs: tuple[str, ...]
 ) -> tuple[float, float]:
-    """q' and η'' of Eqs. (42) and (44) to (46), with the panel loads given, and V' and α' as they
-    are.
+    """Return q' and η'' of Eqs. (42) and (44) to (46), with the given panel loads, V' and α'.
 
-    section moment: M_i of an outer panel turns with the panel; Eq. (42) does not say in which frame
-    it stands. hinge inertia: the term in cos² η of Eq. (46), with the sign of Eq. (70). pitch rate:
-    the term V cos α q in d2, with the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ, ρ =
-    m v_c, where Eq. (10) has dH_j/dt alone. H of Eq. (44) is printed without its lever s/2."""
+    section moment: M_i of an outer panel turns with the panel. Eq. (42) does not state its frame.
+    hinge inertia: the term in cos² η of Eq. (46) has the sign of Eq. (70). pitch rate: the term V
+    cos α q in d2 has the sign of Eq. (30). moving hinge: M_j = dH_j/dt + v_j × ρ with ρ = m v_c,
+    where Eq. (10) has dH_j/dt alone.
+
+    H of Eq. (44) is printed without its lever s/2.
+    """
     m = p.panel_mass
     s = p.panel_span
     eta = x.dihedral
@@ -91,7 +93,9 @@ def accelerations(
 
 
 def worst(aircraft: Model, repairs: tuple[str, ...]) -> float:
-    """Largest difference of q' and η'' from the aircraft's over random flights, relative."""
+    """Return the largest relative difference of q' and η'' from the aircraft's over random
+    flights.
+    """
     differences = []
     for state, control in zip(*random_points(100, seed=4), strict=True):
         computed = State(*aircraft.at(state, control).f)
@@ -124,6 +128,8 @@ def test_none_of_the_four_can_be_left_out(parameters: Parameters, repairs: tuple
 def test_published_differs_from_gibson_in_two_terms(
     parameters: Parameters,
 ) -> None:
-    """Published is gibsons report but for the lever and the hinge inertia."""
+    """The "published" dynamics are those of Gibson's report except for the lever and the hinge
+    inertia.
+    """
     assert worst(hfa.aircraft(GibsonsLever(), parameters), ()) < 1e-12
     assert worst(hfa.aircraft("published", parameters), ()) > 1e-2

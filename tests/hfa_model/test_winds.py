@@ -1,4 +1,4 @@
-"""Wind at each panel: seen from the ground, and by its names."""
+"""Wind at each panel: its effect seen from the ground, and its names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ NAMES = tuple(DISTURBANCES)
 
 
 def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
-    """The state over ground of an aircraft whose state through the air is x."""
+    """Return the state over ground of an aircraft whose state through the air is x."""
     gamma = x.pitch - x.alpha
     north = x.speed * np.cos(gamma) - headwind
     up = x.speed * np.sin(gamma) + updraft
@@ -24,7 +24,9 @@ def seen_from_the_ground(x: State, updraft: float, headwind: float) -> State:
 
 
 def inertial(x: State, rate: State) -> np.ndarray:
-    """Accelerations that no steady motion of the observer changes: north, up, pitch, dihedral."""
+    """Return the accelerations north, up, in pitch and in dihedral, which no steady motion of the
+    observer changes.
+    """
     gamma = x.pitch - x.alpha
     gamma_rate = rate.pitch - rate.alpha
     along = np.array([np.cos(gamma), np.sin(gamma)])

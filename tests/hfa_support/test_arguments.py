@@ -1,4 +1,4 @@
-"""Arguments compared with annotations: accepted kinds, and refusals in one line."""
+"""Arguments compared with annotations: accepted types, and refusals in one line."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_missing_and_unknown_arguments_are_named() -> None:
 
 
 def test_the_function_keeps_its_name_and_its_text() -> None:
-    """The checked function keeps its name and wraps the original."""
+    """A checked function keeps its name and docstring, and wraps the original."""
     assert public.__name__ == "public"
     assert public.__wrapped__.__defaults__[0] == 0.0
 
@@ -148,7 +148,7 @@ class Declared:
 
 
 def test_of_a_class_the_constructor_is_checked() -> None:
-    """Arguments of a checked dataclass are refused under the name of the class."""
+    """Wrong arguments of a checked dataclass are refused under the name of the class."""
     assert Declared(Thing(), 2).number == 2
     with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
         Declared(3)

@@ -14,7 +14,7 @@ from hfa_support.files import LARGEST, read_json, read_toml
 
 @pytest.mark.parametrize("read", [read_json, read_toml])
 def test_a_fifo_and_a_device_are_refused(tmp_path: Path, read) -> None:
-    """A fifo and a device are refused without waiting."""
+    """A FIFO and a device are refused without waiting."""
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path / "fifo", "/dev/zero"):
         with pytest.raises(OSError, match="not a regular file"):
@@ -62,7 +62,7 @@ def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
 def test_an_archive_beyond_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An archive that unpacks to more than memory is refused."""
+    """An archive that unpacks to more than the memory is refused."""
     import numpy as np
 
     from controller.game import array_file

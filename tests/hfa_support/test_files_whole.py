@@ -1,4 +1,4 @@
-"""A file is complete, or unchanged."""
+"""A written file is complete, or the old file is unchanged."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    """Saving into a missing folder is refused with advice."""
+    """Saving to a missing folder is refused with advice."""
     with pytest.raises(BadInputError, match="choose a folder that exists"):
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
@@ -59,7 +59,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 def test_the_mode_of_an_existing_file_is_kept(
     tmp_path: Path,
 ) -> None:
-    """The mode of an existing file is kept and a new one is an ordinary file."""
+    """An existing file keeps its mode, and a new file has the ordinary mode."""
     write_text(tmp_path / "new", "1")
     (tmp_path / "ordinary").touch()
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode
@@ -70,7 +70,7 @@ def test_the_mode_of_an_existing_file_is_kept(
 
 
 def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
-    """Temporary files and folders go and nothing else does."""
+    """Cleaning removes temporary files and folders, and nothing else."""
     theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}
     for path in theirs:
         path.mkdir()
@@ -91,7 +91,7 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
 
 
 def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
-    """A signal at the first of two files that get their names takes effect when both have them."""
+    """A signal between the renaming of two files is deferred until both have their names."""
     seen: list[list[str]] = []
     sent: list[str] = []
 
@@ -118,7 +118,7 @@ def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
 def test_a_file_is_registered_before_it_exists(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A signal directly after the file was made left it behind."""
+    """A signal directly after a temporary file was created leaves no file."""
     made = os.open
 
     def interrupted(path: Any, *arguments: Any, **options: Any) -> int:

@@ -1,4 +1,4 @@
-"""Written JSON: a row of a table a line, the same values."""
+"""Written JSON has one row of a table on each line, and the same values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hfa_support.jsonable import json_text, jsonable
 
 
 def test_a_row_is_a_line() -> None:
-    """A row of a table or a matrix is a line."""
+    """Each row of a table or a matrix is one line."""
     value = {
         "schema": "x",
         "A": np.eye(2),

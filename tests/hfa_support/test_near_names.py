@@ -1,4 +1,4 @@
-"""Which known names are offered in the place of an unknown one."""
+"""Suggestions of known names for an unknown one."""
 
 import pytest
 
@@ -19,17 +19,21 @@ from hfa_support.other_words import MEANINGS
     ],
 )
 def test_names_alike_are_all_offered(name, known, meant):
-    """The name in another case alone; else those that begin with it; else those most alike."""
+    """A name that differs in case only is offered alone. Otherwise names with the same beginning
+    are offered, or else the most similar ones.
+    """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
 
 
 def test_words_of_other_tools_are_other_names():
-    """No word is its own meaning, and each is written as it is compared."""
+    """Each word of another tool differs from its translation and is stored in the compared
+    spelling.
+    """
     for word, meanings in MEANINGS.items():
         assert word == word.lower()
         assert word not in meanings
 
 
 def test_names_without_likeness_are_listed_alone():
-    """Without a near name the message lists the known names."""
+    """Without a similar name the message only lists the known names."""
     assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"

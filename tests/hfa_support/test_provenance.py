@@ -1,4 +1,4 @@
-"""Where an output comes from: different where inputs differ, equal where they are equal."""
+"""The provenance of an output differs if inputs differ and is equal if they are equal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_support.provenance import Change, Provenance, parameter_hash
 
 
 def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
-    """Text and JSON of the provenance name each changed parameter."""
+    """The provenance names each changed parameter, in text and in JSON."""
     edited = replace(parameter_set, values=parameter_set.values._replace(panel_mass=10.5))
     assert changed_parameters(edited) == {
         "panel_mass": Change(10.5, parameter_set.values.panel_mass, "slug")

@@ -17,7 +17,7 @@ STUBS = [
 
 
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
-    """The error of an unknown public name suggests the nearest ones."""
+    """The error on an unknown public name suggests the nearest ones."""
     with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
         hfa.linearise  # noqa: B018
     with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
@@ -38,7 +38,9 @@ def test_one_name_stands_in_one_package() -> None:
 
 
 def test_the_core_stubs_name_no_extension() -> None:
-    """`hfa` alone offers names of extensions, each imported when it is used."""
+    """Of the core packages only `hfa` offers names of extensions. Each is imported when it is
+    used.
+    """
     core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
     assert len(core) >= 6
     for stub in core:
@@ -47,6 +49,6 @@ def test_the_core_stubs_name_no_extension() -> None:
 
 
 def test_the_version_and_inner_packages_are_public() -> None:
-    """The version and the packages within are public too."""
+    """The version and the subpackages are public."""
     assert hfa.__version__ == VERSION
     assert hfa.paper.__name__ == "hfa.paper"

@@ -1,5 +1,6 @@
-"""Declarations of users' files: right values are returned as declared, wrong ones are one line with
-their place."""
+"""Declared formats of users' files: right values are returned, and wrong ones are refused in one
+line that names their place.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ DECLARED = {
 
 
 def test_what_is_declared_is_read_as_floats() -> None:
-    """Data as declared are returned with numbers as floats."""
+    """Data that match the declaration are returned, with their numbers as floats."""
     value = {
         "name": "x",
         "sizes": [[1, 2.5]],
@@ -57,7 +58,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
     ],
 )
 def test_what_is_not_declared_is_named(change: dict[str, Any], said: str) -> None:
-    """Data of another form give one line with their place."""
+    """Data that do not match the declaration are refused in one line that names their place."""
     with pytest.raises(BadInputError) as refusal:
         checked("f.toml", {"name": "x"} | change, DECLARED)
     assert str(refusal.value).startswith(said)

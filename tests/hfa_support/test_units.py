@@ -39,5 +39,5 @@ def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
 
 
 def test_only_units_with_an_si_unit_are_converted() -> None:
-    """Only a unit and its si unit are converted."""
+    """A unit is converted only if its SI unit is known."""
     assert conversion("km/h", "ft/s") is None

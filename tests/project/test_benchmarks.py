@@ -1,5 +1,6 @@
-"""The benchmarks: peers that compute the same thing, verdicts that can say NO, documents with the
-stored results."""
+"""The benchmarks: peers compute the same quantities, verdicts can fail, and documents show the
+stored results.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +34,9 @@ def case() -> FlightCase:
 
 
 def largest_difference_of_rates(peer, count: int = 200) -> float:
-    """Return the largest difference of six rates from those of the aircraft, relative to the
-    largest, at random states and inputs."""
+    """Return the largest difference of six rates from those of the aircraft at random states and
+    inputs, relative to the largest rate.
+    """
     rng = np.random.default_rng(3)
     low = np.array([50.0, -0.1, -0.1, -0.3, -0.4, -0.3])
     states = rng.uniform(low, [80.0, 0.15, 0.15, 0.3, 0.4, 0.3], size=(count, 6))
@@ -63,7 +65,7 @@ def test_other_dynamics_would_be_noticed() -> None:
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
-    """python-control finds our trim and, by differences, our A and B."""
+    """python-control finds the same trim and, by differences, the same A and B."""
     peer, model = peer_point(peer_system(), float(np.radians(10.0)))
     exact = model_at(10.0)
     np.testing.assert_allclose(peer.inputs, exact.input_offsets, rtol=1e-6, atol=1e-8)
@@ -73,7 +75,7 @@ def test_python_control_trims_and_linearizes_the_same_aircraft() -> None:
 
 @pytest.mark.parametrize(("turning", "unknowns"), [(False, 5), (True, 12)])
 def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknowns: int) -> None:
-    """python-control finds our trims and linear models of the F-16, level and turning."""
+    """python-control finds the same trims and linear models of the F-16, level and turning."""
     condition, name, low, high = f16_case(turning)
     assert len(condition.free) == unknowns
     values = np.linspace(low, high, 5)
@@ -89,7 +91,7 @@ def test_python_control_trims_and_linearizes_the_same_f16(turning: bool, unknown
 def test_c_by_hand_flies_our_flight(
     case: FlightCase, monkeypatch: pytest.MonkeyPatch, name: str, factor: float
 ) -> None:
-    """Handwritten C simulates the same flight, and a difference is detected."""
+    """Handwritten C simulates the same flight, and a planted difference is detected."""
     data = case.data()
     # The planted fault: constants of another aircraft.
     monkeypatch.setattr(case, "data", lambda: data | {name: factor * np.asarray(data[name])})
@@ -118,7 +120,7 @@ def test_a_figure_that_misses_its_target_says_so(ratio: float, target: float, ve
 
 
 def test_a_job_is_shown_over_its_limit() -> None:
-    """A row states the time as a multiple of its lower limit."""
+    """A row of the table states the time as a multiple of its lower limit."""
     limited = row(2.0, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
     assert report.markdown([report.figure([limited])]).endswith("| yes | 2 x one evaluation |")
     missed = row(0.5, 1.0)._replace(limit=Limit(1e-6, "one evaluation"))
@@ -127,13 +129,13 @@ def test_a_job_is_shown_over_its_limit() -> None:
 
 
 def test_the_run_of_median_ratio_is_stored() -> None:
-    """Of several runs the one with the median ratio is stored, with the range."""
+    """The run with the median ratio of several runs is stored, together with their range."""
     found = report.figure([row(3.0, 1.0), row(9.0, 1.0), row(4.0, 1.0)])
     assert (found["ratio"], found["ratios"], found["runs"]) == (4.0, [3.0, 9.0], 3)
 
 
 def test_a_slope_is_fitted_to_the_larger_sizes() -> None:
-    """The exponent of growth comes from the larger sizes alone."""
+    """The exponent of growth is fitted to the larger sizes only."""
     sizes = [Size(n, 1.0 if n < 100 else 1e-6 * n**3, 100.0) for n in (1, 10, 100, 1000, 10000)]
     assert Growth("a job", "states", tuple(sizes)).slope == pytest.approx(3.0)
 
@@ -155,7 +157,7 @@ def test_a_job_of_the_benchmarks_runs_alone(capsys: pytest.CaptureFixture) -> No
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_the_limit_of_a_trim_is_below_it() -> None:
-    """The limit of a trim is below its time."""
+    """The lower limit of a trim's time is below its measured time."""
     (found,) = bench.report.rows_of("trim", quick=True)
     assert found.limit is not None
     assert 0.0 < found.limit.seconds < found.timing.ours
@@ -165,7 +167,7 @@ def test_the_limit_of_a_trim_is_below_it() -> None:
 def test_every_job_runs_and_quick_runs_store_nothing(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every job runs and a quick run stores nothing."""
+    """Every job runs, and a quick run stores no results."""
     # The results that are stored must not be written by a test.
     monkeypatch.setattr(report, "store", lambda *_: pytest.fail("stored"))
     assert bench.main(["--quick"]) == 0
@@ -178,7 +180,7 @@ def test_every_job_runs_and_quick_runs_store_nothing(
 
 
 def not_shown(document: str, data: dict) -> list[str]:
-    """Stored figures, and jobs that grow, without their row in the document."""
+    """Return the stored figures, and the jobs with a growth, that have no row in the document."""
     rows = [report.markdown([figure]).splitlines()[-1] for figure in data["figures"]]
     rows += [report.growth_markdown([each]).splitlines()[-1] for each in data["growth"]]
     return [row for row in rows if row not in document]
@@ -200,7 +202,7 @@ def test_documents_of_other_figures_would_be_noticed() -> None:
 
 
 def test_stored_verdicts_follow_from_their_figures() -> None:
-    """The first page has every missed target."""
+    """Stored verdicts follow from their figures, and the first page lists every missed target."""
     first = report.PAGES[0].read_text("utf-8")
     for figure in report.stored()["figures"]:
         timing = Comparison(figure["ours"], figure["peers"], figure["ratio"])

@@ -1,4 +1,4 @@
-"""Files that import each other, where imports inside functions count too."""
+"""Files that import each other. Imports inside functions also count."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CIRCLES = 6
 
 
 def modules() -> dict[str, Path]:
-    """Dotted name -> file, of the core and of the extensions."""
+    """Return the modules of the core and of the extensions: dotted name -> file."""
     found = {}
     for folder in FOLDERS.values():
         for path in folder.rglob("*.py"):
@@ -25,9 +25,10 @@ def modules() -> dict[str, Path]:
 
 
 def imports_of(node: ast.AST, *, lazy: bool) -> Iterator[str]:
-    """The names that the code of a node imports, those for type checkers alone left out.
+    """Return the names that the code of a node imports, without imports for type checkers.
 
-    lazy: whether imports inside functions count"""
+    lazy: whether imports inside functions count
+    """
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
             continue
@@ -48,7 +49,7 @@ def is_for_checkers(test: ast.expr) -> bool:
 
 
 def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
-    """The groups of modules of which each imports each other one, directly or not."""
+    """Return the groups of modules that import each other directly or indirectly."""
     names = list(trees)
     place = {name: number for number, name in enumerate(names)}
     graph = np.zeros((len(names), len(names)), dtype=bool)
@@ -64,7 +65,9 @@ def circles(trees: dict[str, ast.Module], *, lazy: bool) -> list[set[str]]:
 
 
 def test_circles_only_become_fewer() -> None:
-    """None at all where a module is loaded; of imports inside functions at most `CIRCLES`."""
+    """No modules import each other at loading, and with imports inside functions at most `CIRCLES`
+    groups do.
+    """
     trees = {name: ast.parse(path.read_text("utf-8")) for name, path in modules().items()}
     assert len(trees) > 400
     assert circles(trees, lazy=False) == []
@@ -72,7 +75,9 @@ def test_circles_only_become_fewer() -> None:
 
 
 def test_a_planted_circle_is_seen() -> None:
-    """One is inside a function; imports for type checkers alone are none."""
+    """A planted circle with one import inside a function is found. Imports for type checkers make
+    none.
+    """
     sources = {
         "p.a": "from p import b\n",
         "p.b": "def f():\n    from p.c import value\n",

@@ -1,5 +1,6 @@
-"""The files of the project and of its wheel: our packages with their data, and none mentions where
-it was written."""
+"""The stored files and the wheel: the wheel has our packages with their data, and no file mentions
+the machine on which it was written.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ WORKPLACE = re.compile("/wo" + "rk/|/tmp/bri" + "ef")
 
 
 def stored() -> list[str]:
-    """The files that git keeps."""
+    """Return the files that git tracks."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False)
     if listed.returncode or not listed.stdout:
         pytest.skip("not a checkout of the repository")
@@ -42,7 +43,9 @@ DATA = {
 
 @pytest.mark.slow
 def test_the_wheel_holds_all_modules_and_data(tmp_path: Path) -> None:
-    """Built from our sources and a stray package of results."""
+    """A wheel built from our sources contains all modules and data, and no stray folder of
+    results.
+    """
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"
     sources.mkdir()

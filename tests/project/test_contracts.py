@@ -1,4 +1,4 @@
-"""Import contracts of pyproject.toml: they name every package, and see what breaks them."""
+"""Import contracts of pyproject.toml: they name every package, and violations are detected."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ BREACHES = {
 
 
 def contract(begin: str) -> dict[str, Any]:
-    """The contract whose name begins so."""
+    """Return the contract whose name begins with this text."""
     (found,) = (each for each in CONTRACTS if each["name"].startswith(begin))
     return found
 
 
 def test_contracts_name_every_package() -> None:
-    """A new package is in the lists, or the test fails."""
+    """The contracts list every package."""
     assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
     core = contract("The core imports nothing but")
     assert set(core["modules"]) == set(core["allowed"]) == PACKAGES - EXTENSIONS - {"studies"}
@@ -61,7 +61,7 @@ def test_contracts_name_every_package() -> None:
 
 
 def test_only_imports_for_types_are_ignored() -> None:
-    """An import that a contract ignores is under `if TYPE_CHECKING` and nowhere else."""
+    """An import that a contract ignores stands under `if TYPE_CHECKING` and nowhere else."""
     ignored = [line for each in CONTRACTS for line in each.get("ignore_imports", [])]
     assert len(ignored) == 2
     for line in ignored:
@@ -84,7 +84,7 @@ def test_only_imports_for_types_are_ignored() -> None:
 
 @pytest.mark.slow
 def test_planted_breaches_are_seen(tmp_path: Path) -> None:
-    """Each import is written into its file, in a copy of the project; the linter names each."""
+    """The linter names each forbidden import that is written into a copy of the project."""
     pytest.importorskip("importlinter")
     for folder in (*FOLDERS.values(), ROOT / "studies"):
         target = tmp_path / folder.relative_to(ROOT)

@@ -1,4 +1,6 @@
-"""The core works where no extension is installed (`make test-core` runs all its tests so)."""
+"""The core works where no extension is installed. `make test-core` runs all its tests in that
+way.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,9 @@ def test_there_is_no_extension_in_that_environment(tmp_path: Path) -> None:
     program = PROGRAM.format(lines=lines)
 
     def run_in_it(program: str, check: bool) -> subprocess.CompletedProcess[str]:
-        """Run outside of the project's folder, in which `pip install .` leaves entry points."""
+        """Run a command outside of the project's folder, which contains entry points after `pip
+        install .`.
+        """
         words = [python, "-c", program]
         return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=check)
 

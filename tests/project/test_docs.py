@@ -1,14 +1,18 @@
-"""The documentation is true: the shown commands run and print the shown output, and links lead
-somewhere.
+"""The documents are true: commands run and print the shown output, and links lead to existing
+targets.
 
 A ```python block is run. It is saved if its first line is "# FILE.py". A ```text block right after
-it shows its output. In a ```console block, lines that begin with "$ " are commands, and a command
-continues after a backslash. The lines after a command show its output. "# exit 1" at the end of a
-command is its exit code. A line "..." matches any number of lines. The last line of an output,
-which names its origin, may be left out. The blocks of one document run in order, in one folder
-and one namespace; blocks in other languages, or in none, are not run, and those marked as in
-```console slow only where slow ones are asked for. docs/pictures/NAME has the pictures that the
-commands of docs/NAME.md draw."""
+it shows its output.
+
+In a ```console block, lines that begin with "$ " are commands, and a command continues after a
+backslash. The lines after a command show its output. "# exit 1" at the end of a command is its exit
+code. A line "..." matches any number of lines. The last line of an output, which names its origin,
+may be left out.
+
+The blocks of one document run in order, in one folder and one namespace. Blocks in other languages,
+or in none, are not run. Blocks marked as ```console slow are run only if slow tests are selected.
+docs/pictures/NAME has the pictures that the commands of docs/NAME.md draw.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +51,9 @@ _NONE = Block("", "", 0, slow=False)
 
 
 def complaints(document: str, *, name: str = "document", slow: bool = False) -> list[str]:
-    """Return the faults of a document's blocks, which run in the current folder and leave files
-    there."""
+    """Run a document's blocks in the current folder, where their files remain, and return the
+    faults.
+    """
     namespace: dict[str, Any] = {"__name__": "__main__"}
     blocks = [block for block in blocks_of(document) if slow or not block.slow]
     found = [
@@ -168,14 +173,14 @@ def test_blocks_run_and_print_what_is_shown(
 
 
 def test_every_stored_picture_is_drawn_by_its_document() -> None:
-    """A command of the document draws each of its stored pictures."""
+    """Each stored picture is drawn by a command of its document."""
     for picture in PICTURES.glob("*/*.png"):
         blocks = blocks_of(text_of(ROOT / "docs" / f"{picture.parent.name}.md"))
         assert any(picture.name in block.text for block in blocks), picture
 
 
 def complaints_here(document: Path, *, slow: bool = False) -> list[str]:
-    """Return the faults of a document; its files and pictures stay in the current folder."""
+    """Return the faults of a document. Its files and pictures remain in the current folder."""
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
     return complaints(text_of(document), name=document.name, slow=slow)
@@ -207,7 +212,7 @@ def test_links_lead_to_files_and_headings(path: Path) -> None:
 
 
 def headings(document: str) -> list[str]:
-    """Anchors of the headings, as GitHub makes them."""
+    """Return the anchors of the headings, as GitHub makes them."""
     titles = re.findall(r"^#+ (.*)$", document, re.M)
     return [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles]
 
@@ -336,7 +341,7 @@ hfa: --dihedral is 'abc'; give a finite number
 
 
 def test_a_sound_document_passes() -> None:
-    """A document without a fault has no complaint."""
+    """A correct document has no fault."""
     assert complaints(SOUND) == []
 
 
@@ -365,14 +370,14 @@ def test_a_wrong_document_is_complained_about(right: str, wrong: str, complaint:
 
 
 def test_an_old_picture_is_noticed() -> None:
-    """A picture looks like itself and unlike another picture."""
+    """A picture is recognized as equal to itself and different from another one."""
     modes = PICTURES / "tutorial" / "modes.png"
     assert looks_like(modes, modes)
     assert not looks_like(modes, PICTURES / "root_locus.png")
 
 
 def test_dots_stand_for_any_lines_alone() -> None:
-    """Dots match any lines and nothing else."""
+    """ "..." on a line matches any number of lines, and nothing else does."""
     for expected in ("...", "...\nb\n...", "a\n...\nc", "a\n...\nb\nc", "...\n..."):
         assert difference(expected, "a\nb\nc\n") == ""
     for expected in ("", "a", "...\nb", "b\n...", "a\n...\nb", "c\n...\na", "a\nb\n...c"):

@@ -1,4 +1,4 @@
-"""Packages of anybody's add aircraft and commands, and one that is broken is named in one line."""
+"""Installed packages of others add aircraft and commands. A broken package is named in one line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXTENSIONS = tuple(sorted(path.name for path in ROOT.glob("extensions/*/hfa_*"))
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder into which pip has installed the package that docs/extending.md shows."""
+    """Return a folder into which pip has installed the package that docs/extending.md shows."""
     source = tmp_path_factory.mktemp("source")
     write_package(source)
     site = tmp_path_factory.mktemp("site")
@@ -37,7 +37,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(site: Path, folder: Path, *words: str) -> Result:
-    """`hfa words...` where the packages of a folder are installed too."""
+    """Run `hfa words...` where the packages of a folder are also installed."""
     return hfa_process(*words, folder=folder, PYTHONPATH=str(site))
 
 
@@ -56,7 +56,7 @@ print(json.dumps(results))
 
 
 def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
-    """Each `hfa ...` in one new process, where the packages of a folder are installed too."""
+    """Run each `hfa ...` in one new process where the packages of a folder are also installed."""
     words = [shlex.split(command)[1:] for command in commands]
     done = subprocess.run(
         [sys.executable, "-c", IN_TURN, json.dumps(words)],
@@ -72,7 +72,7 @@ def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the aircraft of docs/extending.md."""
+    """Return a folder with the aircraft of docs/extending.md."""
     write_package(tmp_path)
     shutil.rmtree(tmp_path / "hfa_pointmass")
     return tmp_path
@@ -121,8 +121,9 @@ def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
 
 
 def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, folder: Path) -> None:
-    """A reader that fills no `source`: the footer names its file, and a changed file has another
-    hash."""
+    """If a reader leaves `source` empty, the footer names its file, and a changed file has another
+    hash.
+    """
     text = run(site, folder, "trim", "--aircraft", "trainer.pm").out
     assert "plant trainer.pm (SHA-256 " in text.splitlines()[-1]
     assert "parameters identified" not in text
@@ -145,7 +146,7 @@ def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
 
 
 def metadata(site: Path, name: str, entries: str) -> None:
-    """Write the metadata of an installed package: its name and its entry points."""
+    """Write the metadata of an installed package, with its name and its entry points."""
     folder = site / f"{name}-1.0.dist-info"
     folder.mkdir(parents=True)
     (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -153,7 +154,7 @@ def metadata(site: Path, name: str, entries: str) -> None:
 
 
 def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
-    """A package that cannot be loaded is named and nothing else fails."""
+    """A package that cannot be loaded is named, and all other commands work."""
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
     refused = run(tmp_path, tmp_path, "repair")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
@@ -165,7 +166,7 @@ def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
 
 
 def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
-    """Two packages with one command are refused by name; other commands run."""
+    """A command that two packages offer is refused with their names. Other commands run."""
     metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
     refused = run(tmp_path, tmp_path, "fly", "--dihedral", "15")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
@@ -186,14 +187,18 @@ for entry in commands().values():
 
 
 def test_commands_load_without_packages_of_extras() -> None:
-    """The help of every command is printed, and a missing package is named in one line."""
+    """The help of every command is printed without optional packages. A command that needs one
+    names it in one line.
+    """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""
 
 
 def test_the_page_of_parts_shows_every_part() -> None:
-    """Each installed part is a function with annotations, a module that the page names, or a tuple
-    of results; the page shows the signatures."""
+    """The page of parts shows every installed part with its signature.
+
+    A part is a function with annotations, a module that the page names, or a tuple of results.
+    """
     page = runpy.run_path(str(ROOT / "docs" / "parts_page.py"))
     shown = page["parts_page"]()
     assert "\nsolve.steps(request: GameRequest, named: NamedGame) -> int\n" in shown
@@ -207,7 +212,10 @@ def test_the_page_of_parts_shows_every_part() -> None:
 
 @pytest.mark.parametrize(("group", "kind"), [(AIRCRAFT, AircraftReader), (CRITICS, CriticReader)])
 def test_readers_take_what_their_protocol_says(group: str, kind: type) -> None:
-    """Only readers; a judge of `hfa.critics` is on the page."""
+    """The readers of installed packages have the arguments of their protocol.
+
+    Only readers have a protocol. Judges of `hfa.critics` are described on the page.
+    """
     expected = inspect.signature(kind.__call__).parameters.values()
     kinds = [parameter.annotation for parameter in expected][1:]
     readers = {

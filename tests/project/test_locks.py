@@ -21,7 +21,7 @@ def pins(lock: str) -> list[Requirement]:
 
 
 def without(pythons: str) -> list[str]:
-    """The promised versions that a Requires-Python excludes."""
+    """Return the promised versions that a Requires-Python excludes."""
     return [python for python in PYTHONS if not SpecifierSet(pythons).contains(python)]
 
 
@@ -30,7 +30,9 @@ LOCKS = ("requirements-report.lock", "requirements-test.lock", "requirements.loc
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
-    """Check each pinned distribution that is installed here in the locked version."""
+    """Each pinned distribution that is installed here in the locked version supports every promised
+    Python.
+    """
     excluded = {}
     compared = 0
     for pin in pins(lock):
@@ -51,7 +53,7 @@ def test_what_is_locked_installs_on_every_promised_python(lock: str) -> None:
 
 
 def test_each_lock_extends_the_one_before() -> None:
-    """Each lock has the pins of the one before and all that its extra needs."""
+    """Each lock file has the pins of the previous one and all packages of its extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     extras = project["optional-dependencies"]
     needed = {"requirements-report.lock": extras["page"], "requirements-test.lock": extras["test"]}
@@ -71,7 +73,7 @@ def test_each_lock_extends_the_one_before() -> None:
 
 
 def test_a_pin_that_needs_a_patch_is_seen() -> None:
-    """A pin that needs a later patch is seen."""
+    """A pin that requires a later patch version of Python is reported."""
     assert without(">=3.11.5") == ["3.11.0"]
     assert without(">=3.9") == []
     assert without("<3.14") == ["3.14.0"]

@@ -29,8 +29,9 @@ _PICTURE = r'src="data:image/png;base64,([^"]*)"'
 
 
 def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
-    """Source without the lines that only a kernel understands, and the stored outputs, of each cell
-    of code."""
+    """Return the source of each code cell, without lines for a kernel alone, and its stored
+    outputs.
+    """
     cells = [
         cell
         for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
@@ -43,7 +44,7 @@ def code_cells(path: Path) -> list[tuple[str, list[Output]]]:
 
 
 def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """Return the printed text of a cell, and the value of its last line."""
+    """Return the printed text of a cell and the value of its last line."""
     tree = ast.parse(source)
     printed = io.StringIO()
     value = None
@@ -56,7 +57,9 @@ def ran(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 
 def stored(outputs: list[Output], kind: str) -> str:
-    """The text that is stored: of `kind` "stream" what was printed, else of that MIME type."""
+    """Return the stored text of an output: the printed text for `kind` "stream", or the text of
+    that MIME type.
+    """
     printed = [output["text"] for output in outputs if output["output_type"] == "stream"]
     values = [
         output["data"].get(kind, []) for output in outputs if output["output_type"] != "stream"
@@ -65,8 +68,10 @@ def stored(outputs: list[Output], kind: str) -> str:
 
 
 def words(text: str) -> str:
-    """The text without its pictures, without its numbers, of which some are rounding, and without
-    the spaces that align them."""
+    """Return the text without pictures, numbers and the spaces that align them.
+
+    Numbers are left out because rounding differs between processors.
+    """
     without_pictures = re.sub(_PICTURE, "", text)
     return " ".join(re.sub(r"(?<![\w.])[-+]?\d[\w.+-]*", "#", without_pictures).split())
 
@@ -80,8 +85,7 @@ def says_the_same(text: str, old: str) -> bool:
 
 
 def is_drawn_as(picture_now: bytes, png: str) -> bool:
-    """Return whether a picture looks as another (base64) but for the date and the edges of
-    letters."""
+    """Return whether two pictures (base64) differ at most by the date and the edges of letters."""
     if not png:
         return False
     picture = imread(io.BytesIO(base64.b64decode(png)))
@@ -92,14 +96,14 @@ def is_drawn_as(picture_now: bytes, png: str) -> bool:
 
 
 def png_of(figure: Figure) -> bytes:
-    """The picture that a notebook stores of a figure."""
+    """Return the picture of a figure as a notebook stores it."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=figure.dpi, bbox_inches="tight")
     return file.getvalue()
 
 
 def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
-    """Cells whose output today differs from the stored one."""
+    """Return the cells whose output now differs from the stored one."""
     names: dict[str, Any] = {"__name__": "__main__"}
     problems = []
     for number, (source, outputs) in enumerate(cells, start=1):
@@ -125,7 +129,7 @@ def complaints(cells: list[tuple[str, list[Output]]]) -> list[str]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
 def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
-    """Cells print their stored output, without paths of a machine."""
+    """The cells of a notebook print their stored output, which contains no path of a machine."""
     assert complaints(code_cells(path)) == [], "run `make notebooks`"
     text = path.read_text(encoding="utf-8")
     assert not any(
@@ -135,7 +139,7 @@ def test_its_cells_run_and_say_what_is_stored(path: Path) -> None:
 
 
 def test_an_outdated_output_is_noticed() -> None:
-    """An output that is out of date is noticed."""
+    """An outdated output of a cell is reported."""
     outputs = [{"output_type": "stream", "text": ["2\n"]}]
     value = [{"output_type": "execute_result", "data": {"text/plain": ["a c\n", "-1.2e-16"]}}]
     alike = "type('T', (), {'__repr__': lambda self: 'a c\\n3e-17'})()"
@@ -148,7 +152,7 @@ def test_an_outdated_output_is_noticed() -> None:
 
 
 def test_an_outdated_picture_is_noticed() -> None:
-    """A picture that is out of date is noticed."""
+    """An outdated picture of a cell is reported."""
     figure = "from matplotlib.figure import Figure\nfigure = Figure()\nfigure.subplots().set_facecolor({!r})\nfigure"
     drawn = base64.b64encode(png_of(ran(figure.format("white"), {})[1])).decode("ascii")
     picture = [{"output_type": "execute_result", "data": {"image/png": drawn}}]

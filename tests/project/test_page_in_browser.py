@@ -1,5 +1,4 @@
-"""The page of `hfa report` in a real browser: the slider, the numbers, widths, printing, names of
-files."""
+"""The page of `hfa report` in a browser: slider, numbers, widths, printing, and file names."""
 
 from __future__ import annotations
 
@@ -65,7 +64,7 @@ _TEXTS = (
 
 
 def settles(driver: Any, condition: str) -> bool:
-    """Wait until a JavaScript expression is true: drawings follow a new width a moment later."""
+    """Wait until a JavaScript expression is true. Drawings follow a new width with a delay."""
     from selenium.webdriver.support.wait import WebDriverWait
 
     return bool(

@@ -17,7 +17,7 @@ _TEST = re.compile(r"`((?:tests|extensions)/\S+\.py)::(test_\w+)`( \(slow\))?")
 
 
 def missing(promise: list[str]) -> str:
-    """Return the missing name of a row, or ""."""
+    """Return the name in a row that does not exist, or ""."""
     if len(promise) != 3 or not all(cell.strip() for cell in promise):
         return "a promise has a tolerance and a test"
     tests = _TEST.findall(promise[2])
@@ -52,7 +52,7 @@ def test_a_promise_is_held_by_its_tests(promise: list[str]) -> None:
     ],
 )
 def test_an_empty_promise_is_noticed(change: tuple[int, str]) -> None:
-    """A promise whose test or document does not exist is found."""
+    """A promise whose test or document does not exist is reported."""
     promise = list(PROMISES[0])
     promise[change[0]] = change[1]
     assert missing(promise)

@@ -30,7 +30,7 @@ AT_END = [str(SCRIPT.count("\n") + 1 + place) for place in range(len(WRONG))]
 
 
 def errors_of(tool: str, folder: Path, *options: str) -> list[str]:
-    """The lines of the script in which a type checker sees an error."""
+    """Return the lines of the script in which a type checker reports an error."""
     (folder / "script.py").write_text(SCRIPT + "\n".join(WRONG) + "\n", encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", tool, *options, "script.py"],
@@ -51,7 +51,7 @@ def test_the_script_uses_every_public_name() -> None:
 
 @pytest.mark.slow
 def test_mypy_accepts_the_script(tmp_path: Path) -> None:
-    """With --strict; the wrong lines alone are refused."""
+    """mypy --strict reports only the planted errors at the end of the script."""
     pytest.importorskip("mypy")
     found = errors_of("mypy", tmp_path, "--strict", "--follow-imports=silent")
     assert list(dict.fromkeys(found)) == AT_END

@@ -1,5 +1,6 @@
-"""Results at the prompt, in notebooks, in another process: they show their report, compare and come
-back."""
+"""Results at the prompt, in notebooks and in other processes: they show their report, compare, and
+can be pickled.
+"""
 
 from __future__ import annotations
 
@@ -125,7 +126,7 @@ def test_linear_models_are_equal_by_their_values() -> None:
 
 
 def test_a_failed_trim_can_be_sent_too() -> None:
-    """A TrimError is pickled with its message and its point."""
+    """A pickled TrimError keeps its message and its point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.find_operating_point(results()["Model"], hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))

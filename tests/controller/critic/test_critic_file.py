@@ -1,4 +1,4 @@
-"""A user's critics from files: W, P and K, once or over time; entries read and refused."""
+"""Critics in files of users: W, P and K, once or over time. Entries are read or refused."""
 
 from __future__ import annotations
 
@@ -71,14 +71,14 @@ def test_bad_entries_are_refused_in_one_line(content: Any, message: str) -> None
 
 
 def test_messages_on_suffixes_list_those_of_packages() -> None:
-    """The message on a suffix lists those of packages."""
+    """The message on an unknown suffix also lists the suffixes that installed packages read."""
     with pytest.raises(BadInputError, match=r"^K\.abc: the suffix '\.abc' is unknown") as refusal:
         critic_in("K.abc", GAME)
     assert str(refusal.value).endswith(", ".join(critic_suffixes()))
 
 
 def test_functions_of_a_critic_follow_its_matrices() -> None:
-    """The functions of a critic are what its matrices say."""
+    """The value and the policies of a critic are computed from its matrices."""
     z = np.array([0.3, -0.2])
     weights = np.array([1.0, 2.0, 3.0, 0.5, -0.5])
     critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
@@ -131,7 +131,7 @@ def test_one_row_is_one_critic(times: dict[str, Any]) -> None:
 
 
 def test_the_file_names_the_basis_unless_somebody_does() -> None:
-    """The basis in the file applies, unless the caller names another."""
+    """The basis stored in the file applies unless the caller names another one."""
     path = stored("h.npz", time=TIMES, weights=np.ones((3, 5)), basis="quadratic+linear")
     basis = critic_in(path, GAME).basis
     assert basis is not None

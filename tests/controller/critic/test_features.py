@@ -1,4 +1,4 @@
-"""Functions of the states that a user lists as a basis."""
+"""A basis given as functions of the states in a user's file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa import BadInputError
     "text", ["__import__('os')", "x7", "x1.real", "x1 if x1 else x2", "[x1]", "x1**", ""]
 )
 def test_a_wrong_basis_is_refused_and_not_run(text: str) -> None:
-    """A file that is no basis is refused and not run."""
+    """A file without a valid basis is refused, and its text is not executed."""
     with pytest.raises(BadInputError, match="features") as caught:
         features_of(text, 6)
     assert "\n" not in str(caught.value)

@@ -1,5 +1,6 @@
-"""Files of matrices: the same mapping from each format, one line for anything else, and units as
-the plant has them."""
+"""Files of matrices. Every format is read as the same mapping, a faulty file is refused in one
+line, and values are converted to the units of the plant.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +74,7 @@ def test_cells_of_text_and_structures() -> None:
 def test_a_damaged_file_is_refused_in_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A damaged file is one line even where it crashes scipy."""
+    """A damaged file is refused in one line, also where SciPy crashes on it."""
     whole = mat(**{**TREES, "full": NUMBERS})
     lines = []
     for seed in range(2):
@@ -111,7 +112,9 @@ def test_a_small_file_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_matrices_without_names_have_those_of_their_files() -> None:
-    """A.npy is read with B.npy beside it, weights.npy alone; any other name is an unnamed array."""
+    """A.npy is read together with B.npy in its folder, and weights.npy alone. An array in a file of
+    any other name has no name.
+    """
     for name, value in (
         ("A", -np.eye(2)),
         ("B", np.ones((2, 1))),

@@ -1,4 +1,4 @@
-"""The game on a linear model: names kept, weights by name."""
+"""Games built from linear models: names are kept, and weights are given by name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def linear() -> LinearModel:
 
 
 def test_weights_by_name_are_diagonals(linear: LinearModel) -> None:
-    """Weights by name are diagonals and the names stay."""
+    """Weights given by name are placed on the diagonals, and the game keeps the names."""
     weights = dict.fromkeys(linear.inputs, 2.0)
     game = hfa.game(linear, Q={"speed": 0.01, "pitch": 3.0}, R=weights, delta=250.0)
     assert game.Q.diagonal().tolist() == [0.01, 0.0, 3.0, 0.0, 0.0, 0.0]
@@ -42,7 +42,7 @@ def test_without_weights_a_nominal_deviation_costs_one(linear: LinearModel) -> N
 
 
 def test_a_game_has_the_disturbances_of_the_model() -> None:
-    """The disturbances of the model are those of the game."""
+    """The game has the disturbances of its linear model."""
     model = hfa.aircraft()
     linear = hfa.linearize(model, hfa.find_operating_point(model), outputs=("speed",))
     assert np.array_equal(hfa.game(linear).E, linear.E)
@@ -61,6 +61,8 @@ def test_a_game_has_the_disturbances_of_the_model() -> None:
 def test_a_weight_that_does_not_fit_is_named(
     linear: LinearModel, weights: dict[str, object], words: str
 ) -> None:
-    """Unknown names, missing weights of inputs and wrong shapes are refused by name."""
+    """Unknown names, missing weights of inputs, and wrong shapes are refused, and the message names
+    them.
+    """
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **weights)

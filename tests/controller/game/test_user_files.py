@@ -1,4 +1,6 @@
-"""A user's plant from files: entries read, filled in and refused."""
+"""Plants in files of users: entries are read, missing ones are filled in, and faulty ones are
+refused.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_every_format_gives_the_same_game() -> None:
-    """Every format gives the same game and where it comes from."""
+    """Every file format gives the same game and records its source."""
     full = MODEL | {
         "E": np.eye(6)[:, :2],
         "Q": 2.0 * np.eye(6),
@@ -54,7 +56,9 @@ def test_every_format_gives_the_same_game() -> None:
 
 
 def test_what_is_missing_comes_from_the_paper() -> None:
-    """Missing E, Q, R and delta of the aircraft are the paper's, with a warning."""
+    """If E, Q, R or delta of the aircraft is missing, the value of the paper is used with a
+    warning.
+    """
     stored("plant.npz", **MODEL)
     with pytest.warns(
         UserWarning, match="there is no E, Q, R, delta; used: E the identity, Q as in the paper, "
@@ -63,7 +67,9 @@ def test_what_is_missing_comes_from_the_paper() -> None:
 
 
 def test_the_papers_game_in_meters() -> None:
-    """Q T⁻² and T E are the same game; a plant of other names gets nothing of the paper."""
+    """In metres, Q T⁻² and T E give the same game as Q and E in feet. A plant with other state
+    names gets no default from the paper.
+    """
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units)
     stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
@@ -91,7 +97,7 @@ def test_an_argument_counts_before_the_file() -> None:
 
 
 def test_misnamed_entries_and_defaults_are_noted() -> None:
-    """Misnamed entries defaults and the matrix of a wind are noted."""
+    """Misnamed entries, defaults, and a matrix of wind that is not used as E are noted."""
     game, notes, *_ = stored_game(stored("plant.npz", **PLANT, D=[[1.0], [0.0]], gamma=7.0))
     assert game == Game(**PLANT, E=np.eye(2), delta=math.inf)
     assert notes == (
@@ -111,7 +117,9 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
 
 
 def test_structures_are_read_where_nothing_stands_outside() -> None:
-    """A structure is inspected only where nothing is outside."""
+    """Structures in a .mat file are searched for matrices only if none lies outside of a
+    structure.
+    """
     inside = PLANT | {"delta": 9.0}
     assert stored_game(stored("in.json", model=inside)).game.delta == 9.0
     with pytest.raises(BadInputError, match="there is no B"):
@@ -198,7 +206,7 @@ def test_damaged_files_are_refused_in_one_line(name: str, content: bytes, said: 
 def test_other_units_and_another_order_are_refused(
     content: dict[str, list[str]], said: str
 ) -> None:
-    """Units or an order of states that differ from the plant's are refused."""
+    """Units or an order of the states that differ from those of the plant are refused."""
     plant = PlantNames(("speed", "alpha"), ("speed", "alpha"), ("ft/s", "rad"))
     with pytest.raises(BadInputError, match=said):
         file_scales(content, plant)

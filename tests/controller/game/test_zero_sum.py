@@ -1,5 +1,6 @@
-"""The game as a value: refusals, policies; ψ(z), its gradient, and the conversion between weights
-and matrix."""
+"""The zero-sum game and its bases: refusals, policies, ψ(z) and its gradient, and the conversion
+between weights and matrix.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +59,9 @@ def test_ill_posed_games_are_refused(change: dict[str, Any], message: str) -> No
     "R", [np.diag([1e-20, 1e20]), np.diag([1e-90, 1.0]), [[1.0, 1.0 - 1e-12], [1.0 - 1e-12, 1.0]]]
 )
 def test_weights_of_very_different_size_are_definite(R: Any) -> None:
-    """R is definite with entries 1e40 apart and next to singular."""
+    """An R is accepted as definite if its entries are 1e40 apart, and also if it is almost
+    singular.
+    """
     assert np.array_equal(Game(**(SMALL | {"B": np.eye(2), "R": R})).R, R)
 
 
@@ -73,10 +76,10 @@ def test_a_game_without_disturbance_is_an_lqr(tmp_path: Path) -> None:
 
 
 def test_gains_are_extremals_of_the_hamiltonian() -> None:
-    """u = -K z and d = L z are where z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) has no slope in u
-    and d.
+    """At u = -K z and d = L z, the gradient of z'Qz + u'Ru - δ²d'd + 2 z'P(Az + Bu + Ed) in u and d
+    is 0.
 
-    There it is z' residual(P) z.
+    The value there is z' residual(P) z.
     """
     rng = np.random.default_rng(4)
     for game in (Game(**SMALL), *game_models().values()):
@@ -130,7 +133,9 @@ ALL = [basis(name, 6) for name in BASES]
 def taylor_slope(
     psi: Callable[[np.ndarray], np.ndarray], gradient: np.ndarray, z: np.ndarray
 ) -> float:
-    """Order of |ψ(z + h v) - ψ(z) - h ∂ψ v| in h: 2 for a right gradient, 1 for a wrong one."""
+    """Return the order in h of |ψ(z + h v) - ψ(z) - h ∂ψ v|: 2 for a right gradient, 1 for a wrong
+    one.
+    """
     v = np.random.default_rng(3).normal(size=z.shape)
     steps = np.array([1e-2, 1e-3])
     remainders = [np.linalg.norm(psi(z + h * v) - psi(z) - h * gradient @ v) for h in steps]
@@ -138,7 +143,7 @@ def taylor_slope(
 
 
 def test_quadratic_monomials_come_first_row_by_row() -> None:
-    """Quadratic monomials come row by row and the others after them."""
+    """The quadratic monomials of a basis come first, row by row, and the other monomials follow."""
     z = np.array([2.0, 3.0, 5.0])
     assert basis("quadratic", 3).psi(z).tolist() == [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
     assert basis("quadratic+linear", 3).psi(z).tolist() == [
@@ -177,7 +182,7 @@ def test_many_states_at_once_are_each_state_alone() -> None:
 
 
 def test_weights_and_matrix_agree_in_any_units() -> None:
-    """Weights and matrix are the same value in any units."""
+    """Weights and matrix give the same value in any units of the states."""
     rng = np.random.default_rng(4)
     root = rng.normal(size=(6, 6))
     P = root + root.T
@@ -206,7 +211,9 @@ def test_weights_and_matrix_agree_in_any_units() -> None:
     ],
 )
 def test_semidefinite_is_decided_whatever_the_units(matrix: Any, semidefinite: bool) -> None:
-    """A negative weight is not rounding of a large one in another unit."""
+    """A negative weight is not mistaken for the rounding error of a large weight in another
+    unit.
+    """
     matrix = np.asarray(matrix, dtype=float)
     assert is_semidefinite(matrix) is semidefinite
     n = len(matrix)

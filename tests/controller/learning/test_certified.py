@@ -1,4 +1,6 @@
-"""The certified law: exact solution in predefined time, from anywhere, or a clear refusal."""
+"""The certified law finds the exact solution in predefined time from any start, or refuses
+clearly.
+"""
 
 from __future__ import annotations
 
@@ -127,7 +129,9 @@ def test_without_disturbance_it_is_the_lq_problem(name: str) -> None:
     "degrees", [5, *(pytest.param(i, marks=pytest.mark.slow) for i in range(21) if i != 5)]
 )
 def test_at_every_dihedral_angle_with_both_equations(dynamics: str, degrees: int) -> None:
-    """The learner finds the exact solution at each angle with both dynamics."""
+    """The learner finds the exact solution at each dihedral angle with both variants of the
+    dynamics.
+    """
     game = game_at(degrees, dynamics)
     assert_exact(learn(game), solve_game(game))
 
@@ -152,8 +156,9 @@ def test_residual_follows_the_scalar_law_at_every_tick(name: str, start: float) 
 
 
 def test_riccati_residual_contracts_as_a_whole() -> None:
-    """R(P(t)) = c(t) R(P₀) of the flow; sub-steps leave it by an amount that falls with the
-    tick."""
+    """The Riccati residual of the flow is R(P(t)) = c(t) R(P₀). The error of sub-steps decreases
+    with the tick.
+    """
     game, exact = lq(PUBLISHED[1])
 
     def departure(tick: float) -> float:
@@ -188,7 +193,9 @@ def test_policies_are_stabilizing_throughout_stage_one() -> None:
 
 
 def test_discount_only_where_the_start_does_not_stabilize() -> None:
-    """The discount at the start is the instability plus 0.5, or 0 for a stable start."""
+    """The initial discount is the instability of the start plus 0.5, or 0 for a stabilizing
+    start.
+    """
     for name in PUBLISHED:
         game, _ = published(name)
         unstable = abscissa(game.A)
@@ -203,8 +210,9 @@ def test_discount_only_where_the_start_does_not_stabilize() -> None:
 
 
 def test_learning_reads_the_recorded_data_and_not_A() -> None:
-    """A game with another A and the same stack gives the same bits; the judge then refuses the
-    result."""
+    """A game with another A and the same recorded data gives the same bits. The check of the result
+    then refuses it.
+    """
     game, _ = published(PUBLISHED[0])
     stack = random_pool(game, 200, seed=1)
     moved_game = replace(game, A=game.A - 0.5 * np.eye(6))
@@ -228,7 +236,7 @@ def test_one_probing_flight_is_enough(name: str, duration: float) -> None:
 
 
 def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Patched: a call of SciPy's solvers cannot be seen otherwise."""
+    """The learner calls none of SciPy's Riccati and Lyapunov solvers."""
     for name in ("solve_continuous_are", "solve_discrete_are"):
         monkeypatch.delattr(f"scipy.linalg.{name}")
     assert learn(published(PUBLISHED[0])[0], tick=0.2).settled
@@ -236,7 +244,7 @@ def test_no_riccati_solver_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("noise", [1e-4, pytest.param(1e-2, marks=pytest.mark.slow)])
 def test_a_gain_from_noisy_derivatives_is_refused(noise: float) -> None:
-    """Noisy derivatives give a stabilizing gain that the judge refuses."""
+    """Noisy derivatives give a stabilizing gain, and the check of the result refuses it."""
     for name in PUBLISHED[: 1 if noise < 1e-3 else 2]:
         game, exact = published(name)
         pool = random_pool(game, 500, seed=3)
@@ -257,7 +265,7 @@ ETA = 0.8
 
 @pytest.mark.parametrize("start", [1e-3, 0.5, 3.0, 40.0])
 def test_step_is_exact(start: float) -> None:
-    """Against an integration of y' = -k (y^(1-η) + y^(1+η)) by other means, before it settles."""
+    """Before it settles, a step equals a numerical integration of y' = -k (y^(1-η) + y^(1+η))."""
     settle = math.atan(start**ETA) / (ETA * RATE)
     times = np.linspace(0.0, 0.9 * settle, 7)
     flow = solve_ivp(
@@ -285,7 +293,9 @@ def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
 
 
 def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) -> np.ndarray:
-    """Newton direction of the LQ problem with 60 digits, scaled coordinates."""
+    """Return the Newton direction of the LQ problem in scaled coordinates, computed with 60
+    digits.
+    """
     scales = equations.scales
     eye = np.eye(len(game.A), dtype=int)
     outer = np.outer(scales, scales)
@@ -305,8 +315,9 @@ def exact_direction(game: Game, equations: StackEquations, weights: np.ndarray) 
 
 
 def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
-    """Why directions come from QR: the singular value that a tolerance drops is the one that
-    matters."""
+    """Near the edge of stability, directions by QR are right. A pseudo-inverse with a tolerance
+    drops the singular value that matters, and its directions are wrong.
+    """
     game, exact = lq(PUBLISHED[1])
     errors = []
     for seed in range(3):
@@ -326,7 +337,7 @@ def test_a_truncated_pseudo_inverse_fails_near_the_edge() -> None:
     "margin", [1e-1, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-4, 1e-8)), 1e-12]
 )
 def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
-    """Starts at the edge of stability end at the solution."""
+    """Runs from initial weights at the edge of stability end at the exact solution."""
     for seed in range(4):
         game, exact = published(PUBLISHED[seed % 2])
         start = tuple(start_at_the_edge(game, exact.P, seed, margin))
@@ -336,7 +347,9 @@ def test_starts_near_instability_end_at_the_solution(margin: float) -> None:
 def test_an_answer_without_the_discount_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The planted cause: truncated directions, and every start with a negative abscissa trusted."""
+    """A wrong answer is refused. It is produced by truncated directions and by trusting every start
+    with a negative spectral abscissa.
+    """
 
     def truncated(found: Any, normaliser: np.ndarray) -> np.ndarray:
         return np.asarray(
@@ -370,7 +383,7 @@ def test_an_answer_without_the_discount_is_refused(
 
 @pytest.mark.parametrize("name", [PUBLISHED[0], pytest.param(PUBLISHED[1], marks=pytest.mark.slow)])
 def test_a_delta_too_small_is_refused(name: str) -> None:
-    """Too small a delta is refused with the smallest one."""
+    """A delta below the smallest one is refused, and the message names the smallest delta."""
     game, _ = published(name)
     with pytest.raises(
         NoSolutionError, match=r"delta = 50 is not reached.*choose a delta"

@@ -1,4 +1,6 @@
-"""One entry to all laws: the same bits from the same seed, plain results, judged from outside."""
+"""One function for all learning laws: the same seed gives the same bits, results are plain data,
+and an independent check judges them.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ def test_the_seed_decides_every_bit() -> None:
 
 
 def test_a_run_has_the_critic_of_its_last_weights() -> None:
-    """Its value and its gain are those of the run."""
+    """The value and the gain of a run's critic are those of its last weights."""
     result = short_run()
     critic = result.critic(published("published-5")[0])
     assert pytest.approx(result.P, rel=FEW_ROUNDINGS) == critic.P
@@ -73,7 +75,7 @@ def test_results_are_plain_json() -> None:
 
 
 def test_the_default_number_of_samples_is_enough() -> None:
-    """A stable chain of ten states with an input and a disturbance at its end: 55 weights."""
+    """The default number of samples suffices for the 55 weights of a stable chain of ten states."""
     A = np.diag(-np.linspace(0.5, 5.0, 10)) + np.diag(np.ones(9), 1)
     end = np.eye(10)[:, -1:]
     game = Game(A=A, B=end, E=end, Q=np.eye(10), R=np.eye(1), delta=50.0)
@@ -86,7 +88,7 @@ def test_the_default_number_of_samples_is_enough() -> None:
 
 
 def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Rows are kept evenly with the start and the end."""
+    """The kept rows of a history are evenly spaced and include the start and the end."""
     every = short_run()
     assert every.times == pytest.approx(0.1 * np.arange(81))
     # The true number of rows needs a run of minutes.
@@ -101,7 +103,7 @@ def test_kept_rows_include_start_and_end(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_poor_stack_is_not_settled() -> None:
-    """A poor stack is not settled whatever the residual."""
+    """A run on a rank-deficient stack does not count as settled, whatever its residual."""
     run = short_run()
     poor = replace(run, excitation=replace(run.excitation, rank=20))
     assert run.settled
@@ -112,8 +114,9 @@ def test_a_poor_stack_is_not_settled() -> None:
 
 
 def test_singular_weights_are_learned_and_pass() -> None:
-    """Q = C'C that is not diagonal: its smallest eigenvalue is rounding of either sign, and so is
-    that of P."""
+    """A game with a singular Q = C'C is learned and passes, although rounding makes the smallest
+    eigenvalue of Q and of P slightly negative or positive.
+    """
     rng = np.random.default_rng(18)
     signs = set()
     for _ in range(8):
@@ -143,7 +146,7 @@ def test_twelve_states_are_learned_without_a_disturbance() -> None:
 
 @pytest.mark.parametrize(("Q", "R"), [(1e-8, 1.0), (1.0, 1e-6), (1e-6, 1e6), (1e8, 1e-8)])
 def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
-    """A right critic settles whatever the size of the costs."""
+    """A correct critic settles whatever the size of the costs."""
     game = Game([[1.0]], [[1.0]], [[1.0]], [[Q]], [[R]], 2.0 * max(1.0, np.sqrt(R)))
     result = learn(game, tick=0.1)
     s = 1.0 / R - 1.0 / game.delta**2
@@ -153,9 +156,11 @@ def test_a_right_critic_settles_at_any_cost_size(Q: float, R: float) -> None:
 
 
 def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
-    """The relative change of P when each term of the Riccati equation changes by one rounding.
+    """Return the relative change of P if each term of the Riccati equation changes by one rounding.
 
-    To first order X solves (A - S P)'X + X (A - S P) = -w I, with w the sizes of the terms."""
+    To first order the change X solves (A - S P)'X + X (A - S P) = -w I, with w the sizes of the
+    terms.
+    """
     A, S = np.linalg.norm(game.A, 2), np.linalg.norm(game.S, 2)
     P = np.linalg.norm(exact, 2)
     terms = np.linalg.norm(game.Q, 2) + 2.0 * A * P + S * P**2
@@ -165,7 +170,7 @@ def shift_by_rounding(game: Game, exact: np.ndarray) -> float:
 
 
 def assert_learned(game: Game, share: float, tick: float) -> None:
-    """At `share` times its smallest delta."""
+    """Assert that a game is learned at `share` times its smallest delta."""
     game = game.with_delta(share * minimum_delta(game).value)
     result = learn(game, tick=tick)
     assert result.outcome == "settled", (game.A.shape, game.B.shape, game.E.shape)
@@ -186,7 +191,7 @@ def test_few_inputs_against_many_disturbances(seed: int, states: int) -> None:
 
 @pytest.mark.parametrize("games", [4, pytest.param(30, marks=pytest.mark.slow)])
 def test_random_games_need_no_looser_limit(games: int) -> None:
-    """Random games of 1 to 8 states are learned within the default limit."""
+    """Random games of 1 to 8 states are learned within the default error limit."""
     rng = np.random.default_rng(21)
     for _ in range(games):
         n = int(rng.integers(1, 9))
@@ -198,7 +203,7 @@ def test_random_games_need_no_looser_limit(games: int) -> None:
 
 
 def test_the_correction_is_the_next_policy_iteration() -> None:
-    """The correction solves the Lyapunov equation of the Riccati residual."""
+    """The correction of P solves the Lyapunov equation of the Riccati residual."""
     game = stable_game()
     exact = reference_solution(game).P
     P = exact + np.array([[0.02, 0.01], [0.01, -0.01]])

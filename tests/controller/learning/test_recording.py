@@ -1,4 +1,6 @@
-"""The recorded stack: exact data, rich choices, refusals; and the residuals on it."""
+"""The recorded stack: its data are exact, its samples are rich, and poor stacks are refused. Its
+residuals are computed correctly.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ def worst_condition(stack: Stack) -> float:
 
 
 def test_random_pool_follows_its_box_and_seed() -> None:
-    """Random pool stays in its box and follows its seed."""
+    """A random pool of states stays in its box and is reproduced by its seed."""
     game = stable_game()
     pool = random_pool(game, 300, seed=2, half_widths=np.array([2.0, 0.1]))
     assert np.all(np.abs(pool.states) <= [2.0, 0.1])
@@ -34,7 +36,7 @@ def test_random_pool_follows_its_box_and_seed() -> None:
 
 
 def test_a_list_that_contains_itself_is_refused() -> None:
-    """NumPy follows it as a seed until the stack of the process ends."""
+    """A seed that is a list containing itself is refused. NumPy would overflow the stack on it."""
     endless: list[Any] = []
     endless.append(endless)
     for count, seed, box in ((endless, 0, None), (9, endless, None), (9, 0, endless)):
@@ -43,7 +45,7 @@ def test_a_list_that_contains_itself_is_refused() -> None:
 
 
 def test_natural_spread_follows_the_units() -> None:
-    """Natural spread changes with the units of the states."""
+    """The natural spread of the states changes with their units."""
     game, _ = published(PUBLISHED[0])
     units = np.array([1e4, 1e-4, 3.0, 1e-2, 1.0, 1e3])
     rows = units[:, None]
@@ -59,7 +61,9 @@ def test_natural_spread_follows_the_units() -> None:
 
 
 def test_natural_spread_solves_its_equation() -> None:
-    """The spread agrees with the integral of the covariance over time, computed by small steps."""
+    """The natural spread equals the integral of the covariance over time, computed with small
+    steps.
+    """
     game = stable_game()
     beta = 0.1 * np.abs(np.linalg.eigvals(game.A)).max()
     shifted = game.A - beta * np.eye(2)
@@ -93,7 +97,7 @@ def test_chosen_samples_are_richer_than_the_first_ones(samples: int) -> None:
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("functions", ["quadratic", "paper"])
 def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
-    """Another processor rounds otherwise: the same seed must give the same samples there."""
+    """A seed gives the same samples if the states change by rounding, as on another processor."""
     game, _ = published(name)
     pool = random_pool(game, 500, seed=0)
     rng = np.random.default_rng(1)
@@ -108,8 +112,9 @@ def test_rounding_does_not_decide_the_choice(name: str, functions: str) -> None:
 
 
 def test_pivoting_finds_the_rich_moments() -> None:
-    """Evenly spaced samples of 20 s of free response have rank 10 of 21: the fast modes are over
-    early."""
+    """Pivoting finds samples of full rank 21 in a free response of 20 s. Evenly spaced samples have
+    rank 10, because the fast modes decay early.
+    """
     game, _ = published("published-5")
     pool = record(game, probing_flight(game, 0, np.linspace(0.0, 20.0, 2001), (0.0, 0.0))[0])
     even = Stack(pool.states[::95], pool.drifts[::95])
@@ -119,7 +124,7 @@ def test_pivoting_finds_the_rich_moments() -> None:
 
 
 def test_poor_stacks_are_refused() -> None:
-    """States in a plane are refused with their rank."""
+    """States that lie in a plane are refused, and the message states their rank."""
     game, _ = published(PUBLISHED[0])
     rng = np.random.default_rng(0)
     in_a_plane = rng.normal(size=(200, 5)) @ rng.normal(size=(5, 6))
@@ -128,7 +133,7 @@ def test_poor_stacks_are_refused() -> None:
 
 
 def test_excitation_of_a_known_stack() -> None:
-    """Rank, smallest eigenvalue and condition equal those computed by hand."""
+    """Rank, smallest eigenvalue and condition number of a stack equal those computed by hand."""
     regressors = np.array([[3.0, 0.0], [0.0, 0.5], [0.0, 0.5]])
     richness = excitation(regressors, samples=np.array([[2.0, 0.0], [0.0, 1.0], [0.0, 7.0]]))
     assert (richness.rank, richness.size, richness.samples) == (2, 2, 3)
@@ -138,7 +143,7 @@ def test_excitation_of_a_known_stack() -> None:
 
 
 def test_linear_fit_reports_noise_and_forcing() -> None:
-    """Linear fit removes noise and reports it and a forcing."""
+    """The linear fit removes noise, and reports the noise and a forcing."""
     game, _ = published(PUBLISHED[1])
     exact = random_pool(game, 500, seed=0)
     fitted, misfit = exact.linear()
@@ -155,7 +160,9 @@ def test_linear_fit_reports_noise_and_forcing() -> None:
 
 
 def test_malformed_stacks_are_refused() -> None:
-    """Wrong shapes, nan, a box of no width, and a state without excitation are refused by name."""
+    """Wrong shapes, nan, a box without width, and a state without excitation are refused by
+    name.
+    """
     game = stable_game()
     with pytest.raises(BadInputError, match=r"both must be \(N_h, n\)"):
         Stack(np.zeros((4, 2)), np.zeros((4, 3)))
@@ -176,8 +183,11 @@ def test_malformed_stacks_are_refused() -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
-    """∂e_j/∂W = σ_j where the value is quadratic, with any policy terms re-evaluated: remainder of
-    order 2."""
+    """The derivative of the residual e_j by the weights is the regressor σ_j where the value is
+    quadratic.
+
+    The policy terms are re-evaluated, and the remainder is of second order.
+    """
     game, exact = published(PUBLISHED[0])
     equations = build(game, name)
     weights = equations.scaled(equations.basis.weights(1.5 * exact.P))
@@ -202,7 +212,9 @@ def test_regressor_is_the_derivative_of_the_residual(name: str) -> None:
 
 @pytest.mark.parametrize("name", BASES)
 def test_residual_along_a_step_is_an_exact_parabola(name: str) -> None:
-    """The residual along a Newton step equals e - f N computed anew, for every basis."""
+    """The predicted residual along a Newton step equals the residual computed anew, for every
+    basis.
+    """
     game, _ = published(PUBLISHED[1])
     equations = build(game, name)
     rng = np.random.default_rng(2)

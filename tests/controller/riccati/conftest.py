@@ -1,4 +1,4 @@
-"""The games that the exact solution is tested on: those of the two printed models."""
+"""The games of the two printed models, on which the exact solution is tested."""
 
 from game_samples import first, game
 

@@ -1,5 +1,6 @@
-"""The certificate: wrong answers planted, each refused for the right reason; eigenvalues at the
-axis."""
+"""The certificate refuses each planted wrong answer for the right reason, and decides eigenvalues
+near the imaginary axis correctly.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ def named(certificate: Certificate) -> dict[str, Check]:
 
 
 def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
-    """The tests of `certified_solution` on a P from elsewhere."""
+    """Return the checks that `certified_solution` makes, applied to a P of another source."""
     form = NormalForm.of(game)
     back = np.linalg.inv(form.T)
     X = back.T @ P @ back
@@ -48,7 +49,7 @@ def _certify(game: Game, P: np.ndarray, second_P: np.ndarray) -> Certificate:
 
 
 def _by_schur(game: Game) -> np.ndarray:
-    """P of the Schur form alone, without a certificate."""
+    """Return the P of the Schur form, without a certificate."""
     form = NormalForm.of(game)
     return form.value(by_schur(form))
 
@@ -65,7 +66,7 @@ def test_non_stabilizing_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_root_is_refused(game: Game) -> None:
-    """Just below delta_min the root fails as indefinite, with a tiny residual."""
+    """Just below delta_min the root, whose residual is tiny, is refused as indefinite."""
     below = game.with_delta(minimum_delta(game).value * (1.0 - 1e-5))
     P = _by_schur(below)
     certificate = _certify(below, P, P)
@@ -76,8 +77,9 @@ def test_indefinite_root_is_refused(game: Game) -> None:
 
 
 def test_indefinite_solutions_that_scipy_returns_are_refused() -> None:
-    """An indefinite P with a small Riccati residual fails its sign and the stability of its
-    loop."""
+    """An indefinite P with a small Riccati residual fails two checks: its sign, and the stability
+    of its loop.
+    """
     rng = np.random.default_rng(8)
     refused = 0
     while refused < 5:
@@ -137,8 +139,9 @@ def test_disagreement_of_the_derivations_is_refused(game: Game) -> None:
 
 
 def test_hamiltonian_on_the_axis_is_seen_through_rounding() -> None:
-    """At this delta the double eigenvalue 0 of H is computed some 1e-8 off the axis: |Re| would
-    mislead."""
+    """A double eigenvalue 0 of the Hamiltonian is detected, although rounding moves it 1e-8 off the
+    imaginary axis.
+    """
     critical = Game([[-1.0]], [[0.0]], [[1.0]], [[1.0]], [[1.0]], 1.0)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
     A = rotation @ np.diag([-1.0, -2.0, -3.0]) @ rotation.T
@@ -165,7 +168,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_value_is_exactly_0() -> None:
-    """A stable plant without cost has P = K = 0 and delta_min 0, certified."""
+    """A stable plant without cost has the certified solution P = K = 0 and delta_min 0."""
     data = answer("solve", "--model", stored("plant.npz", **STABLE))
     assert np.array_equal(data["P"], np.zeros((2, 2)))
     assert np.array_equal(data["K"], np.zeros((1, 2)))
@@ -196,15 +199,16 @@ def test_the_judge_takes_0_and_nothing_else(key: str) -> None:
 
 
 def test_a_value_without_stabilization_is_another() -> None:
-    """0 is a root then too, but not the one whose policy brings the state to equilibrium: a P = 2 a
-    / s."""
+    """Without cost an unstable plant has two roots. The certified one is P = 2 a / s, whose policy
+    stabilizes the plant, and not P = 0.
+    """
     game = Game(np.eye(1), np.eye(1), np.zeros((1, 0)), np.zeros((1, 1)), np.eye(1), np.inf)
     assert solve_game(game).P[0, 0] == pytest.approx(2.0, rel=SAME_SOLUTION)
 
 
 @pytest.mark.parametrize(("entry", "stable"), [(-1e-300, True), (0.0, False), (1e-300, False)])
 def test_a_mode_on_the_axis_is_not_stable(entry: float, stable: bool) -> None:
-    """Only an eigenvalue below 0 is stable, however small."""
+    """A mode counts as stable only if its eigenvalue is below 0, by however little."""
     assert is_hurwitz(np.diag([-1.0, entry])) is stable
 
 
@@ -214,8 +218,9 @@ def hamiltonian(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Eigenvalues far from the axis at 1 rad/s, near it beyond 2; the far ones count, because they
-    are defective."""
+    """Return a matrix with defective eigenvalues far from the imaginary axis at 1 rad/s, and simple
+    ones near it beyond 2 rad/s. The defective ones decide its distance.
+    """
     block = np.kron(np.eye(n // 4), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(n // 2, k=2)
     turns = np.kron(np.diag(rng.uniform(2.0, 9.0, n // 4)), [[0.0, 1.0], [-1.0, 0.0]])
     spread = turns - 0.01 * np.eye(n // 2)
@@ -229,7 +234,9 @@ def jordan(rng: np.random.Generator, n: int) -> np.ndarray:
 def test_axis_distance_is_the_least_over_frequencies(
     make: Callable[[np.random.Generator, int], np.ndarray], n: int
 ) -> None:
-    """Against a fine grid about each eigenvalue, refined where it is least; the claim is 1e-6."""
+    """The distance to the imaginary axis equals, to 1e-6, the least on a fine grid of frequencies
+    about each eigenvalue.
+    """
     for seed in range(2):
         computed = spectrum(make(np.random.default_rng(seed), n))
         shifts = np.unique(np.abs(computed.eigenvalues.imag))
@@ -251,7 +258,9 @@ def least_singular_value(matrix: np.ndarray, shift: float) -> float:
 
 
 def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
-    """Three coupled oscillators of 1 rad/s in random axes: the least is at 0.991 rad/s."""
+    """The least distance of three coupled oscillators of 1 rad/s in random axes is found at 0.991
+    rad/s.
+    """
     oscillators = np.kron(np.eye(3), [[-1.0, 1.0], [-1.0, -1.0]]) + 3.0 * np.eye(6, k=2)
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((6, 6)))[0]
     computed = spectrum(turn @ oscillators @ turn.T)
@@ -267,7 +276,7 @@ def test_defective_eigenvalues_have_the_least_distance_beside_them() -> None:
 
 
 def test_one_mode_on_the_axis_is_seen() -> None:
-    """A mode on the axis among many is seen."""
+    """One mode on the imaginary axis among many others is detected."""
     rng = np.random.default_rng(0)
     turn = np.linalg.qr(rng.standard_normal((60, 60)))[0]
     damped = np.kron(np.diag(rng.uniform(1.0, 9.0, 30)), [[-0.1, 1.0], [-1.0, -0.1]])

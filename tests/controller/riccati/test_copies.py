@@ -1,5 +1,6 @@
-"""No verdict depends on the last bits, the order of the states, their units (powers of two), an
-orthogonal change of them, or the number of threads."""
+"""Verdicts do not depend on the last bits, on the order of the states, on their units (powers of
+two), on an orthogonal change of coordinates, or on the number of threads.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ def random_games(number: int) -> Iterator[Game]:
 
 
 def verdict(game: Game) -> bool | None:
-    """Return whether a game has a value, or None where that is open."""
+    """Return whether a game has a value, or None if that is undecided."""
     return existence(NormalForm.of(game)).exists
 
 
@@ -44,7 +45,7 @@ def is_solved(game: Game) -> bool:
 
 
 def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
-    """Return the numbers of copies, of opposite verdicts and of open ones."""
+    """Return the numbers of copies, of opposite verdicts, and of undecided ones."""
     counts: Counter[str] = Counter()
     for seed, game in enumerate(games):
         smallest = minimum_delta(game)
@@ -62,7 +63,9 @@ def changed_verdicts(games: Iterator[Game], count: int) -> Counter[str]:
 
 
 def test_copies_agree_whether_a_value_exists() -> None:
-    """A ten-thousandth from delta_min too, of games in units that differ by up to 1e8."""
+    """Copies of a game agree on the existence of its value, also at a relative distance of 1e-4
+    from delta_min and in units that differ by up to 1e8.
+    """
     changed = changed_verdicts(random_games(8), 4)
     assert changed["copies"] == 128
     assert (changed["changed"], changed["open"]) == (0, 0)
@@ -81,7 +84,7 @@ def test_ten_thousand_copies_agree_whether_a_value_exists() -> None:
     "name", ["published-5", pytest.param("published-15", marks=pytest.mark.slow)]
 )
 def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
-    """The solution and its smallest delta are the same of every copy."""
+    """All copies of a game have the same solution and the same smallest delta."""
     game = game_models()[name]
     smallest = minimum_delta(game)
     for copy in copies(game, 1, 4):
@@ -92,8 +95,7 @@ def test_copies_have_the_same_solution_and_smallest_delta(name: str) -> None:
 
 
 def test_a_copy_is_of_its_kind() -> None:
-    """A copy differs from its original: a helper that changes nothing would pass every test
-    above."""
+    """Each copy differs from its original in the intended way."""
     game = game_models()["published-15"]
     P = solve_game(game).P
     for copy in copies(game, 0, 8, {"P": P}):
@@ -126,7 +128,9 @@ print(json.dumps(found))
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be chosen")
 def test_smallest_delta_is_the_same_with_one_thread() -> None:
-    """BLAS starts a thread for each processor that it may use."""
+    """The smallest delta is the same with one thread of BLAS as with one thread for each
+    processor.
+    """
     values = []
     for threads in ("one", "all"):
         command = [sys.executable, "-c", IN_ONE_THREAD, threads]

@@ -1,5 +1,6 @@
-"""Costs of policies, the saddle point, and the loss of a critic in flight, each computed by a
-second method."""
+"""Costs of policies, the saddle point, and the loss of a critic in flight. Each is computed by a
+second method.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +27,13 @@ def test_cost_is_exact_far_beyond_its_limit(game: Game) -> None:
 def test_a_value_off_by_a_millionth_is_noticed(
     first: tuple[Game, np.ndarray],
 ) -> None:
-    """Cost of a value that is off by a millionth is noticed."""
+    """A value with a relative error of 1e-6 fails the check of its cost."""
     game, P = first
     assert not cost_check(game, P * (1.0 + 1e-6), INITIAL).ok
 
 
 def test_policies_without_rest_have_no_cost(first: tuple[Game, np.ndarray]) -> None:
-    """Policies that do not converge have no cost."""
+    """Policies whose closed loop does not converge have no cost."""
     game, P = first
     check = cost_check(game, -P, INITIAL)
     assert not check.ok
@@ -53,7 +54,9 @@ def test_cost_of_a_scalar_policy_in_closed_form() -> None:
 
 @pytest.mark.parametrize("seed", [6, 40, 41, 42, 43, 44])
 def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
-    """Poles at -3e4 and 0.09, in random coordinates."""
+    """The exact solution of a plant with poles at -3e4 and 0.09 in random coordinates passes its
+    checks.
+    """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     modes = rng.standard_normal((n, n))
@@ -67,7 +70,7 @@ def test_rounding_in_a_stiff_plant_is_no_error(seed: int) -> None:
 
 
 def test_exact_solution_means_what_it_says(game: Game) -> None:
-    """The exact solution passes the checks of its cost and its L2 gain."""
+    """The exact solution passes the checks of its cost and of its L2 gain."""
     checks = meaning_checks(game, solve_game(game).P, INITIAL)
     assert not failed_names(checks), [check.reason for check in checks if not check.ok]
     names = [check.name for check in checks]
@@ -82,8 +85,9 @@ NOISE = np.random.default_rng(0).standard_normal(EXACT.K.shape)
 @pytest.mark.parametrize("size", [1e-3, 1e-1, 0.3])
 @pytest.mark.parametrize("delta", [200.0, math.inf])
 def test_loss_agrees_with_the_cost_equation(size: float, delta: float) -> None:
-    """P* + D is the value of the game in which the control is fixed to -K z and only the
-    disturbance plays."""
+    """P* + D is the value of the game in which the control is fixed at -K z and only the
+    disturbance is chosen.
+    """
     game = GAME.with_delta(delta)
     exact = solve_game(game)
     K = exact.K * (1.0 + size * NOISE)
@@ -105,7 +109,7 @@ def test_loss_grows_with_the_squared_error() -> None:
 
 
 def test_a_start_costs_what_is_reported() -> None:
-    """The start found has the stated cost."""
+    """The worst initial state that is found has the reported cost."""
     K = EXACT.K * (1.0 + 0.1 * NOISE)
     D = loss_matrix(GAME, EXACT, K)
     cost = flight_cost(GAME, EXACT, K)
@@ -124,7 +128,7 @@ def test_a_start_costs_what_is_reported() -> None:
 
 
 def test_the_exact_critic_costs_nothing() -> None:
-    """The exact gain is 0 % above the optimum, with the exact L2 gain and distance."""
+    """The exact gain is 0 % above the optimum, with the exact L2 gain and disk margin."""
     cost = flight_cost(GAME, EXACT, EXACT.K)
     assert (cost.worst, cost.mean) == (0.0, 0.0)
     assert cost.gain == cost.exact_gain == bounded_real_gain(GAME, EXACT.K)
@@ -132,7 +136,7 @@ def test_the_exact_critic_costs_nothing() -> None:
 
 
 def test_a_gain_beyond_delta_costs_without_bound() -> None:
-    """A gain beyond delta or unstable costs without bound."""
+    """A gain that is unstable, or whose L2 gain exceeds delta, has an infinite cost."""
     tight = GAME.with_delta(151.0)
     loose = flight_cost(tight, solve_game(tight), 0.3 * solve_game(tight).K)
     assert loose.worst == loose.mean == math.inf
@@ -143,13 +147,15 @@ def test_a_gain_beyond_delta_costs_without_bound() -> None:
 
 
 def test_a_game_that_costs_nothing() -> None:
-    """Where every flight costs 0, no gain is above the optimum."""
+    """If every flight costs 0, no gain is above the optimum."""
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), np.eye(2), 5.0)
     assert flight_cost(game, solve_game(game), np.zeros((2, 2))).worst == 0.0
 
 
 def test_an_indefinite_value_within_the_allowed_error_passes() -> None:
-    """The second state has no cost: its value 0 may be off by the limit, and not by more."""
+    """A state without cost has the value 0. An error of this value passes up to the limit and not
+    beyond.
+    """
     game = Game(-np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 0.0]), np.eye(2), 5.0)
     P = solve_game(game).P - np.diag([0.0, 1e-8])
     sign = {limit: check_critic(game, from_value(game, P), limit=limit) for limit in (1e-6, 1e-2)}

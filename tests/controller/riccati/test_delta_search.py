@@ -1,4 +1,6 @@
-"""The search of a smallest delta on answers that are wrong or open, and what shows a no."""
+"""The search for a smallest delta where answers are wrong or undecided, and the evidence of a
+refusal.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ def test_the_bracket_is_as_narrow_as_asked() -> None:
 
 
 def test_a_solution_below_ends_the_refusal() -> None:
-    """A planted refusal from 8 to 11.38, as rounding once made it, which the bisection meets."""
+    """The bisection ignores wrong refusals from 8 to 11.38, because a smaller delta has a
+    solution.
+    """
 
     def ask(delta: float) -> Answer:
         return Answer(False, "rounding") if 8.0 < delta < 11.379426 else truth(delta)
@@ -57,7 +61,7 @@ def test_an_open_answer_is_neither_refused_nor_good() -> None:
 
 
 def test_a_solution_within_what_is_open_is_found() -> None:
-    """The bracket of delta_min is found within an undecided interval."""
+    """The bracket of delta_min is found inside an undecided interval."""
 
     def ask(delta: float) -> Answer:
         return Answer(None, "rounding") if 1.0 < delta < 9.0 else truth(delta)
@@ -67,7 +71,7 @@ def test_a_solution_within_what_is_open_is_found() -> None:
 
 
 def test_all_good_and_none_good_are_named() -> None:
-    """If every delta is good, the result is 0; if none is good, the message states it."""
+    """If every delta has a solution, the result is 0. If none has one, the message states it."""
     assert smallest_delta(lambda _: Answer(True), 1.0, 1e-6)[:2] == (0.0, 0.0)
     with pytest.raises(
         NoSolutionError, match=r"^no delta up to 2\.749e\+11 has a solution: shown$"
@@ -78,7 +82,7 @@ def test_all_good_and_none_good_are_named() -> None:
 
 
 def test_the_gain_shown_is_attained() -> None:
-    """Against the reference of 60 digits."""
+    """The gain that a refusal states is attained, compared with the reference of 60 digits."""
     rng = np.random.default_rng(3)
     shown = 0
     for number in range(3):
@@ -94,7 +98,7 @@ def test_the_gain_shown_is_attained() -> None:
 
 
 def test_a_refusal_names_what_shows_it() -> None:
-    """A refusal states the least gain of the disturbance, or an indefinite P."""
+    """A refusal states its evidence: the least gain of the disturbance, or an indefinite P."""
     game = game_models()["published-15"]
     low = existence(NormalForm.of(game.with_delta(80.0)))
     near = existence(NormalForm.of(game.with_delta(113.55)))
@@ -104,8 +108,9 @@ def test_a_refusal_names_what_shows_it() -> None:
 
 
 def chain(rates: list[float], coupling: float) -> Game:
-    """States of these rates, each driven by the one before, the first by the input: every mode is
-    reached."""
+    """Return a chain of states with these rates. The input drives the first state and each state
+    the next one, so that the input reaches every mode.
+    """
     n = len(rates)
     A = np.diag(rates) + np.diag(np.full(n - 1, coupling), -1)
     return Game(A, np.eye(n)[:, :1], np.eye(n), np.eye(n), np.eye(1), math.inf)
@@ -116,7 +121,9 @@ def chain(rates: list[float], coupling: float) -> Game:
     [([-1e8, 1e-2, -3.0], 1e-6), ([-1e7, -2.0, 1e-3], 1e-4), ([-1e9, 1e-4], 1e-8)],
 )
 def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupling: float) -> None:
-    """Solved, or refused for rounding: no mode is called unreached, none 0 that is not."""
+    """A stiff plant whose modes are all reached is solved, or refused for rounding. No message
+    calls a mode unreached or a nonzero pole 0.
+    """
     game = chain(rates, coupling)
     refusals = refusal_of(lambda: solve_game(game)) + refusal_of(lambda: minimum_delta(game))
     assert "is not stabilizable" not in refusals
@@ -125,7 +132,9 @@ def test_a_stiff_reached_plant_is_not_called_unreached(rates: list[float], coupl
 
 
 def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
-    """Beside a fast state it is nearer to the axis than rounding of that state."""
+    """A slow decaying mode is not called undamped if a fast state makes rounding larger than its
+    rate.
+    """
     game = Game(
         np.diag([-1e8, -1e-6, 100.0]),
         np.array([[60.0], [1.0], [1e-3]]),
@@ -139,7 +148,9 @@ def test_a_slow_decaying_mode_is_not_called_undamped() -> None:
 
 @pytest.mark.parametrize(("reach", "unreached"), [(1e-4, False), (0.0, True)])
 def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> None:
-    """Turned, with a fast state and a mode at a relative distance of 4e-9."""
+    """In rotated coordinates, a slow mode with a fast state and a near neighbour (4e-9 apart) is
+    not called unreached.
+    """
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     A = turn @ np.diag([1e7, -300.0, 0.03, -1e-2]) @ turn.T
     B = turn @ np.array([[1.0], [30.0], [reach], [10.0]])
@@ -149,8 +160,9 @@ def test_a_slow_mode_is_not_called_unreached(reach: float, unreached: bool) -> N
 
 @pytest.mark.parametrize("length", [2, 5, 30])
 def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
-    """An input reaches all from the last one and only itself from the first, whose triangle has the
-    diagonal 0."""
+    """An input at the last integrator of a chain reaches every state. An input at the first one
+    reaches this state alone.
+    """
     A = np.diag(np.ones(length - 1), 1)
     end = np.eye(length)[:, [-1]]
     begin = np.eye(length)[:, [0]]
@@ -159,8 +171,9 @@ def test_the_reach_of_a_chain_of_integrators(length: int) -> None:
 
 @pytest.mark.parametrize("seed", [3, 24, 46])
 def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
-    """In coordinates of units up to 1e8 apart, in which rounding reaches the mode by a few ulp: P
-    of these numbers is of the size 1e18 and follows their last bits."""
+    """An unreached unstable mode is refused in units up to 1e8 apart, where rounding of the entries
+    reaches it by a few ulp.
+    """
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 5))
     A = rng.standard_normal((n, n))
@@ -178,8 +191,11 @@ def test_an_unreached_mode_is_refused_despite_last_bits(seed: int) -> None:
 
 @pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-5])
 def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> None:
-    """Two unstable modes with one input: the stated reach is at most the least relative change found,
-    which is a fraction of the distance between the modes."""
+    """The certificate of a plant with two unstable modes and one input states how well they are
+    reached.
+
+    The stated reach is at most the least relative change that was found to make a mode unreachable.
+    """
     modes = np.diag([1.0, 1.0 + apart])
     game = Game(modes, np.ones((2, 1)), np.eye(2), np.eye(2), np.eye(1), math.inf)
     form = NormalForm.of(game)[None]
@@ -191,7 +207,9 @@ def test_every_certificate_states_the_reach_of_unstable_modes(apart: float) -> N
 
 
 def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
-    """A sequence of LQR problems took more than 300 steps here."""
+    """The sequence of LQR problems converges near the smallest delta, where it once took over 300
+    steps.
+    """
     rng = np.random.default_rng(5)
     for _ in range(4):
         n = 4
@@ -204,7 +222,7 @@ def test_the_second_derivation_settles_beside_the_smallest_delta() -> None:
 
 
 def refusal_of(solve: Callable[[], object]) -> str:
-    """Return the line of a refusal, "" without one."""
+    """Return the message of a refusal, or "" without one."""
     try:
         solve()
     except NoSolutionError as refusal:
@@ -213,7 +231,7 @@ def refusal_of(solve: Callable[[], object]) -> str:
 
 
 def test_an_unreached_mode_is_named_in_any_units() -> None:
-    """The mode is named in the presence of fast states too."""
+    """The message names an unreached mode in any units, also in the presence of fast states."""
     for seed in range(5):
         rng = np.random.default_rng(seed)
         turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]

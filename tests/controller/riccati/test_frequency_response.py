@@ -1,4 +1,4 @@
-"""The L2 gain by two methods, against formulas, python-control and delta_min."""
+"""The L2 gain by two methods, compared with formulas, python-control and delta_min."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hfa import Game, solve_game
 
 
 def test_both_methods_put_the_gain_below_delta(game: Game) -> None:
-    """Gain of the game policy is below delta by both methods."""
+    """By both methods the L2 gain of the game policy is below delta."""
     K = solve_game(game).K
     gain = bounded_real_gain(game, K)
     swept = swept_gain(*closed_loop(game, K))
@@ -43,7 +43,7 @@ def test_gain_agrees_with_python_control(game: Game) -> None:
 
 
 def test_first_order_loop_has_its_known_gain() -> None:
-    """Gain of a first order loop in closed form."""
+    """The L2 gain of a first-order loop equals its closed form."""
     game = Game([[-1.0]], [[2.0]], [[3.0]], [[4.0]], [[5.0]], 10.0)
     exact = 3.0 * math.sqrt(4.0 + 5.0 * 0.25) / 2.0  # u = -z/2
     K = np.array([[0.5]])
@@ -53,8 +53,10 @@ def test_first_order_loop_has_its_known_gain() -> None:
 
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.3])
 def test_swept_gain_of_a_resonance_in_closed_form(damping: float) -> None:
-    """1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s, which no grid holds, nor its width where ζ is
-    small."""
+    """The sweep finds the resonance gain 1 / (2 ζ sqrt(1 - ζ²)) at sqrt(1 - 2 ζ²) rad/s.
+
+    A grid misses this frequency, and for small ζ also the narrow peak.
+    """
     oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
     game = Game(oscillator, [[0.0], [1.0]], [[0.0], [1.0]], np.diag([1.0, 0.0]), [[1.0]], 10.0)
     peak = swept_gain(*closed_loop(game, np.zeros((1, 2))))
@@ -84,7 +86,7 @@ def test_gain_without_disturbance_or_cost_is_zero() -> None:
 
 
 def test_a_weak_policy_has_too_much_gain(first: tuple[Game, np.ndarray]) -> None:
-    """A hundredth of the exact gain fails the check of the L2 gain."""
+    """A policy of 1 % of the exact gain fails the check of the L2 gain."""
     game, P = first
     checks = gain_checks(game, 0.01 * game.gain(P))
     assert failed_names(checks) == {"l2_gain"}
@@ -102,8 +104,9 @@ def test_a_sweep_that_misses_the_peak_is_noticed(
 
 
 def test_smallest_delta_bounds_the_gain() -> None:
-    """K attains its own gain, so delta_min cannot be above it; and the game policy stays below its
-    delta."""
+    """delta_min is at most the L2 gain of K, and the L2 gain of the game policy is below its
+    delta.
+    """
     rng = np.random.default_rng(6)
     tried = 0
     while tried < 6:
@@ -116,7 +119,9 @@ def test_smallest_delta_bounds_the_gain() -> None:
 
 
 def test_a_very_stiff_loop_has_the_swept_gain() -> None:
-    """A loop so stiff that rounding hides its slow mode has the gain of the sweep."""
+    """If rounding hides the slow mode of a very stiff loop, the L2 gain of the sweep is
+    reported.
+    """
     game = Game([[-1.0, 0.3], [0.2, -1e-3]], [[1.0], [0.0]], np.eye(2), np.eye(2), [[1.0]], 50.0)
     K = np.array([[1e40, 0.0]])
     assert bounded_real_gain(game, K) == pytest.approx(1044.03, rel=1e-5)
@@ -125,7 +130,9 @@ def test_a_very_stiff_loop_has_the_swept_gain() -> None:
 
 @pytest.mark.parametrize("factor", [1e3, 1e6])
 def test_in_a_stiff_loop_both_are_right(factor: float) -> None:
-    """At the sweep's frequency the gain in 50 digits is that of the sweep."""
+    """At the frequency of the sweep, the gain computed with 50 digits equals the gain of the
+    sweep.
+    """
     game = game_models()["published-15"]
     K = factor * solve_game(game).K
     bound = bounded_real_gain(game, K)

@@ -1,5 +1,6 @@
-"""The exact solution and the smallest delta: as accurate as claimed, certified or refused for the
-right reasons."""
+"""The exact solution and the smallest delta are as accurate as claimed, and are certified, or
+refused for the right reason.
+"""
 
 from __future__ import annotations
 
@@ -91,8 +92,7 @@ def test_policies_eigenvalues_and_json_follow_from_P(game: Game) -> None:
 
 
 def test_delta_to_infinity_gives_lqr(game: Game) -> None:
-    """delta = inf gives python-control's LQR. The difference of P decreases with the square of
-    delta."""
+    """delta = inf gives python-control's LQR. The difference of P decreases with 1/delta²."""
     K, P, _ = control.lqr(
         game.A, game.B, game.Q, game.R, method="scipy"
     )  # slycot, where it is, errs by 4e-11
@@ -108,14 +108,14 @@ def test_delta_to_infinity_gives_lqr(game: Game) -> None:
 
 
 def test_value_falls_as_the_disturbance_pays_more(game: Game) -> None:
-    """P falls as delta grows, in the order of matrices."""
+    """P decreases in the order of symmetric matrices as delta grows."""
     values = [solve_game(game.with_delta(delta)).P for delta in (130.0, 200.0, 500.0, math.inf)]
     for cheaper, dearer in itertools.pairwise(values):
         assert np.linalg.eigvalsh(cheaper - dearer)[0] > -1e-9
 
 
 def test_scalar_game_in_closed_form() -> None:
-    """P of scalar games equals the root of a quadratic equation."""
+    """P of scalar games equals the root of their quadratic equation."""
     for a, s in ((-1.0, 0.75), (2.0, 0.75), (-1.0, -0.3), (-1.0, 0.0)):
         delta = 1.0 / math.sqrt(1.0 - s)
         exact = 1.5 if s == 0.0 else (a + math.sqrt(a * a + 3.0 * s)) / s
@@ -141,7 +141,7 @@ def test_an_unstable_costless_mode_is_stabilized() -> None:
 
 
 def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
-    """With E = 0 the game is the LQR for any delta."""
+    """With E = 0 the game is the LQR problem for any delta."""
     quiet = Game(game.A, game.B, 0.0 * game.E, game.Q, game.R, 1e-3)
     assert relative_error(solve_game(quiet).P, solve_game(game.with_delta(math.inf)).P) < 1e-12
     assert minimum_delta(quiet).margin(quiet.delta) == math.inf
@@ -179,7 +179,7 @@ def test_without_disturbance_matrix_every_delta_will_do(game: Game) -> None:
 def test_problem_without_lqr_solution_names_the_mode(
     A: object, B: object, Q: object, message: str
 ) -> None:
-    """Where no LQR solution exists, one line names the mode that rules it out."""
+    """If no LQR solution exists, a message of one line names the mode that prevents it."""
     game = Game(A, B, I2, Q, [[1.0]], 10.0)  # type: ignore[arg-type]
     pattern = message.replace("+", r"\+")
     for solver in (solve_game, minimum_delta):
@@ -194,7 +194,7 @@ def test_problem_without_lqr_solution_names_the_mode(
 def test_denormal_numbers_end_in_a_solution_or_line(
     size: float, weight: float, sign: float
 ) -> None:
-    """Denormal numbers end in a solution or in one line."""
+    """Denormal numbers give a solution or an error of one line."""
     A = np.random.default_rng(0).standard_normal((3, 3)) + sign * 3.0 * np.eye(3)
     game = Game(A, size * np.ones((3, 2)), np.eye(3), weight * np.eye(3), np.eye(2), 1e3)
     try:
@@ -216,7 +216,7 @@ def test_denormal_numbers_end_in_a_solution_or_line(
     ],
 )
 def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> None:
-    """Absurd numbers end in a solution or in one line."""
+    """Absurdly large or small numbers give a solution or an error of one line."""
     parts = {
         "A": np.diag([1.0, -1.0]),
         "B": np.array([[1.0], [0.0]]),
@@ -233,7 +233,7 @@ def test_absurd_numbers_end_in_a_solution_or_line(change: dict[str, float]) -> N
 
 
 def test_minimum_delta_brackets_the_exact_one(game: Game) -> None:
-    """A solution exists at delta_min and none at the refused value, a millionth below."""
+    """A solution exists at delta_min, and none at the refused value 1e-6 below."""
     smallest = minimum_delta(game)
     assert (
         smallest.value / smallest.refused <= 1.000001
@@ -256,7 +256,7 @@ def test_minimum_delta_of_random_games(games: int) -> None:
 
 @pytest.mark.parametrize("games", [8, pytest.param(40, marks=pytest.mark.slow)])
 def test_existence_is_decided_as_by_the_reference(games: int) -> None:
-    """Existence agrees with the reference solver for random games of both kinds."""
+    """Existence agrees with the reference solver for random games with and without a solution."""
     rng = np.random.default_rng(12)
     verdicts = [0, 0]
     for number in range(games):
@@ -268,7 +268,7 @@ def test_existence_is_decided_as_by_the_reference(games: int) -> None:
 
 
 def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
-    """The message on a delta below the minimum names one that has a solution."""
+    """The message on a delta below the minimum names a delta that has a solution."""
     smallest = minimum_delta(game).value
     with pytest.raises(NoSolutionError) as refusal:
         solve_game(game.with_delta(80.0))
@@ -281,7 +281,9 @@ def test_delta_below_the_minimum_names_the_remedy(game: Game) -> None:
 
 
 def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
-    """A millionth above it P is right or the refusal says where delta is."""
+    """At 1e-3 above delta_min the game is solved. At 1e-6 above it P is right, or the refusal
+    states how near delta is.
+    """
     smallest = minimum_delta(game).value
     assert solve_game(game.with_delta(smallest * 1.001)).certificate.ok
     near = game.with_delta(smallest * (1.0 + 1e-6))
@@ -294,7 +296,7 @@ def test_a_thousandth_above_the_minimum_is_solved(game: Game) -> None:
 
 
 def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
-    """P and "", or an empty matrix and the refusal."""
+    """Return P and "", or an empty matrix and the message of the refusal."""
     try:
         return solve_game(game).P, ""
     except NoSolutionError as refusal:
@@ -303,8 +305,9 @@ def _solved_or_refused(game: Game) -> tuple[np.ndarray, str]:
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_an_undamped_costless_mode_is_named(size: float) -> None:
-    """An oscillator in random coordinates, whose eigenvalues rounding moves off the axis, to either
-    side."""
+    """An undamped oscillator without cost is named, although rounding in random coordinates moves
+    its eigenvalues to either side of the axis.
+    """
     for seed in range(10):
         rng = np.random.default_rng(seed)
         modes = rng.standard_normal((3, 3))

@@ -1,5 +1,6 @@
-"""Batched exact solutions against the one-by-one ones: the same P, the same refusals, little
-memory."""
+"""Batches of exact solutions equal the solutions one by one, refuse the same games, and need little
+memory.
+"""
 
 import tracemalloc
 
@@ -39,7 +40,7 @@ def test_every_model_has_its_own_solution(dynamics):
 
 
 def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
-    """The Schur form decides where doubling contradicts."""
+    """If the doubling algorithm contradicts the Schur form, the Schur form decides."""
     A, B = _models("published", 3)
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
@@ -52,7 +53,9 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
 
 
 def test_the_game_loops_bound_is_close_from_above():
-    """Of rows from 0.05 to 20, with up to twelve states."""
+    """The bound on the game loop is above the exact value and close to it, for loops with up to
+    twelve states and row sizes from 0.05 to 20.
+    """
     rng = np.random.default_rng(0)
     for n in (2, 6, 12):
         A = rng.standard_normal((20, n, n)) * np.exp(rng.uniform(-3.0, 3.0, (20, n, 1)))
@@ -67,7 +70,7 @@ def test_the_game_loops_bound_is_close_from_above():
 
 
 def test_nothing_is_certified_below_the_smallest_delta():
-    """Below the smallest delta nothing is certified and nothing is given."""
+    """Below the smallest delta no solution is certified or returned."""
     A, B = _models("published", 5)
     batch = solve_games(A, B, published_game(A[2], B[2], delta=50.0))
     assert not batch.certified.any()
@@ -100,7 +103,7 @@ def test_random_games_are_accepted_exactly_when_solvable(count: int) -> None:
 
 
 def test_a_batch_refuses_what_is_refused_alone():
-    """Near the smallest delta a batch refuses the games that are refused alone."""
+    """Near the smallest delta a batch refuses the same games as the solver of single games."""
     rng = np.random.default_rng(8)
     A = rng.standard_normal((2, 4, 4))
     B = rng.standard_normal((2, 4, 2))
@@ -117,7 +120,7 @@ def test_a_batch_refuses_what_is_refused_alone():
 
 
 def test_a_batch_of_24_states_needs_little_memory():
-    """A batch of 24 states needs no more than some megabytes."""
+    """A batch of games with 24 states needs at most a few megabytes."""
     rng = np.random.default_rng(9)
     A = rng.standard_normal((2, 24, 24)) - 4.0 * np.eye(24)
     B = rng.standard_normal((2, 24, 3))
@@ -129,7 +132,9 @@ def test_a_batch_of_24_states_needs_little_memory():
 
 
 def test_a_singular_plant_does_not_stop_the_others():
-    """In a batch only the singular plant is not certified; nan is refused by its number."""
+    """In a batch only the singular plant is not certified. A plant with nan is refused by its
+    number.
+    """
     A, B = _models("published", 3)
     A = A.copy()
     B = B.copy()

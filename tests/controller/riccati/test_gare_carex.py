@@ -1,9 +1,9 @@
-"""Continuous-time Riccati equations of the CAREX collection whose solutions are known in closed
-form.
+"""Continuous-time Riccati equations of the CAREX collection with solutions in closed form.
 
-Source of the equations and solutions: Benner, Laub, Mehrmann, A collection of benchmark examples
-for the numerical solution of algebraic Riccati equations I: continuous-time case, SPC 95_22 (1995).
-The numbers are theirs."""
+Source of the equations, solutions and numbers: Benner, Laub, Mehrmann, A collection of benchmark
+examples for the numerical solution of algebraic Riccati equations I: continuous-time case, SPC
+95_22 (1995).
+"""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def equation(A: object, B: object, Q: object, R: object) -> Game:
 
 
 def known() -> Iterator[tuple[str, Game, np.ndarray]]:
-    """Number of the example and its parameter, equation, solution."""
+    """Return the number of the example with its parameter, its equation, and its solution."""
     yield (
         "1",
         equation([[0, 1], [0, 0]], [[0], [1]], np.diag([1, 2]), [[1]]),
@@ -93,7 +93,7 @@ def known() -> Iterator[tuple[str, Game, np.ndarray]]:
     ("game", "X"), [pytest.param(game, X, id=name) for name, game, X in known()]
 )
 def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
-    """P of published benchmarks is exact; a planted error of 1e-6 is found."""
+    """The computed P of published benchmarks is exact, and a planted error of 1e-6 is detected."""
     P = solve_game(game).P
     assert np.abs(P - X).max() <= EXACT * np.abs(X).max()
     with pytest.raises(AssertionError):
@@ -102,13 +102,17 @@ def test_the_known_solution_is_certified(game: Game, X: np.ndarray) -> None:
 
 @pytest.mark.parametrize("n", [3, 8, 21])
 def test_a_chain_of_integrators_has_its_known_corner(n: int) -> None:
-    """Example 17: of X only the corner sqrt(q r) is known; its condition grows as 10^n."""
+    """The solution of example 17 has the known corner entry sqrt(q r), with a condition that grows
+    as 10^n.
+    """
     game = equation(np.eye(n, k=1), np.eye(n)[:, [-1]], 4.0 * np.diag(np.eye(n)[0]), [[9.0]])
     assert solve_game(game).P[0, -1] == pytest.approx(6.0, rel=1e-13)
 
 
 def test_a_loop_at_the_axis_is_refused() -> None:
-    """Example 14 with 1e-6: the slowest poles of the optimum are 5e-13 left of the axis."""
+    """Example 14 with the parameter 1e-6 is refused, because its slowest optimal poles lie 5e-13
+    left of the axis.
+    """
     A = np.kron(np.diag([-1e-6, 1e-6]), np.eye(2)) + np.kron(np.eye(2), [[0, 1], [-1, 0]])
     game = equation(A, np.ones((4, 1)), np.ones((4, 4)), [[1]])
     with pytest.raises(
@@ -122,7 +126,7 @@ def test_a_loop_at_the_axis_is_refused() -> None:
 
 @pytest.mark.parametrize("size", [1e-99, 1e-8, 1e8, 1e99])
 def test_the_disturbances_unit_scales_delta_min_alone(size: float) -> None:
-    """The unit of the disturbance scales delta min and nothing else."""
+    """Another unit of the disturbance scales delta_min and nothing else."""
     plant = equation([[0, 1], [-1, -0.5]], [[0], [1]], np.eye(2), [[1]])
     expected = minimum_delta(plant)
     found = minimum_delta(replace(plant, E=size * plant.E))
@@ -145,14 +149,16 @@ def printed(number: int) -> Game:
 
 
 def nearly_singular_weight(small: float) -> Game:
-    """Example 8: R is [[1 + small, 1], [1, 1]]."""
+    """Return example 8, in which R is [[1 + small, 1], [1, 1]]."""
     B = [[0.1, 0.0], [0.001, 0.01]]
     Q = [[100.0, 1000.0], [1000.0, 10000.0]]
     return equation(np.diag([-0.1, -0.02]), B, Q, [[1.0 + small, 1.0], [1.0, 1.0]])
 
 
 def remainder(game: Game, P: np.ndarray) -> float:
-    """|A'P + P A + Q - P S P| relative to the largest of its terms, in digits beyond double."""
+    """Return |A'P + P A + Q - P S P| relative to its largest term, computed with extended
+    precision.
+    """
     A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
     terms = [A.T @ X, X @ A, Q, -X @ S @ X]
     return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
@@ -164,7 +170,7 @@ def remainder(game: Game, P: np.ndarray) -> float:
     + [pytest.param(printed(5), id="5")],
 )
 def test_an_unknown_solution_is_met_to_sixty_digits(game: Game) -> None:
-    """An equation without a known solution is solved to sixty digits."""
+    """P of an equation without a closed form agrees with a solution of sixty digits."""
     P = solve_game(game).P
     reference = reference_solution(game).P
     units = 1.0 / np.sqrt(np.diag(reference))
@@ -182,7 +188,7 @@ def filed(number: int) -> Game:
 
 @pytest.mark.parametrize("number", _FILES)
 def test_equations_of_30_to_100_states_are_met(number: int) -> None:
-    """An equation of 30 to 100 states is met."""
+    """P of equations with 30 to 100 states satisfies them to rounding."""
     game = filed(number)
     P = solve_game(game).P
     assert remainder(game, P) <= 1e-12
@@ -202,16 +208,20 @@ def test_equations_of_30_to_100_states_are_met(number: int) -> None:
     ids=["3", "4", "11"],
 )
 def test_a_cost_that_pays_for_errors_is_refused(A: object, B: object, Q: object) -> None:
-    """Q has a negative eigenvalue, in 3 and 4 by the rounding of its print."""
+    """A Q with a negative eigenvalue is refused. In examples 3 and 4 it results from rounding in
+    print.
+    """
     with pytest.raises(BadInputError, match="Q is not positive semidefinite"):
         equation(A, B, Q, np.eye(np.shape(B)[1]))
 
 
 @pytest.mark.slow
 def test_the_equation_of_421_states_is_solved() -> None:
-    """Example 20: a rotor in coordinates whose entries reach 3e11. Its P is right to the rounding
-    of each term of each entry of the equation, evaluated in 64-bit mantissas, and makes the loop
-    Hurwitz."""
+    """Example 20, a rotor with 421 states and entries up to 3e11, is solved.
+
+    P satisfies each entry of the equation to the rounding of its terms, evaluated with 64-bit
+    mantissas. Its closed loop is Hurwitz.
+    """
     game = filed(20)
     H = scipy.linalg.matrix_balance(
         np.block([[game.A, -game.S], [-game.Q, -game.A.T]]), permute=False

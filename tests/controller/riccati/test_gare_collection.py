@@ -1,5 +1,6 @@
-"""The collection of hard games against the 60-digit reference: none accepted wrongly, hardly one
-refused wrongly."""
+"""The collection of hard games compared with the 60-digit reference. No game is accepted wrongly,
+and hardly one is refused wrongly.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ CLOSE = 1e-6
 
 
 class Sample(NamedTuple):
-    """A game of the collection, and how it was made."""
+    """A game of the collection with a description of its construction."""
 
     structure: str
     number: int
@@ -41,7 +42,9 @@ class Sample(NamedTuple):
 
 
 def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
-    """Any number of inputs and disturbances, entries of size one, Q of the given rank."""
+    """Return a game with dense matrices of entries about 1, any number of inputs and disturbances,
+    and a Q of the given rank.
+    """
     m = int(rng.integers(1, n + 1))
     k = int(rng.integers(1, n + 1))
     A, B, E = (rng.standard_normal((n, columns)) for columns in (n, m, k))
@@ -54,7 +57,9 @@ def dense(rng: np.random.Generator, n: int, rank: int | None = None) -> Game:
 
 
 def chain(rng: np.random.Generator, n: int) -> Game:
-    """Integrators in a row, the input and as often as not the disturbance at their end."""
+    """Return a chain of integrators with the input, and in half of the cases the disturbance, at
+    its end.
+    """
     B = np.eye(n)[:, [-1]]
     E = B if rng.random() < 0.5 else np.eye(n)
     Q = np.eye(n) if rng.random() < 0.7 else np.diag(np.eye(n)[0])
@@ -62,12 +67,12 @@ def chain(rng: np.random.Generator, n: int) -> Game:
 
 
 def low_rank(rng: np.random.Generator, n: int) -> Game:
-    """Q of any rank below n."""
+    """Return a game with a Q of any rank below n."""
     return dense(rng, n, rank=int(rng.integers(1, max(n, 2))))
 
 
 def unseen(rng: np.random.Generator, n: int) -> Game:
-    """Unstable modes that Q does not see, in a basis that hides them."""
+    """Return a game with unstable modes that have no cost, in a basis that hides them."""
     game = dense(rng, n)
     blind = int(rng.integers(1, n + 1))
     A = np.triu(game.A)
@@ -81,13 +86,16 @@ def unseen(rng: np.random.Generator, n: int) -> Game:
 
 
 def ill_scaled(rng: np.random.Generator, n: int) -> Game:
-    """Units of state between 1e-8 and 1e8, of input between 1e-3 and 1e3."""
+    """Return a game with units of the states from 1e-8 to 1e8 and units of the inputs from 1e-3 to
+    1e3.
+    """
     return in_other_units(rng, dense(rng, n))
 
 
 def lightly_damped(rng: np.random.Generator, n: int) -> Game:
-    """Oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1, a third of them
-    negative."""
+    """Return a game of oscillators of 0.1 to 100 rad/s with damping ratios of 1e-5 to 0.1, a third
+    of them negative.
+    """
     A = np.zeros((n, n))
     for i in range(0, n - 1, 2):
         frequency = 10.0 ** rng.uniform(-1.0, 2.0)
@@ -99,15 +107,17 @@ def lightly_damped(rng: np.random.Generator, n: int) -> Game:
 
 
 def nilpotent(rng: np.random.Generator, n: int) -> Game:
-    """A with nothing on and below its diagonal: one eigenvalue, 0, whose numerical copies lie far
-    from it."""
+    """Return a game with a strictly upper triangular A. Its one eigenvalue is 0, and the computed
+    copies lie far from it.
+    """
     game = dense(rng, n)
     return replace(game, A=np.triu(game.A, 1))
 
 
 def barely_reached(rng: np.random.Generator, n: int) -> Game:
-    """One unstable mode, or two, that the inputs reach by 1e-11 to 1e-5 of their size, in a basis
-    that hides them."""
+    """Return a game with one or two unstable modes that the inputs reach by 1e-11 to 1e-5 of their
+    size, in a basis that hides them.
+    """
     few = 2 if n > 2 and rng.random() < 0.4 else 1
     A = np.triu(rng.standard_normal((n, n)), 1) * (rng.random() < 0.5) - np.diag(
         rng.uniform(0.1, 3.0, n)
@@ -124,8 +134,9 @@ def barely_reached(rng: np.random.Generator, n: int) -> Game:
 
 
 def marginal(rng: np.random.Generator, n: int) -> Game:
-    """Any of the others; `collection` gives it a delta between a thousandth and a hundredth above
-    the smallest."""
+    """Return a game of any other structure. `collection` gives it a delta 0.001 to 0.01 above
+    delta_min, relative.
+    """
     return list(STRUCTURES.values())[int(rng.integers(0, 7))](rng, n)
 
 
@@ -156,11 +167,11 @@ def in_other_units(rng: np.random.Generator, game: Game) -> Game:
 def collection(
     count: int, seed: int, structures: dict[str, Callable[..., Game]] = STRUCTURES
 ) -> Iterator[Sample]:
-    """Game after game: structures in turn, then sizes; a third in absurd units; deltas on both
-    sides of the smallest.
+    """Yield games of all structures in turn, then of all sizes, a third of them in extreme units.
 
-    delta is 1e-3 to 1e3 above delta_min in three games of five, relative, and 1e-5 to 1e-1 below in
-    one."""
+    In three of five games delta is 1e-3 to 1e3 above delta_min, relative, and in one of five 1e-5
+    to 1e-1 below.
+    """
     names = list(structures)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -196,8 +207,10 @@ def _symmetric(matrix: np.ndarray) -> np.ndarray:
 
 
 def _verdict(sample: Sample, worst: float = WORST_ERROR) -> str:
-    """Return the result of the solver on a game. Raises AssertionError when it accepts a wrong
-    solution, or names a wrong cause."""
+    """Return the result of the solver on a game.
+
+    Raises an AssertionError if it accepts a wrong solution or names a wrong cause.
+    """
     game = sample.game
     label = f"{sample.structure} {sample.number}"
     reference = reference_solution(game)
@@ -243,7 +256,7 @@ def _bracket(sample: Sample) -> str:
 
 
 def test_a_game_of_each_structure() -> None:
-    """Games of each structure are accepted or refused rightly."""
+    """One game of each structure is accepted or refused rightly."""
     verdicts = Counter(_verdict(sample) for sample in collection(len(STRUCTURES), seed=1))
     assert not {"refused wrongly", "refused at the edge"} & set(verdicts)
     assert min(verdicts["accepted, rightly"], verdicts["refused, rightly"]) >= 2
@@ -259,7 +272,9 @@ def test_smallest_delta_of_each_structure() -> None:
 
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.slow)])
 def test_games_with_a_barely_reached_mode(count: int) -> None:
-    """Some of one state, others in absurd units, or at a delta near the smallest."""
+    """Games with a barely reached mode are decided rightly, also with one state, in extreme units,
+    and near the smallest delta.
+    """
     verdicts = Counter(_verdict(sample) for sample in collection(count, 4, BARELY_REACHED))
     assert verdicts["refused wrongly"] + verdicts["refused at the edge"] <= 0.01 * count, verdicts
     assert verdicts["accepted, rightly"] >= 0.7 * count
@@ -268,8 +283,8 @@ def test_games_with_a_barely_reached_mode(count: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_two_thousand_games(seed: int) -> None:
-    """Of 1,000 random games at most 0.5 % are refused wrongly, and as many at the edge of
-    existence.
+    """Of 1,000 random games at most 0.5 % are refused wrongly, and at most 0.5 % are refused at the
+    edge of existence.
 
     Brackets of delta_min are never wrong, and at most 3 % are wide or missing.
     """
@@ -290,7 +305,9 @@ def test_two_thousand_games(seed: int) -> None:
 @pytest.mark.parametrize("scaled", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("count", [8, pytest.param(600, marks=pytest.mark.slow)])
 def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> None:
-    """Right to 1e-8 at the edge of existence; a bare call returns other roots without a word."""
+    """Solutions at the edge of existence are right to 1e-8. SciPy's solver alone returns other
+    roots without an error.
+    """
     rng = np.random.default_rng(2 if count > 12 else 1)
     verdicts = Counter[str]()
     alone = Counter[bool]()
@@ -314,7 +331,7 @@ def test_random_games_and_what_scipy_alone_says(count: int, scaled: bool) -> Non
 
 
 def test_the_reference_solves_a_scalar_game() -> None:
-    """The reference is the solution of a scalar game."""
+    """The reference solver gives the closed-form solution of a scalar game."""
     game = Game([[-1.0]], [[2.0]], [[1.0]], [[3.0]], [[4.0]], 2.0)  # S = 1 - 1/4
     p = (-1.0 + math.sqrt(1.0 + 0.75 * 3.0)) / 0.75
     reference = reference_solution(game)

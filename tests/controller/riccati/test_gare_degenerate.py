@@ -1,5 +1,6 @@
-"""Degenerate games by name: each is solved like the 60-digit reference, or refused with the true
-cause."""
+"""Degenerate games, each with its name. A game is solved as by the 60-digit reference, or refused
+with the true cause.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +25,10 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 def error(game: Game, P: np.ndarray | None = None) -> float:
-    """Return the error of the certified P, or of another, compared with 60 digits; the game has a
-    solution."""
+    """Return the error of the certified P, or of another one, compared with the 60-digit solution.
+
+    The game must have a solution.
+    """
     reference = reference_solution(game)
     assert reference.exists
     size = np.sqrt(np.diag(reference.P))
@@ -35,7 +38,7 @@ def error(game: Game, P: np.ndarray | None = None) -> float:
 
 
 def elsewhere(game: Game, seed: int) -> Game:
-    """Return the game in random coordinates T z, which hide its structure."""
+    """Return the game in random coordinates T z, in which its structure is hidden."""
     T = np.random.default_rng(seed).standard_normal(game.A.shape)
     inverse = np.linalg.inv(T)
     Q = inverse.T @ game.Q @ inverse
@@ -49,8 +52,9 @@ def chain(n: int, delta: float = 1000.0) -> Game:
 
 @pytest.mark.parametrize("n", [2, 5, 8, 12])
 def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
-    """A is defective, its one eigenvalue 0 n times, and rounding spreads the copies by some
-    1e-16^(1/n)."""
+    """Chains of integrators in random coordinates are solved. Their A is defective, and rounding
+    spreads the n copies of the eigenvalue 0 by about 1e-16^(1/n).
+    """
     for seed in range(2):
         game = elsewhere(chain(n), seed)
         assert error(game) <= EXACT
@@ -62,14 +66,14 @@ def test_chains_of_integrators_in_random_coordinates(n: int) -> None:
 @pytest.mark.parametrize("value", [-1.0, 0.0, 0.5])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_defective_plant(value: float, seed: int) -> None:
-    """One Jordan block of four, left of the axis, on it and right of it."""
+    """A plant of one Jordan block of four is solved left of the axis, on it, and right of it."""
     block = replace(chain(4), A=value * np.eye(4) + np.eye(4, k=1))
     assert error(elsewhere(block, seed)) <= EXACT
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4])
 def test_Q_of_every_rank(rank: int) -> None:
-    """The cost is on random directions of four; a zero cost is in `test_gare.py`."""
+    """Games are solved with a Q of each rank from 1 to 4 along random directions."""
     rng = np.random.default_rng(rank)
     C = rng.standard_normal((rank, 4))
     A = rng.standard_normal((4, 4)) - 4.0 * np.eye(4)
@@ -82,8 +86,9 @@ def test_Q_of_every_rank(rank: int) -> None:
 def test_an_undamped_mode_needs_weight_in_Q(
     delta: float,
 ) -> None:
-    """Two oscillators without damping, of 1 and 3 rad/s, and an integrator; Q pays for all or
-    leaves one out."""
+    """A plant of two undamped oscillators (1 and 3 rad/s) and an integrator is solved if Q weights
+    all three. Otherwise it is refused.
+    """
     A = np.zeros((5, 5))
     A[:2, :2], A[2:4, 2:4] = TURN, 3.0 * TURN
     B = np.ones((5, 1))
@@ -104,7 +109,7 @@ def test_an_undamped_mode_needs_weight_in_Q(
 
 
 def test_units_over_16_decades_change_nothing() -> None:
-    """States, inputs and disturbances in units between 1e-8 and 1e8 of others."""
+    """Units of states, inputs and disturbances between 1e-8 and 1e8 do not change the result."""
     rng = np.random.default_rng(4)
     A = rng.standard_normal((5, 5))
     B = rng.standard_normal((5, 3))
@@ -133,8 +138,11 @@ def test_units_over_16_decades_change_nothing() -> None:
 def test_a_barely_reached_mode_has_a_bounded_pole(
     reach: float,
 ) -> None:
-    """Rates 0.5 and -1; the input along the second but for `reach`. Alone, x' = x/2 + r u moves to
-    -1/2 as r -> 0."""
+    """The pole of a barely reached unstable mode is stated with its bound.
+
+    The plant has the rates 0.5 and -1, and its input reaches the first mode by the factor `reach`
+    only. The optimum moves the pole of x' = x/2 + r u to -1/2 as r -> 0.
+    """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     game = Game(A, modes.T @ [[reach], [1.0]], np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
@@ -155,8 +163,11 @@ def test_a_barely_reached_mode_has_a_bounded_pole(
 
 
 def test_a_poles_bound_is_its_largest_rounding_change() -> None:
-    """To first order, over all signs of the changes of A and K (twice n ε, for two coordinates) and
-    of B (n ε); the closed loop has real poles."""
+    """To first order, the bound of a pole is its largest change by rounding, over all signs.
+
+    The entries of A and K change by 2 n ε for two coordinates, those of B by n ε. The closed loop
+    has real poles.
+    """
     B = np.array([[0.0], [1.0]])
     game = Game([[-3.0, 2.0], [0.7, 1.0]], B, np.zeros((2, 1)), np.eye(2), [[1.0]], math.inf)
     solution = solve_game(game)
@@ -175,7 +186,7 @@ def test_a_poles_bound_is_its_largest_rounding_change() -> None:
 
 @pytest.mark.parametrize("reach", [0.0, 1e-15])
 def test_a_mode_reached_by_rounding_is_named(reach: float) -> None:
-    """A mode that the input reaches by no more than rounding is named."""
+    """A mode that the input reaches by no more than rounding is refused by name."""
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
     B = turn @ [[reach], [1.0], [1.0]]
     game = Game(
@@ -202,14 +213,18 @@ def slow_mode(rate: float, weight: float, seed: int) -> Game:
 
 @pytest.mark.parametrize("seed", [1, 3])  # in these coordinates P has too few digits at first
 def test_a_slow_mode_with_hardly_any_cost(seed: int) -> None:
-    """Weight 1e-14 of the others': no rounding of the entries moves the pole -1e-5 to the axis."""
+    """A slow mode is solved with a relative weight of 1e-14, because no rounding of the entries
+    moves its pole -1e-5 to the axis.
+    """
     game = slow_mode(1e-5, 1e-14, seed)
     assert error(game) <= EXACT
     assert solve_game(game).closed_loop_eigenvalues[-1].real == pytest.approx(-1e-5, rel=1e-2)
 
 
 def test_a_slower_mode_is_refused_with_the_distance() -> None:
-    """A pole at -1e-7: rounding of the entries may move it to the axis. No other cause is named."""
+    """A mode at -1e-7 is refused with its distance from the axis, because rounding of the entries
+    may move it there. No other cause is named.
+    """
     with pytest.raises(
         NoSolutionError, match=r"a change of \d.\d?e-17 .* Q shows the mode"
     ) as refusal:
@@ -218,7 +233,9 @@ def test_a_slower_mode_is_refused_with_the_distance() -> None:
 
 
 def scalar(a: float, apart: float) -> Game:
-    """A game whose delta lies by the share `apart` above its exact smallest delta, or below."""
+    """Return a scalar game whose delta is above or below its exact smallest delta by the share
+    `apart`.
+    """
     b = 0.7
     e = 1.3
     q = 2.0
@@ -230,8 +247,11 @@ def scalar(a: float, apart: float) -> Game:
 @pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
 @pytest.mark.parametrize("apart", [1e-3, 1e-9, -1e-9, -1e-3])
 def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
-    """Never solved below, always a thousandth above; nearer, it is solved to the digits that the
-    condition of P, 1/apart, permits, or the message states the nearness and nothing untrue."""
+    """A game is never solved below its smallest delta, and always 0.001 above it.
+
+    Nearer than that, P is right to the digits that its condition 1/apart permits, or the message
+    states the nearness and nothing false.
+    """
     game = scalar(a, apart)
     exists = reference_solution(game).exists
     assert exists == (apart > 0.0)
@@ -252,7 +272,9 @@ def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
 
 @pytest.mark.parametrize("m", [1, 2])
 def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
-    """1e-11 above delta_min = 0.9 S_control^-½: rounding of R^-½ B and E / delta moved P by 7e-6."""
+    """P is right at 1e-11 above delta_min = 0.9 S_control^-½, where uncorrected rounding of R^-½ B
+    and E / delta moves it by 7e-6.
+    """
     R = np.array([[0.37, 0.1], [0.1, 0.53]])[:m, :m]
     B = np.array([[1.3, 0.7]])[:, :m]
     smallest = 0.9 / math.sqrt((B @ np.linalg.solve(R, B.T)).item())

@@ -1,4 +1,4 @@
-"""Margins: of one loop, of all at once, and that they are tight."""
+"""Stability margins of one loop and of all loops at once, and their tightness."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from hfa import Game, NoSolutionError, solve_game
 
 
 def test_margins_of_lqr_are_the_textbook_ones(game: Game) -> None:
-    """|1 + L_i| >= 1 for each loop of an LQR with diagonal R: gain (1/2, inf), phase 60 degrees."""
+    """Each loop of an LQR with diagonal R satisfies |1 + L_i| >= 1: gain (1/2, inf) and phase 60
+    degrees.
+    """
     K = solve_game(game.with_delta(math.inf)).K
     for margin in loop_margins(game, K):
         assert margin.gain_low <= 0.5
@@ -48,7 +50,7 @@ def test_loop_margins_are_where_the_loop_loses_stability(game: Game) -> None:
 
 
 def test_single_loop_disk_margin_agrees_with_python_control() -> None:
-    """Single loop disk margin is that of python control."""
+    """The disk margin of a single loop agrees with python-control."""
     game = Game([[0.0, 1.0], [0.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     K = np.array([[4.0, 0.5]])
     loop = control.ss(game.A, game.B, K, 0.0)
@@ -71,8 +73,9 @@ def test_factors_within_the_disk_keep_the_loop_stable(game: Game) -> None:
 
 
 def test_disk_margin_is_tight(game: Game) -> None:
-    """At its frequency, phases of the five factors exist that take the loop to the edge just
-    outside the disk."""
+    """Just outside the disk, at its frequency, there are phases of the five factors that make the
+    loop unstable.
+    """
     K = solve_game(game).K
     margin = disk_margin(game, solve_game(game).K)
     closed = 1j * margin.frequency * np.eye(6) - game.A + game.B @ K
@@ -94,8 +97,9 @@ def test_disk_margin_is_tight(game: Game) -> None:
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
 @pytest.mark.parametrize("draws", [3, pytest.param(30, marks=pytest.mark.slow)])
 def test_structured_bound_reaches_known_values(size: int, scale: float, draws: int) -> None:
-    """A unitary M in other units: 1, where all singular values meet. A triangular one: its
-    diagonal, D without end."""
+    """The structured bound of a unitary matrix in other units is 1, and that of a triangular matrix
+    is its largest diagonal entry.
+    """
     rng = np.random.default_rng(size)
     for _ in range(draws):
         M = rng.standard_normal((size, size)) + 1j * rng.standard_normal((size, size))
@@ -108,7 +112,7 @@ def test_structured_bound_reaches_known_values(size: int, scale: float, draws: i
 
 
 def test_weak_gain_has_smaller_margins(game: Game) -> None:
-    """Weak gain has smaller margins and unstable loops none."""
+    """A weak gain has smaller margins, and an unstable loop has none."""
     K = solve_game(game).K
     assert disk_margin(game, 0.05 * K).disk < disk_margin(game, K).disk
     for margins in (loop_margins, disk_margin):
@@ -117,8 +121,9 @@ def test_weak_gain_has_smaller_margins(game: Game) -> None:
 
 
 def _light_modes() -> tuple[Game, np.ndarray]:
-    """Two modes of 2.00 and 2.03 rad/s with a damping of 3e-5, of one input, and their LQR gain
-    with an entry that is wrong."""
+    """Return two modes of 2.00 and 2.03 rad/s with the damping ratio 3e-5 and one input, and their
+    LQR gain with one wrong entry.
+    """
     A = np.zeros((4, 4))
     for first, omega in ((0, 2.0), (2, 2.03)):
         A[first : first + 2, first : first + 2] = [[0.0, 1.0], [-(omega**2), -6e-5 * omega]]
@@ -127,8 +132,9 @@ def _light_modes() -> tuple[Game, np.ndarray]:
 
 
 def test_margins_of_light_and_close_modes_are_attained() -> None:
-    """The factor at the edge of the disk puts a pole on the axis, as does that of the phase; the
-    disk's phase does not exceed the loop's."""
+    """The factors at the edge of the disk and of the phase margin put a pole on the axis. The phase
+    of the disk does not exceed that of the loop.
+    """
     game, K = _light_modes()
     disk = disk_margin(game, K)
     (loop,) = loop_margins(game, K)
@@ -145,8 +151,9 @@ def test_margins_of_light_and_close_modes_are_attained() -> None:
 
 
 def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the search the disk is that of the poles' frequencies, above a margin that is
-    attained."""
+    """If the search is disabled, the disk is that at the frequencies of the poles and is larger
+    than an attained margin.
+    """
     game, K = _light_modes()
     right = disk_margin(game, K).disk
     # The planted fault: a search that ends at once.
@@ -155,7 +162,7 @@ def test_a_level_set_too_short_is_no_margin(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_several_inputs_have_the_largest_bound() -> None:
-    """At no frequency of a fine grid is the bound of a perturbation above the disk."""
+    """At no frequency of a fine grid does the bound on a perturbation exceed the disk."""
     A = [[-0.6, 2.5], [-1.2, 1.1]]
     game = Game(A, [[-1.3, -0.8], [1.7, -0.5]], np.eye(2), np.eye(2), np.eye(2), 1e6)
     K = solve_game(game).K
@@ -178,8 +185,9 @@ def _abscissa(game: Game, K: np.ndarray, factors: np.ndarray) -> float:
 
 
 def test_metres_leave_unitless_margins_alone(game: Game) -> None:
-    """Gain and phase of each loop, the disk, poles, gains; and the bracket of a search, as far as
-    it goes."""
+    """Metres instead of feet leave the gain and phase margins, the disk, the poles and the L2 gains
+    unchanged, up to the bracket of a search.
+    """
     units = np.array([1 / 0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
     si = in_units(game, units)
     here = solve_game(game)
@@ -205,7 +213,9 @@ def test_metres_leave_unitless_margins_alone(game: Game) -> None:
 
 
 def test_a_third_order_loop_in_closed_form() -> None:
-    """L = 4 / (s + 1)³: real at ω = √3, where it is -1/2; of size one at ω² = 4^(2/3) - 1."""
+    """The margins of L = 4 / (s + 1)³ equal their closed form: L(i √3) = -1/2, and |L| = 1 at ω² =
+    4^(2/3) - 1.
+    """
     system = control.ss(control.tf([4.0], [1.0, 3.0, 3.0, 1.0]))
     game = Game(system.A, system.B, np.eye(3), np.eye(3), [[1.0]], 10.0)
     (margin,) = loop_margins(game, system.C)
@@ -217,7 +227,9 @@ def test_a_third_order_loop_in_closed_form() -> None:
 @pytest.mark.parametrize("factor", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
-    """Gain and phase margins of each loop, the others closed, agree with python-control to 1e-6."""
+    """Gain and phase margins of each loop, with the others closed, agree with python-control to
+    1e-6.
+    """
     game = game_models()[name]
     K = factor * solve_game(game).K
     if np.linalg.eigvals(game.A - game.B @ K).real.max() >= 0.0:
@@ -240,7 +252,9 @@ def test_margins_are_those_of_python_control(name: str, factor: float) -> None:
 
 
 def test_nine_equal_loops_have_the_slackest_margin() -> None:
-    """Loops l = k / (s (s + 1)), in an order that changes from frequency to frequency."""
+    """Nine equal loops k / (s (s + 1)), in an order that changes with the frequency, have the
+    margin of one loop.
+    """
     gains = np.linspace(0.5, 4.5, 9)
     frequencies = np.geomspace(1e-3, 100.0, 400)
 
@@ -255,8 +269,9 @@ def test_nine_equal_loops_have_the_slackest_margin() -> None:
 
 
 def test_two_complex_loci_have_no_gain_at_rest() -> None:
-    """L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1): the loop is stable with every common factor.
-    The real part of M(0) gave an upper gain of 5."""
+    """L = [[-3, 2], [-2, -3]] / 10 (s + 2) / (s + 1) has no upper gain margin, because it is stable
+    with every common factor.
+    """
 
     def loci(omega: np.ndarray) -> np.ndarray:
         s = 1j * omega[:, None]
@@ -269,7 +284,9 @@ def test_two_complex_loci_have_no_gain_at_rest() -> None:
 
 
 def test_two_curves_that_change_places_are_no_crossing() -> None:
-    """On this grid each curve is nearest to the other one, on the other side of the real axis."""
+    """Two curves that change places between grid points, on either side of the real axis, do not
+    count as a crossing of it.
+    """
 
     def loci(omega: np.ndarray) -> np.ndarray:
         passed = np.clip(omega - 1.0, 0.0, 1.0)

@@ -1,5 +1,6 @@
-"""Chunks computed by several threads of one process, as workers of a cluster do: the bits of one
-after the other."""
+"""Chunks computed by several threads of one process, as by workers of a cluster, have the bits of a
+single thread.
+"""
 
 from __future__ import annotations
 

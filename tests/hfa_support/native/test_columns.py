@@ -19,7 +19,7 @@ _F16 = Path(__file__).parents[3] / "examples" / "f16.py"
 
 
 def of_every_operation() -> ca.Function:
-    """Return the Function of two numbers that has every operation of CasADi's scalars."""
+    """Return a Function of two numbers that contains every scalar operation of CasADi."""
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     of_one = (
         *(ca.sqrt, ca.exp, ca.log, ca.log1p, ca.expm1, ca.erf, ca.fabs, ca.sign),
@@ -36,7 +36,7 @@ def of_every_operation() -> ca.Function:
 
 
 def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
-    """Return the results of a Function called for each row."""
+    """Return the results of a Function that is called for each row."""
     rows = [function.call([ca.DM(row) for row in each]) for each in zip(*tables, strict=True)]
     return [
         np.array([np.array(entry).ravel("F") for entry in side]) for side in zip(*rows, strict=True)
@@ -44,7 +44,9 @@ def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
 
 
 def test_every_operation_has_the_same_bits() -> None:
-    """Values at the ends of the range too, in a last block that is not full."""
+    """Every operation has the same bits by columns, also at the ends of the range and in an
+    incomplete last block.
+    """
     function = of_every_operation()
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
     pairs += np.random.default_rng(0).normal(0.0, 3.0, (2000, 2)).tolist()
@@ -61,7 +63,7 @@ def test_every_operation_has_the_same_bits() -> None:
 
 
 def test_matrices_constants_and_empty_arguments() -> None:
-    """An argument without entries, a matrix, and a result that is constant."""
+    """Empty arguments, matrices, and constant results are computed by columns."""
     x, nothing = ca.SX.sym("x", 2, 3), ca.SX.sym("nothing", 0)
     function = ca.Function("matrix", [x, nothing], [x.T, ca.DM([[1.0, 2.0]]), ca.SX(0, 1)])
     table = np.random.default_rng(0).normal(size=(2101, 6))
@@ -72,7 +74,7 @@ def test_matrices_constants_and_empty_arguments() -> None:
 
 
 def test_a_function_called_inside_stays_a_call() -> None:
-    """Only Functions of scalar operations are taken apart."""
+    """A Function that calls another one is not split into scalar operations."""
     x = ca.SX.sym("x", 2)
     inner = ca.Function("inner", [x], [ca.sin(x[::-1])], {"never_inline": True})
     X = ca.MX.sym("X", 2)
@@ -84,7 +86,7 @@ def test_a_function_called_inside_stays_a_call() -> None:
 
 @pytest.mark.parametrize("name", ["hfa", "f16"])
 def test_equations_of_aircraft_have_the_same_bits(name: str) -> None:
-    """Residuals, Jacobians and linear models of a trim."""
+    """Residuals, Jacobians and linear models of a trim have the same bits by columns."""
     model = hfa.aircraft() if name == "hfa" else hfa.load_model(f"{_F16}:F16")
     system = TrimSystem(model, usual_condition(model))
     random = np.random.default_rng(0)

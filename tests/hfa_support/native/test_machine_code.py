@@ -1,5 +1,6 @@
-"""Machine code gives the same numbers, is compiled once, and is done without where it cannot be
-had."""
+"""Machine code gives the same numbers, is compiled once, and is replaced where no compiler is
+available.
+"""
 
 from __future__ import annotations
 
@@ -105,7 +106,9 @@ def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
 def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
-    """Loading one that is cut ends the process with a bus error."""
+    """A damaged library in the cache is compiled again. Loading it would end the process by a bus
+    error.
+    """
     function = cube()
     generated.machine_code(function)
     (library,) = cache.rglob("*.so")
@@ -120,7 +123,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
 
 @needs_compiler
 def test_the_cache_is_closed_to_others(cache: Path) -> None:
-    """Folder and library of the cache are accessible to their owner alone."""
+    """Only the owner can access the folder and the libraries of the cache."""
     cache.mkdir(mode=0o777, parents=True)
     before = os.umask(0)  # the compiler would let everybody write
     try:
@@ -133,7 +136,9 @@ def test_the_cache_is_closed_to_others(cache: Path) -> None:
 
 @needs_compiler
 def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
-    """Neither is anything written where the link leads, nor is its mode changed."""
+    """If the cache is a link, nothing is written to its target, and the mode of the target is
+    unchanged.
+    """
     target = tmp_path / "target"
     target.mkdir(mode=0o755)
     cache.parent.mkdir(parents=True)
@@ -145,8 +150,7 @@ def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
 
 @needs_compiler
 def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
-    """A library whose content belongs to another function, or a link, is not accepted from the
-    cache."""
+    """A library of another function, or a link, in the cache is not used."""
     x = ca.SX.sym("x")
     generated.machine_code(ca.Function("square", [x], [x**2]))
     (square,) = cache.glob("*.so")

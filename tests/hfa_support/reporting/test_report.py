@@ -1,5 +1,6 @@
-"""A report says the same as text, Markdown, HTML and data; every word is escaped; a picture is
-drawn once."""
+"""A report as text, Markdown, HTML and data has the same content. Every word is escaped, and a
+picture is drawn once.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ def report(drawn: list[str]) -> Report:
 
 
 def test_empty_lines_stand_between_parts_only() -> None:
-    """Text has an empty line between parts but not within a block."""
+    """The text has an empty line between parts and none within a block."""
     assert (
         report([]).text() == "Title & more\nof it\n\nfirst\n\nInner\n\n"
         "load      value\nlift <1>    2.5\na|b          10\nbelow the table\n\nNote: take care"
@@ -107,7 +108,7 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
 
 
 def test_a_toned_cell_has_color_and_class() -> None:
-    """A toned cell has its color on a terminal and its class in html."""
+    """A toned cell has its color on a terminal and its class in HTML."""
     table = Table(
         ("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")]
     )
@@ -123,7 +124,7 @@ def test_a_toned_cell_has_color_and_class() -> None:
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
 def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
-    """No name reaches a terminal that it would obey."""
+    """Control characters in a name do not reach a terminal."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
         lines = text.replace("\n", "")
@@ -136,7 +137,8 @@ def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
 
 def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
     """Names of users cannot become formulas in a spreadsheet, or links, tags and columns in
-    Markdown."""
+    Markdown.
+    """
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")
@@ -152,7 +154,7 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
 
 
 def test_checks_judge_and_give_reasons() -> None:
-    """Checks pass at their limit, fail for nan and keep their reason only if they fail."""
+    """Checks pass at their limit, fail for nan, and have a reason only if they fail."""
     assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
     assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
     assert at_least("x", 1.0, 1.0, "small").ok
@@ -165,7 +167,7 @@ def test_checks_judge_and_give_reasons() -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
-    """The origin is in the file and the file is made again."""
+    """The file contains its origin, and a new run writes the same file."""
     paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
     for path in paths:
         figure = new_figure(4.0, 3.0)
@@ -185,7 +187,9 @@ def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
 def test_a_name_with_dollar_signs_is_no_formula(
     name: str, suffixes: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """Titles, legends and labels at the axes; powers of ten stay formulas."""
+    """Dollar signs in titles, legends and axis labels are printed, and powers of ten remain
+    formulas.
+    """
 
     figure: Figure = new_figure(4.0, 3.0)
     axes = figure.subplots()
@@ -201,7 +205,9 @@ def test_a_name_with_dollar_signs_is_no_formula(
 
 
 def test_stacks_in_mat_files_have_numbers_last(tmp_path: Path) -> None:
-    """(N, rows, columns) is (rows, columns, N) in MATLAB, whether of an array or of lists."""
+    """An array or list of matrices (N, rows, columns) has the shape (rows, columns, N) in
+    MATLAB.
+    """
     stack = np.arange(24.0).reshape(4, 2, 3)
     data = {"array": stack, "lists": stack.tolist(), "inner": {"deep": stack}, "flat": stack[0]}
     save_data(tmp_path / "stack.mat", data, Table((), []))

@@ -1,4 +1,4 @@
-"""Numbers as people read them: degrees for radians, matrices with the digits that they need."""
+"""Numbers for people: degrees for radians, and matrices with the necessary digits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str
 
 
 def test_a_small_entry_does_not_look_like_zero() -> None:
-    """Rounding errors, such as cos(pi/2), and 0 itself do."""
+    """A small entry is not printed as zero. Rounding errors, such as cos(pi/2), and 0 itself
+    are.
+    """
     entries = np.array([[155.6092, -2.6e-5, 4.9e-5, 5.1e-5, 1e-17, -0.0, 0.0]])
     table = matrix_table("B", ("alpha",), ("a", "b", "c", "d", "e", "f", "g"), entries)
     small = ("-2.6e-05", "4.9e-05", "0.0001")
@@ -51,7 +53,7 @@ def test_a_small_entry_does_not_look_like_zero() -> None:
 
 
 def test_wide_tables_continue_below() -> None:
-    """Columns that do not fit follow below with the first one again."""
+    """Columns that do not fit are printed below, with the first column repeated."""
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
     shown = columns(header, rows, width=30).split("\n\n")
@@ -64,7 +66,7 @@ def test_wide_tables_continue_below() -> None:
 
 
 def test_a_paragraph_is_broken_between_words_alone() -> None:
-    """Wrapping never breaks a word, also not at an underscore."""
+    """Wrapping breaks a paragraph only between words, not at an underscore."""
     text = "the unknowns speed_of_sound and alpha\nbind"
     assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"
     assert wrapped(text, None) == text
