@@ -181,9 +181,9 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     @property
     def eigenvalues(self) -> np.ndarray:
         """Eigenvalues of A, (n,) complex, 1/s, fastest first."""
-        from trim.linear.modes import fastest_first
+        from trim.linear.modes import Eigenvalues, fastest_first
 
-        return np.asarray(fastest_first(np.linalg.eigvals(self.A)))
+        return fastest_first(np.linalg.eigvals(self.A)).view(Eigenvalues)
 
     @property
     def eigenvectors(self) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError
+from hfa_support.reporting.named_array import NamedArray
 from hfa_support.reporting.text import Table, eigenvalue_text
 from trim.linear.mode import Mode
 
@@ -173,6 +174,14 @@ def _time_to(mode: Mode) -> str:
     if math.isfinite(mode.time_to_double):
         return f"{mode.time_to_double:.3f} (double)"
     return "-"
+
+
+class Eigenvalues(NamedArray):
+    """Array that returns itself as a function: linear.eigenvalues()."""
+
+    def __call__(self) -> Eigenvalues:
+        """Return the array."""
+        return self
 
 
 def fastest_first(eigenvalues: np.ndarray) -> np.ndarray:

@@ -270,7 +270,12 @@ class Identified(Result, Reported):
             sentence = f"The residuals of {', '.join(coloured)} are colored: {causes}."
             parts.append(wrapped(sentence, _WIDTH))
         title = f"{self._subject}: {self.first_line}"
-        return Report(title, tuple(parts), notes=further, data=self.to_dict())
+        estimates = [
+            (name, each.value, each.low, each.high, each.start, each.unit)
+            for name, each in self.parameters.items()
+        ]
+        records = Table(("parameter", "value", "low", "high", "start", "unit"), estimates)
+        return Report(title, tuple(parts), further, self.to_dict(), records)
 
     def _estimates(self) -> Table:
         """Return a table with one row for each parameter."""

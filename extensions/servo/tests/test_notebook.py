@@ -337,3 +337,52 @@ def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
 def test_a_solution_draws_its_poles() -> None:
     assert "poles of A - B K" in hfa.lqr(_linear(), np.eye(6), np.eye(5)).plot().get_title()
     pyplot.close("all")
+
+
+def test_keywords_change_a_game() -> None:
+    """solve_game(game, delta=...) and game.replace(delta=...) keep the other weights."""
+    game = hfa.game(_linear(), np.eye(6), np.eye(5), delta=200.0)
+    larger = game.replace(delta=400.0)
+    assert larger.delta == 400.0
+    assert np.array_equal(hfa.solve_game(game, delta=400.0).K, hfa.solve_game(larger).K)
+    least = hfa.solve(game).delta_min
+    assert hfa.delta_min(game) == game.delta_min == pytest.approx(least)
+    with pytest.raises(BadInputError, match="unexpected keyword argument 'gama'"):
+        hfa.solve_game(game, gama=400.0)
+
+
+def test_keys_of_files_and_angles_in_degrees_are_attributes() -> None:
+    linear = _linear()
+    assert linear.operating_point is linear.point
+    assert linear.point.alpha_deg == pytest.approx(np.degrees(linear.point.alpha))
+    assert hfa.sweep(MODEL, at=[0.1, 0.2]).dihedral_deg.tolist() == pytest.approx(
+        np.degrees([0.1, 0.2]).tolist()
+    )
+    with pytest.raises(AttributeError, match="speed_deg"):
+        linear.point.speed_deg  # noqa: B018
+
+
+def test_an_assessment_at_one_trim_has_its_attributes() -> None:
+    model = hfa.load_model("examples/gtm.py:GTM")
+    assessed = hfa.assess("examples/gtm_policy/on_time.toml", model, at=48.0, samples=0)
+    assert assessed.delay_limit == assessed.delay_margin == assessed.points[0].delays.limit
+    assert assessed.radius == assessed.points[0].radius
+
+
+def test_training_runs_are_drawn_and_tables() -> None:
+    run = hfa.learn(hfa.paper.published_game(_linear()), seed=0)
+    assert run.plot().lines[0].get_ydata().tolist() == run.weights[:, 0].tolist()
+    assert len(run.history) == len(run.time)
+    assert run.to_numpy().shape[0] == len(run.time)
+    with pytest.raises(AttributeError, match=r"write model\.trim\(\)\.plot"):
+        MODEL.plot()
+    pyplot.close("all")
+
+
+def test_eigenvalues_are_a_method_too() -> None:
+    linear = _linear()
+    assert linear.eigenvalues() is not None
+    assert np.array_equal(linear.eigenvalues(), hfa.eigenvalues(linear))
+    assert repr(linear.eigenvalues).startswith("array(")
+    with pytest.raises(AttributeError, match="did you mean Model"):
+        hfa.model  # noqa: B018

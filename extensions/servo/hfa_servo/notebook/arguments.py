@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_args
@@ -156,7 +156,8 @@ class _Reading:
         if first and (holds is None or holds(first[0])):
             places = [0]
         if places:
-            found[name] = self.rest.pop(places[0])
+            value = self.rest.pop(places[0])
+            found[name] = self._changed(value) if isinstance(value, Game) else value
             return
         made = self._made(name, link, first[0], found) if first else None
         if first and (made is not None or link is None):
@@ -198,11 +199,7 @@ class _Reading:
         linear = None if is_file else linear_of(value)
         if linear is None and not is_file:
             return None
-        weights = {
-            name: self.words.pop(name)
-            for name in _OF_GAME
-            if name in self.words and name not in self.parameters
-        }
+        weights = self._weights()
         hfa = import_module("hfa")
         if is_file:
             return hfa.load_game(value, **weights)
@@ -213,6 +210,16 @@ class _Reading:
             self.rest = self.rest[:1]
             return hfa.game(linear, *matrices, **weights)
         return hfa.game(linear, **weights)
+
+    def _weights(self) -> dict[str, Any]:
+        """Return the keywords that make a game, and remove them from the words."""
+        names = [name for name in _OF_GAME if name in self.words and name not in self.parameters]
+        return {name: self.words.pop(name) for name in names}
+
+    def _changed(self, game: Game) -> Game:
+        """Return a game with the Q, R, delta and E of the keywords: solve_game(game, delta=40)."""
+        weights = self._weights()
+        return replace(game, **weights) if weights else game
 
     def _derived(self, link: Any, found: Mapping[str, Any]) -> Any:
         """Return a missing model or operating point from the other arguments, or None.

@@ -1,29 +1,32 @@
-"""Attributes and arguments in the words of other tools, and functions of `hfa` as methods."""
+"""Attributes in the words of other tools, and functions of `hfa` as methods."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from importlib import import_module
-from pathlib import Path
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
+from controller.riccati.smallest_delta import minimum_delta
 from controller.riccati.solution_report import AnalysedGame, solve
 from hfa_aircraft.states_and_inputs import StatesAndInputs
+from hfa_servo.notebook.added import ADDED
 from hfa_servo.notebook.arguments import accepts
-from hfa_servo.notebook.frames import entries_frame, frame
+from hfa_servo.notebook.frames import frame
 from hfa_servo.notebook.of_control import names_of_control, of_control
 from hfa_support.errors import nearest
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
+from hfa_support.reporting.results import Result, declared_entries
 from hfa_support.unknown import no_attribute
 from trim.linear.linear_model import LinearModel
 from trim.point.operating_point import OperatingPoint
-from trim.sweeps.sweep import Sweep
 
 _SAME_ATTRIBUTES = """
 L: disturbance_gain
@@ -31,27 +34,39 @@ as_dict: to_dict
 close: feedback
 controllability: ctrb
 controllable: is_controllable
-damping_ratio: damping
-discretize: sample
 converged: ok
+damping_ratio: damping
+delay_margin: delay_limit
 derivatives: rates_at
+discretize: sample
 eigenvalues: closed_loop_eigenvalues
+explanation: reason
+f: rates_at
 gain: K
 gamma: delta
 gamma_min: delta_min
+gramian: gram
 hinfnorm: linfnorm
 info: report
+jacobian: at
+margins: margin
+message: reason
 n_inputs: ninputs
 n_outputs: noutputs
 n_states: nstates
 natural_frequency: frequency
-margins: margin
 observability: obsv
 omega: frequency
+output_names: outputs
+params: parameters
 passed: ok
+plot_bode: bode
+plot_modes: plot
+plot_nyquist: nyquist
+plot_poles: plot
 regret: cost_lost
-simulate: fly
 sigma: singular_values_plot
+simulate: fly
 stable: is_stable
 suboptimality: cost_lost
 success: ok
@@ -65,6 +80,7 @@ to_npz: save
 u: inputs
 value: cost
 verdict: grade
+why: reason
 wn: frequency
 x: states
 zeta: damping
@@ -72,145 +88,112 @@ zeta: damping
 #: Attribute of results of SciPy, pandas or python-control -> attribute of the same meaning.
 ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlines())
 #: Attributes that the analysis of a game adds to its solution.
-_ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
+ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
-    """Return the attribute that a word of another tool means, or a function of `hfa` as a method.
-
-    A function of `hfa` is a method of its first argument: model.linearize(point). A solution has
-    the attributes that `hfa.solve` adds, and a linear model its modes: linear.phugoid.
+    """Return the attribute of a result that `_SOURCES` find.
 
     more: further attributes for the message
 
-    Raises AttributeError, which suggests the nearest attributes, for another name.
+    Raises AttributeError, which suggests the nearest attributes, where they find none.
     """
-    if name in _ADDED:
-        added = _ADDED[name](value)
-        if added is not None:
-            return added
-    if isinstance(value, LinearModel):
-        found = of_control(value, name)
+    for source in _SOURCES:
+        found = source(value, name)
         if found is not None:
             return found
-        more = (*more, *dir(value), *names_of_control())
-    same = ATTRIBUTES.get(name)
-    if same is not None and hasattr(value, same):
-        return getattr(value, same)
-    if isinstance(value, LinearModel):
-        for mode in value.modes:
-            if mode.name.replace(" ", "_") == name:
-                return mode
-    if isinstance(value, ByName) and value and hasattr(value[0], name):
-        return np.array([getattr(entry, name) for entry in value])
-    is_series = isinstance(value, StatesAndInputs) and hasattr(value, "__getitem__")
-    if is_series and not isinstance(value, (LinearModel, OperatingPoint)) and _in_pandas(name):
-        return getattr(frame(value), name)
-    if type(value) is Solution and name in _ANALYSED:
-        return getattr(solve(value.game), name)
-    method = _method(value, name)
-    if method is not None:
-        return method
     methods = [each for each in nearest(name, dir(_public())) if _method(value, each) is not None]
-    names = [*value.keys()] if hasattr(type(value), "keys") else []
-    if isinstance(value, ByName):
-        names += dir(value[0]) if value else []
-    raise no_attribute(value, name, *methods, *names, *more)
+    raise no_attribute(value, name, *methods, *_known(value), *more)
 
 
-def _to_json(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns a result as JSON, or writes it to a file."""
-    if not isinstance(value, Reported):
+def _known(value: Any) -> list[str]:
+    """Return the attributes that messages suggest besides those of the class."""
+    if isinstance(value, LinearModel):
+        return [*dir(value), *names_of_control()]
+    if isinstance(value, ByName) and value:
+        return [*value.keys(), *dir(value[0])]
+    return [*value.keys()] if hasattr(type(value), "keys") else []
+
+
+def _added(value: Any, name: str) -> Any:
+    """Return an added method."""
+    return ADDED[name](value) if name in ADDED else None
+
+
+def _of_control(value: Any, name: str) -> Any:
+    """Return an attribute of python-control on a linear model."""
+    return of_control(value, name) if isinstance(value, LinearModel) else None
+
+
+def _of_same_meaning(value: Any, name: str) -> Any:
+    """Return the attribute that a word of another tool means."""
+    same = ATTRIBUTES.get(name)
+    return getattr(value, same) if same is not None and hasattr(value, same) else None
+
+
+def _mode(value: Any, name: str) -> Any:
+    """Return the mode of a linear model with this name: linear.short_period."""
+    modes = value.modes if isinstance(value, LinearModel) else ()
+    return next((mode for mode in modes if mode.name.replace(" ", "_") == name), None)
+
+
+def _of_entries(value: Any, name: str) -> Any:
+    """Return the attribute of every entry of a tuple with names: modes.damping."""
+    is_attribute = isinstance(value, ByName) and value and hasattr(value[0], name)
+    return np.array([getattr(entry, name) for entry in value]) if is_attribute else None
+
+
+def _by_key(value: Any, name: str) -> Any:
+    """Return the entry of a result's files with this key: point.delay_limit."""
+    entries = declared_entries(type(value)) if isinstance(value, Result) else ()
+    path = next((entry.path for entry in entries if entry.name == name), ())
+    return reduce(lambda held, each: getattr(held, each, None), path, value) if path else None
+
+
+def _analysed(value: Any, name: str) -> Any:
+    """Return what `hfa.solve` adds to a solution, and the smallest delta of a game."""
+    if type(value) is Solution and name in ANALYSED:
+        return getattr(solve(value.game), name)
+    return minimum_delta(value).value if isinstance(value, Game) and name == "delta_min" else None
+
+
+def _in_degrees(value: Any, name: str) -> Any:
+    """Return an angle in degrees: point.alpha_deg."""
+    angle = name.removesuffix("_deg")
+    model = _declared(value, "model")
+    if angle == name or angle not in getattr(model, "signals", ()):
         return None
-
-    def to_json(path: str | Path | None = None) -> Any:
-        return value.report().json() if path is None else value.save(Path(path))
-
-    return to_json
+    return np.degrees(value[angle]) if model.unit(angle).startswith("rad") else None
 
 
-def _to_series(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns the values of an operating point by name."""
-    if not isinstance(value, OperatingPoint):
+def _of_table(value: Any, name: str) -> Any:
+    """Return a method of the table of a sweep or flight, or a method to_... of any table."""
+    if not isinstance(value, Reported) or find_spec("pandas") is None:
         return None
-
-    def to_series() -> Any:
-        import pandas
-
-        return pandas.Series(dict(value), name=value.model.title)
-
-    return to_series
-
-
-def _to_scipy(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a linear model as SciPy's `StateSpace`."""
-    if not isinstance(value, LinearModel):
-        return None
-
-    def to_scipy() -> Any:
-        from scipy.signal import StateSpace
-
-        return StateSpace(*value)
-
-    return to_scipy
-
-
-def _plot(value: Any) -> Callable[[], Any] | None:
-    """Return the method that draws the poles of the closed loop of a solution."""
-    if not isinstance(value, Solution):
-        return None
-
-    def plot() -> Any:
-        import control
-        from matplotlib import pyplot
-
-        axes = pyplot.figure(layout="constrained").subplots()
-        control.pole_zero_plot(value.closed_loop, ax=axes)
-        axes.set_title(f"{value.names.origin}: poles of A - B K, 1/s")
-        return axes
-
-    return plot
-
-
-def _to_pandas(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a table of named entries, such as modes."""
-    return partial(entries_frame, value) if isinstance(value, ByName) else None
-
-
-def _linearize(value: Any) -> Callable[..., LinearModel] | None:
-    """Return the method that returns a linear model itself, or with options that at its point."""
-    if not isinstance(value, LinearModel):
-        return None
-
-    def linearize(**options: Any) -> LinearModel:
-        return value.point.linearize(**options) if options else value
-
-    return linearize
-
-
-def _root_locus(value: Any) -> Callable[[], Any] | None:
-    """Return the method that draws the root locus of a sweep."""
-    return value.plot if isinstance(value, Sweep) else None
-
-
-#: Attribute that is added to some results -> function from a result to its value, or None.
-_ADDED: dict[str, Callable[[Any], Any]] = {
-    "df": lambda value: value.to_pandas() if hasattr(value, "to_pandas") else None,
-    "linearize": _linearize,
-    "plot": _plot,
-    "root_locus": _root_locus,
-    "to_json": _to_json,
-    "to_pandas": _to_pandas,
-    "to_scipy": _to_scipy,
-    "to_series": _to_series,
-}
-
-
-def _in_pandas(name: str) -> bool:
-    """Return whether a table of pandas has the attribute."""
     import pandas
 
-    return hasattr(pandas.DataFrame, name)
+    if not hasattr(pandas.DataFrame, name):
+        return None
+    is_series = isinstance(value, StatesAndInputs) and hasattr(value, "__getitem__")
+    if is_series and not isinstance(value, (LinearModel, OperatingPoint)):
+        return getattr(frame(value), name)
+    return getattr(value.to_pandas(), name) if name.startswith("to_") else None
+
+
+def _of_only_point(value: Any, name: str) -> Any:
+    """Return an attribute of the only point of an assessment."""
+    points = _declared(value, "points") if isinstance(value, Reported) else None
+    if not isinstance(points, tuple) or len(points) != 1:
+        return None
+    (point,) = points
+    found = getattr(point, name, None)
+    return _by_key(point, ATTRIBUTES.get(name, name)) if found is None else found
+
+
+def _declared(value: Any, name: str) -> Any:
+    """Return a field or property of a value, or None, without a search for other meanings."""
+    is_declared = hasattr(type(value), name) or name in getattr(value, "__dict__", ())
+    return getattr(value, name) if is_declared else None
 
 
 def _public() -> Any:
@@ -224,3 +207,19 @@ def _method(value: Any, name: str) -> Callable[..., Any] | None:
     if not inspect.isfunction(function):
         return None
     return partial(function, value) if accepts(function, value) else None
+
+
+#: Functions from a result and a name to an attribute, or None, in the order of their precedence.
+_SOURCES = (
+    _added,
+    _of_control,
+    _of_same_meaning,
+    _mode,
+    _of_entries,
+    _by_key,
+    _analysed,
+    _in_degrees,
+    _of_only_point,
+    _method,
+    _of_table,
+)

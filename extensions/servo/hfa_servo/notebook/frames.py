@@ -63,10 +63,14 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
     names: texts, or one list of them
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
-    series = {name: value[name] for name in shown}
     model = value.model
+    is_sweep = isinstance(value, Sweep)
+    table = sweep_frame(value) if is_sweep else {}
+    series = {
+        name: table[name].to_numpy() if name in table else value[name] for name in map(str, shown)
+    }
     axes = pyplot_figure(8.0, 1.0 + 2.0 * len(series)).subplots(len(series), sharex=True)
-    if isinstance(value, Sweep):
+    if is_sweep:
         x = value.variables[-1]
         lines = _lines(value)
         unit = model.unit(x)
@@ -76,9 +80,10 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
         lines = [slice(None)]
         times = value.time
     for panel, (name, values) in zip(np.ravel(axes), series.items(), strict=True):
+        unit_shown = model.unit(name) if name in model.signals else "1"
         for line in lines:
-            panel.plot(times[line], shown_values(values, model.unit(name))[line])
-        panel.set_ylabel(_label(name, model.unit(name)))
+            panel.plot(times[line], shown_values(values, unit_shown)[line])
+        panel.set_ylabel(_label(name, unit_shown))
         panel.grid(alpha=0.3)
     panel.set_xlabel(_label(x, unit))
     return np.ravel(axes)

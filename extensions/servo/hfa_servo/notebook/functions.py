@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.game.array_file import read_arrays
+from hfa_servo.notebook.calls import ANALYSED
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
@@ -34,7 +35,7 @@ FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines
 def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     """Return the function that an unknown public name of `hfa` means, or None.
 
-    A method of results is a function of its result: hfa.save(linear, FILE), hfa.bode(linear).
+    A method or property of results is a function: hfa.save(linear, FILE), hfa.modes(linear).
 
     get: returns the object of a public name
     """
@@ -43,7 +44,7 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
         return known
     if name == "load":
         return load
-    if name[0] == "_" or not _is_method(name, get):
+    if name[0] == "_" or not _is_attribute(name, get):
         return None
 
     def of_result(result: Any, *arguments: Any, **named: Any) -> Any:
@@ -60,14 +61,20 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     return of_result
 
 
-def _is_method(name: str, get: Callable[[str], Any]) -> bool:
-    """Return whether a result has the method, or python-control a function of a system."""
+def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
+    """Return whether a result has the attribute, or python-control a function of a system.
+
+    A name that differs from a public one by capitals alone is not one.
+    """
     import control
     from control import matlab
 
+    if name.lower() in {each.lower() for each in dir(import_module("hfa"))}:
+        return False
     results = map(get, ("Model", "OperatingPoint", "LinearModel", "Solution", "Flight", "Verdict"))
-    places = (*results, control.StateSpace, control, matlab)
-    return any(callable(getattr(each, name, None)) for each in places)
+    if name in ANALYSED or any(hasattr(each, name) for each in results):
+        return True
+    return any(callable(getattr(each, name, None)) for each in (control, matlab))
 
 
 def load(path: str | Path, *more: Any, **named: Any) -> Any:

@@ -1,0 +1,148 @@
+"""Methods that are added to results: tables, files and pictures of other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from controller.game.training_run import TrainingRun
+from controller.game.zero_sum import Game
+from controller.riccati.gare import Solution
+from hfa_aircraft.model import Model
+from hfa_servo.notebook.frames import entries_frame
+from hfa_support.reporting.by_name import ByName
+from hfa_support.reporting.report import Reported
+from trim.linear.linear_model import LinearModel
+from trim.point.condition import TrimCondition
+from trim.point.operating_point import OperatingPoint
+from trim.sweeps.sweep import Sweep
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def _to_json(value: Any) -> Callable[..., Any] | None:
+    """Return the method that returns a result as JSON, or writes it to a file."""
+    if not isinstance(value, Reported):
+        return None
+
+    def to_json(path: str | Path | None = None) -> Any:
+        return value.report().json() if path is None else value.save(Path(path))
+
+    return to_json
+
+
+def _to_series(value: Any) -> Callable[[], Any] | None:
+    """Return the method that returns the values of an operating point by name."""
+    if not isinstance(value, OperatingPoint):
+        return None
+
+    def to_series() -> Any:
+        import pandas
+
+        return pandas.Series(dict(value), name=value.model.title)
+
+    return to_series
+
+
+def _to_scipy(value: Any) -> Callable[[], Any] | None:
+    """Return the method that returns a linear model as SciPy's `StateSpace`."""
+    if not isinstance(value, LinearModel):
+        return None
+
+    def to_scipy() -> Any:
+        from scipy.signal import StateSpace
+
+        return StateSpace(*value)
+
+    return to_scipy
+
+
+def _plot(value: Any) -> Callable[[], Any] | None:
+    """Return the method that draws the poles of a solution, the weights of a training run, or the
+    first picture of another result's report.
+
+    Raises AttributeError where there is none.
+    """
+    if isinstance(value, Model):
+        raise AttributeError("a Model has no picture; write model.trim().plot()")
+    if isinstance(value, Solution):
+        return partial(_draw_poles, value)
+    if isinstance(value, TrainingRun):
+        return partial(_draw_weights, value)
+    picture = next(value.report().pictures(), None) if isinstance(value, Reported) else None
+    return None if picture is None else picture.draw
+
+
+def _draw_poles(solution: Solution) -> Axes:
+    """Draw the poles of A - B K in a figure of pyplot, and return its Axes."""
+    import control
+    from matplotlib import pyplot
+
+    axes: Axes = pyplot.figure(layout="constrained").subplots()
+    control.pole_zero_plot(solution.closed_loop, ax=axes)
+    axes.set_title(f"{solution.names.origin}: poles of A - B K, 1/s")
+    return axes
+
+
+def _draw_weights(run: TrainingRun) -> Axes:
+    """Draw the weights over time in a figure of pyplot, and return its Axes."""
+    from matplotlib import pyplot
+
+    axes: Axes = pyplot.figure(layout="constrained").subplots()
+    axes.plot(run.time, run.weights)
+    axes.set_xlabel(f"time, {run.clock}")
+    axes.set_ylabel("weights W")
+    axes.set_title(f"law {run.law}, {run.names.origin}: {run.outcome}")
+    return axes
+
+
+def _replace(value: Any) -> Callable[..., Any] | None:
+    """Return the method that returns a game, model or condition with other fields."""
+    has_fields = isinstance(value, (Game, Model, TrimCondition))
+    return partial(replace, value) if has_fields else None
+
+
+def _history(value: Any) -> Any:
+    """Return the table of a training run over time."""
+    return value.to_pandas() if isinstance(value, TrainingRun) else None
+
+
+def _to_pandas(value: Any) -> Callable[[], Any] | None:
+    """Return the method that returns a table of named entries, such as modes."""
+    return partial(entries_frame, value) if isinstance(value, ByName) else None
+
+
+def _linearize(value: Any) -> Callable[..., LinearModel] | None:
+    """Return the method that returns a linear model itself, or with options that at its point."""
+    if not isinstance(value, LinearModel):
+        return None
+
+    def linearize(**options: Any) -> LinearModel:
+        return value.point.linearize(**options) if options else value
+
+    return linearize
+
+
+def _root_locus(value: Any) -> Callable[[], Any] | None:
+    """Return the method that draws the root locus of a sweep."""
+    return value.plot if isinstance(value, Sweep) else None
+
+
+#: Attribute that is added to some results -> function from a result to its value, or None.
+ADDED: dict[str, Callable[[Any], Any]] = {
+    "df": lambda value: value.to_pandas() if hasattr(value, "to_pandas") else None,
+    "history": _history,
+    "linearize": _linearize,
+    "plot": _plot,
+    "poles": lambda value: value.eigenvalues if isinstance(value, Sweep) else None,
+    "replace": _replace,
+    "root_locus": _root_locus,
+    "to_json": _to_json,
+    "to_pandas": _to_pandas,
+    "to_scipy": _to_scipy,
+    "to_series": _to_series,
+}
