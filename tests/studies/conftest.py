@@ -1,4 +1,4 @@
-"""The cases that several studies fly."""
+"""Fixtures of the cases that several studies fly."""
 
 from flown_cases import at_15, newton
 

@@ -1,4 +1,6 @@
-"""A finished part is known by the version and by everything that decided its numbers."""
+"""Finished parts of a study are recognized by the version and by every setting that decides their
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ DECIDES = {"seed": 1, "angles": [5.0, 15.0]}
 def test_part_is_read_where_nothing_decides_it_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A part is read where nothing that decides it differs."""
+    """A stored part is read only if no setting that decides it differs."""
     path = tmp_path / "part.json"
     path.write_text(json.dumps(stamped({"result": 3.5, "lost": np.inf}, DECIDES)), encoding="utf-8")
     assert finished(path, dict(reversed(DECIDES.items()))) == stamped(

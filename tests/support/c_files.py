@@ -1,4 +1,6 @@
-"""Exported C in the tests: compiled without a warning, called through ctypes, its size."""
+"""Helpers for exported C: compile it without warnings, call it through ctypes, and measure its
+size.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,16 @@ def compiled(folder: Path, *words: str) -> None:
 
 
 def ran(folder: Path, *words: str) -> dict[str, float]:
-    """Return the output of a compiled loop, name -> number, without units."""
+    """Return the output of a compiled loop: name -> number, without units."""
     compiled(folder, *words, "-o", "loop")
     printed = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
     return {line[:32].strip(): float(line[32:].split()[0]) for line in printed.splitlines()}
 
 
 def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
-    """The folder with the texts, and with the library of `source`, which is one of them."""
+    """Write the texts into a folder, compile the library of `source`, which is one of them, and
+    return the folder.
+    """
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     compiled(folder, "-shared", "-fPIC", source, "-o", "library.so")
@@ -53,8 +57,9 @@ def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Bytes of code and constants, of data and of data that is written; symbols of other
-    libraries."""
+    """Return the bytes of code and constants, of data and of writable data, and the symbols of
+    other libraries.
+    """
     compiled(folder, "-c", source, "-o", "sized.o")
     wanted, sizes = (
         subprocess.run(

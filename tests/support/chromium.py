@@ -24,8 +24,10 @@ FLAGS = (
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Yield Chromium, driven by selenium; without a browser the test is skipped and names the
-    package to install."""
+    """Yield Chromium driven by selenium.
+
+    Without a browser the test is skipped, and the message names the package to install.
+    """
     selenium = pytest.importorskip(
         "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
     )

@@ -1,4 +1,4 @@
-"""Run `hfa` in this process (fast) or as its users do, and keep its output."""
+"""Run `hfa` in this process, which is fast, or in a child process, and keep its output."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SCRIPT = Path(sys.executable).with_name("hfa")
 
 
 class Result(NamedTuple):
-    """Exit code, standard output, standard error."""
+    """The exit code, standard output and standard error of a run."""
 
     code: int
     out: str
@@ -46,10 +46,10 @@ class Terminal(io.StringIO):
 
 
 def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
-    """`hfa words...` in this process; its output goes to `err` and `out`, which are no terminals by
-    default.
+    """Run `hfa words...` in this process and return its result.
 
-    JSON that it prints, and that it writes into -o, must have the published format.
+    Its output goes to `out` and `err`, by default no terminals. JSON that it prints, or writes with
+    -o, must have the published format.
     """
     result = unchecked_hfa(*words, err=err, out=out)
     if "--json" in words and result.out:
@@ -62,8 +62,10 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
 def unchecked_hfa(
     *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
 ) -> Result:
-    """Return the result without a check of its JSON; the test is skipped where the command's
-    extension is not installed."""
+    """Return the result of a run without a check of its JSON.
+
+    The test is skipped if the command's extension is not installed.
+    """
     if words[:1] and words[0] in COMMANDS_OF_EXTENSIONS and words[0] not in commands():
         pytest.skip(f"hfa {words[0]} is not installed")
     out = io.StringIO() if out is None else out
@@ -76,7 +78,8 @@ def unchecked_hfa(
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
     """Return the one JSON object that `hfa words... --json` prints.
 
-    Standard error has its warnings alone. Those of `trim` and `linearize` are in their report.
+    Standard error must contain nothing but its warnings. Those of `trim` and `linearize` are in
+    their report.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err
@@ -89,8 +92,7 @@ def answer(*words: str, code: int = DONE) -> dict[str, Any]:
 
 
 def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every text, number and null of a tree of JSON data, with the names and places on the way to
-    it."""
+    """Return every text, number and null of nested JSON data with its path of names and indices."""
     if isinstance(data, (dict, list)):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from leaves(value, f"{path}.{key}")
@@ -99,7 +101,7 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:
-    """The .json files that -o names, or that lie in the folder that it names."""
+    """Return the .json files that -o names, or that are in the folder that it names."""
     targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
     inside = [
         path
@@ -111,7 +113,7 @@ def written_json(words: tuple[str, ...]) -> list[Path]:
 
 
 def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
-    """`hfa words...` as a child process, in a folder."""
+    """Run `hfa words...` as a child process in a folder."""
     done = subprocess.run(
         [SCRIPT, *words],
         cwd=folder,
@@ -126,8 +128,9 @@ def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
 
 
 def assert_refused(result: Result, code: int, *named: str) -> None:
-    """A failure with this exit code, nothing on standard output, and one line that names the given
-    words."""
+    """Assert a failure with this exit code, no standard output, and one line with the given
+    words.
+    """
     assert (result.code, result.out) == (code, "")
     assert result.err.startswith("hfa: ")
     assert result.err.endswith("\n")
@@ -141,7 +144,9 @@ _SEEN: set[tuple[str, ...]] = set()
 
 
 def assert_published(text: str) -> None:
-    """JSON with every key known and of its type, once for each set of keys."""
+    """Assert that every key of the JSON is published and has its type, once for each set of
+    keys.
+    """
     data = json.loads(text)
     shape = (str(data.get("schema")), *data)
     if shape not in _SEEN:
@@ -175,7 +180,7 @@ def _validator(name: str) -> Any:
 
 
 def refusal(load: Callable[[str], object], path: Path) -> str:
-    """The message with which a file is refused: one line that names the file."""
+    """Return the message with which a file is refused: one line that names the file."""
     with pytest.raises(BadInputError) as caught:
         load(str(path))
     message = str(caught.value)

@@ -1,9 +1,12 @@
-"""Copies of a problem that differ by what no verdict may depend on: the last bits of its numbers,
-the order of its states, their units (powers of two), an orthogonal change of them in units in which
-they are comparable: turned in others, small parts are lost in the rounding of the largest.
+"""Copies of a problem that differ by something on which no verdict may depend.
 
-They apply to any dataclass with the matrices of a game, a game in discrete time or a generalized
-plant, and to the matrices of a critic."""
+They differ by the last bits of the numbers, by the order of the states, by their units (powers of
+two), or by an orthogonal change of coordinates. The change applies in units in which the states are
+comparable. In other units small parts are lost in the rounding of the largest.
+
+Copies can be made of any dataclass with the matrices of a game, of a game in discrete time, of a
+generalized plant, and of the matrices of a critic.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,12 @@ MOST_DRAWS = 20
 
 
 class Copy(NamedTuple):
-    """kind: of `KINDS`; problem, critic: changed by it."""
+    """A changed copy of a problem.
+
+    kind: one of `KINDS`
+    problem: the changed problem
+    critic: the changed critic
+    """
 
     kind: str
     problem: Any
@@ -42,7 +50,10 @@ class Copy(NamedTuple):
 def copies(
     problem: Any, seed: int, count: int, critic: Mapping[str, np.ndarray] | None = None
 ) -> Iterator[Copy]:
-    """So many copies, of each kind in turn; critic: matrices P, K or L of the same states."""
+    """Return this number of copies, of each kind in turn.
+
+    critic: matrices P, K or L of the same states
+    """
     rng = np.random.default_rng([seed, 44])
     A = problem.step.A if hasattr(problem, "step") else problem.A
     for index in range(count):
@@ -61,13 +72,16 @@ def copies(
 
 
 def in_units(problem: Any, units: np.ndarray) -> Any:
-    """The problem in the state y, z_i = u_i y_i; units: (n,)."""
+    """Return the problem in the state y with z_i = u_i y_i.
+
+    units: (n,)
+    """
     change = _Change(np.diag(1.0 / units), np.diag(units))
     return _copy(problem, change, np.random.default_rng())
 
 
 class _Change(NamedTuple):
-    """y = T z; without T the last bits change."""
+    """The change of coordinates y = T z. Without T the last bits change."""
 
     T: np.ndarray | None
     inverse: np.ndarray | None

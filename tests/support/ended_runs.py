@@ -1,4 +1,4 @@
-"""Runs of `hfa` that are ended from outside, and their remaining files."""
+"""Runs of `hfa` that are ended by a signal, and the files that they leave."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ proc = pytest.mark.skipif(
 
 
 class Ended(NamedTuple):
-    """A run: exit code, standard output and error, seconds, the worker processes that were seen."""
+    """An ended run: exit code, standard output and error, seconds, and the observed worker
+    processes.
+    """
 
     code: int
     out: str
@@ -37,7 +39,7 @@ class Ended(NamedTuple):
 
 
 def stat(process: int) -> list[str]:
-    """State, parent, ... of a process; "X" for one that is gone."""
+    """Return state, parent, ... of a process, and "X" for one that has ended."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -54,7 +56,7 @@ def workers(parent: int) -> list[int]:
 
 
 def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
-    """Wait for it; whether it came."""
+    """Wait for a condition. Return whether it became true."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
         time.sleep(0.05)
@@ -68,12 +70,14 @@ def run(
     after: float = 0.0,
     working: int = 0,
 ) -> Ended:
-    """A command in a folder, with temporary files in folder/temporary; the signal comes `after`
-    seconds from where so many workers are there.
+    """Run a command in a folder, with temporary files in folder/temporary, and end it by a signal.
 
-    Ctrl-C goes to all processes of the run, as from a terminal; the others to the one that was
-    started. A run ignores the signals that its parent process ignores, as nohup does with SIGHUP:
-    the signal is made an ordinary one before."""
+    The signal is sent `after` seconds after this number of workers has started.
+
+    Ctrl-C is sent to all processes of the run, as from a terminal, and other signals to its first
+    process. A run ignores the signals that its parent process ignores, as nohup does with SIGHUP.
+    Therefore the signal is first given its default action.
+    """
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
     begun = time.monotonic()
@@ -102,7 +106,7 @@ def run(
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """File -> its content without date and command."""
+    """Return the content of each file, without date and command."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     # What a kill may leave.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
@@ -124,8 +128,11 @@ def _plain(value: Any) -> Any:
 
 
 def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals) -> Ended:
-    """A run that is ended while two workers compute leaves no worker, and no temporary file but
-    after SIGKILL."""
+    """Assert that a run that is ended while two workers compute leaves no worker and no temporary
+    file.
+
+    After SIGKILL temporary files may remain.
+    """
     ended = run(folder, *words, number=number, after=0.3, working=2)
     assert len(ended.workers) == 2
     assert until(lambda: all(stat(worker)[0] in "XZ" for worker in ended.workers), 10.0)
@@ -139,8 +146,9 @@ RUNS = 17
 
 
 def in_one_line(ended: Ended, said: str) -> bool:
-    """Ended in one line; before the command begins by Python itself; or after all was
-    done."""
+    """Assert that a run ended in one line, was ended by Python before the command began, or had
+    finished.
+    """
     lines = [
         line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")
     ]
@@ -150,7 +158,9 @@ def in_one_line(ended: Ended, said: str) -> bool:
 
 
 def comes_to_the_same_bits(folder: Path, words: tuple[str, ...]) -> None:
-    """A run that is ended at random moments, and continued, has the result of one that is not."""
+    """Assert that a run that is ended at random moments and continued has the bits of one that is
+    not.
+    """
     whole = run(folder / "whole", *words)
     assert whole.code == 0
     expected = result_of(folder / "whole")

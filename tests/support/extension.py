@@ -9,13 +9,13 @@ import pytest
 
 
 class Extension:
-    """A module that is imported when a test first uses a name of it."""
+    """A module of an extension. It is imported when a test first uses one of its names."""
 
     def __init__(self, module: str) -> None:
         self._module = module
 
     def __getattr__(self, name: str) -> Any:
-        """A name of the module; the test is skipped where there is no such module."""
+        """Return a name of the module. The test is skipped if the module does not exist."""
         return getattr(pytest.importorskip(self._module), name)
 
 

@@ -1,5 +1,4 @@
-"""`hfa solve`, `hfa learn`, `hfa verify`: plants and critics as users bring them, and what their
-answers hold."""
+"""Files of plants and critics for tests of `hfa solve`, `hfa learn` and `hfa verify`."""
 
 from __future__ import annotations
 
@@ -27,8 +26,7 @@ SMALL: dict[str, Any] = {
 
 
 def stored(path: str | Path, **content: Any) -> str:
-    """A file with that content in the format of its suffix; returns its name for the command
-    line."""
+    """Write a file in the format of its suffix. Return its name for the command line."""
     path = Path(path)
     if path.suffix == ".json":
         plain = {
@@ -44,7 +42,7 @@ def stored(path: str | Path, **content: Any) -> str:
 
 
 def small(path: str | Path, **changes: Any) -> str:
-    """The small plant with changes; a change to None leaves the entry out."""
+    """Write the small plant with changes. A change to None omits the entry."""
     content = {key: value for key, value in (SMALL | changes).items() if value is not None}
     return stored(path, **content)
 

@@ -1,4 +1,4 @@
-"""Games on which the exact solution is tested: those of the aircraft, and random ones."""
+"""Games on which the exact solution is tested: games of the aircraft, and random ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ANGLES = (0, 5, 10, 15, 20)
 
 
 def game_models() -> dict[str, Game]:
-    """The games of the two printed models, by name."""
+    """Return the games of the two printed models by name."""
     return {
         f"published-{model.dihedral_deg:g}": published_game(model.A, model.B)
         for model in published_models()
@@ -29,8 +29,9 @@ def game_models() -> dict[str, Game]:
 
 
 def regenerated_models() -> dict[str, Game]:
-    """The games of our own models between 0 and 20 degrees, both variants of the equations, by
-    name."""
+    """Return the games of our models between 0 and 20 degrees, for both variants of the equations,
+    by name.
+    """
     return {
         f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics)
         for dynamics in VARIANTS
@@ -39,10 +40,12 @@ def regenerated_models() -> dict[str, Game]:
 
 
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
-    """Six states, one to five inputs, one to six disturbances, Q of rank one to six, delta in
-    0.3..30.
+    """Return a random game with six states.
 
-    `scaled`: in units of state that differ by up to 1e8 from each other, badly scaled on purpose.
+    It has one to five inputs, one to six disturbances, a Q of rank one to six, and delta from 0.3
+    to 30.
+
+    scaled: whether the units of the states differ by up to 1e8
     """
     n = 6
     m = int(rng.integers(1, 6))
@@ -66,7 +69,7 @@ def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
 
 
 def failed_names(checks: Iterable[Check]) -> set[str]:
-    """The names of the checks that do not hold."""
+    """Return the names of the checks that fail."""
     return {check.name for check in checks if not check.ok}
 
 
@@ -79,14 +82,15 @@ def game(request: pytest.FixtureRequest) -> Game:
 
 @pytest.fixture(scope="session")
 def first() -> tuple[Game, np.ndarray]:
-    """The game of one of them and its P."""
+    """Return one of the games and its P."""
     game = game_models()["published-15"]
     return game, solve_game(game).P
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:
-    """A plant of two states and two inputs with numbers near 1, the second of each in other
-    units."""
+    """Return a plant of two states and two inputs with numbers near 1, the second of each in other
+    units.
+    """
     u = np.array([1.0, state])
     v = np.array([1.0, of_input])
     A = np.array([[-1.0, 0.2], [0.1, -1.0]])

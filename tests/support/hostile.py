@@ -1,7 +1,8 @@
-"""Hostile inputs to `hfa` by every way in, and whether what comes of one is allowed.
+"""Hostile inputs of every kind to `hfa`, and checks of its reaction.
 
-Input `number` of a way is always the same: a command line with words replaced, or a file that a
-command reads, with tokens, arrays or bytes of it replaced; how is in `hostile_files`."""
+Input `number` of a kind is always the same. It is a command line with replaced words, or a file
+with replaced tokens, arrays or bytes. `hostile_files` makes these files.
+"""
 
 from __future__ import annotations
 
@@ -114,7 +115,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 
 
 class Hanging(BaseException):
-    """No command catches it."""
+    """An exception for a run that takes too long. No command catches it."""
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
@@ -138,7 +139,7 @@ def _hostile_words(chance: random.Random) -> list[str]:
 
 
 def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
-    """Input `number` of a way in: the words, and the files that are there before."""
+    """Return input `number` of a kind: the words and the files that exist before the run."""
     chance = random.Random(f"{way} {number}")
     if not WAYS[way]:
         return _hostile_words(chance), {}
@@ -156,7 +157,7 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
 
 @cache
 def seeds() -> Mapping[str, bytes]:
-    """Files as the commands write them, name -> content."""
+    """Return valid files as the commands write them: name -> content."""
     from controllers import small_controller
     from known_models import exact_gain
     from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
@@ -210,8 +211,10 @@ def seeds() -> Mapping[str, bytes]:
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
-    """Return the fault in how `hfa` treats an input, None without one; runs below a folder that
-    must stay empty."""
+    """Return the fault in the reaction of `hfa` to an input, or None without one.
+
+    It runs below a folder that must stay empty.
+    """
     with tempfile.TemporaryDirectory() as name:
         inside = Path(name) / "inside"
         err = io.StringIO()
@@ -235,7 +238,11 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
 
 
 def said_wrongly(result: Result) -> str | None:
-    """Exit code 0, 1 or 2; a result with notes, or one line that a terminal can show."""
+    """Return the fault of the exit code and the output, or None.
+
+    Exit codes are 0, 1 or 2. The output is a result with notes, or one line that a terminal can
+    show.
+    """
     lines = result.err.splitlines()
     others = [line for line in lines if not line.startswith("hfa: note: ")]
     if result.code not in (0, 1, 2):
@@ -253,7 +260,11 @@ def said_wrongly(result: Result) -> str | None:
 def _left_wrongly(
     folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result
 ) -> str | None:
-    """Nothing outside, nothing unasked, nothing after a refusal, nothing half written."""
+    """Return the fault of the remaining files, or None.
+
+    A run may leave nothing outside its folder, nothing that was not requested, nothing after a
+    refusal, and no partial file.
+    """
     if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
         return f"left outside: {outside}"
     for path in Path().iterdir():
@@ -275,8 +286,9 @@ def _left_wrongly(
 
 @contextlib.contextmanager
 def _alarm() -> Iterator[None]:
-    """Raises `Hanging` in the block once it has taken too long, by the processor or ten times that
-    by the clock."""
+    """Raise `Hanging` in the block after a limit of processor time, or ten times that limit of
+    clock time.
+    """
 
     def end(*_: object) -> None:
         raise Hanging

@@ -1,4 +1,6 @@
-"""Files made hostile: text token by token, arrays, archives, bytes; claims with right digests."""
+"""Hostile files: texts with replaced tokens, arrays, archives and bytes, and false claims with
+right digests.
+"""
 
 from __future__ import annotations
 
@@ -153,8 +155,10 @@ _NAMES = (
 
 
 def damaged(content: bytes, chance: random.Random) -> bytes:
-    """The content after one to four of: a bit flipped, a byte replaced, bytes removed or doubled,
-    the end cut."""
+    """Return the content after one to four damages.
+
+    A damage flips a bit, replaces a byte, removes or doubles bytes, or cuts the end.
+    """
     result = bytearray(content)
     for _ in range(chance.randint(1, 4)):
         if not result:
@@ -240,7 +244,7 @@ def hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
-    """Members damaged, left out or twice as long, the archive itself whole."""
+    """Return a valid archive with members damaged, omitted, or twice as long."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     for _ in range(chance.randint(1, 2)):
@@ -270,7 +274,7 @@ def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_onnx(content: bytes, chance: random.Random) -> bytes:
-    """Other operators, numbers and shapes in a graph that is one."""
+    """Return a valid graph with other operators, numbers and shapes."""
     import onnx
 
     model = onnx.load_from_string(content)
@@ -313,7 +317,9 @@ _OF_SUFFIX: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def hostile_claims(content: bytes, chance: random.Random) -> bytes:
-    """A certificate with other entries and the digests of them, as an attacker would write it."""
+    """Return a certificate with false entries and their right digests, as an attacker would write
+    it.
+    """
     certificate = json.loads(content)
     for _ in range(chance.randint(1, 3)):
         holder: Any = certificate
@@ -343,7 +349,7 @@ _CLAIMS: tuple[Any, ...] = (
 
 
 def hostile_store(files: Mapping[str, bytes], chance: random.Random) -> dict[str, bytes]:
-    """A store of which a file is another one, gone, damaged or added."""
+    """Return a store in which a file is replaced, removed, damaged or added."""
     made = dict(files)
     for _ in range(chance.randint(1, 2)):
         name = chance.choice(sorted(made))

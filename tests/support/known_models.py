@@ -1,5 +1,6 @@
-"""Aircraft of many tests, made once: models, games and gains at an angle; SimVFA's in its own
-air."""
+"""Aircraft used by many tests and built once: models, games and gains at an angle, and SimVFA's in
+its own air.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ _RELEASED_DENSITY = 5.872675956988981e-4
 
 
 def released_simulation() -> tuple[Model, float]:
-    """SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its air."""
+    """Return SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its
+    density.
+    """
     altitude = brentq(
         lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9
     )

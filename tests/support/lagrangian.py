@@ -1,13 +1,14 @@
 """The equations of motion derived a second time, from energies, to check the `newton` variant.
 
-Three rigid panels; generalized coordinates r = (X, Z, θ, η): position of the center panel in an
-inertial frame (X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or `dynamics.py` is
-used: positions are written down, everything else follows by differentiation.
+The generalized coordinates of the three rigid panels are r = (X, Z, θ, η): position of the center
+panel in an inertial frame (X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or
+`dynamics.py` is used. Positions are written down, and everything else follows by differentiation:
 
     d/dt ∂T/∂r' - ∂T/∂r + ∂U/∂r = Q
 
-T: kinetic energy of the panels, U: weight and hinge springs, Q: generalized forces, by virtual
-work, of the panel loads, the thrust and the hinge dampers."""
+T is the kinetic energy of the panels, and U the energy of weight and hinge springs. Q are the
+generalized forces of the panel loads, the thrust and the hinge dampers, by virtual work.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Panel(NamedTuple):
-    """One panel: its center of mass (inertial), its axes as columns (inertial), its angular rate in
-    its axes."""
+    """One panel: its center of mass (inertial), its axes as columns (inertial), and its angular
+    rate in its axes.
+    """
 
     position: ca.SX
     axes: ca.SX
@@ -33,10 +35,12 @@ class Panel(NamedTuple):
 def lagrangian_rates(
     x: State, u: Input, density: Quantity, p: Parameters, winds: Winds = STILL_AIR
 ) -> State:
-    """dX/dt of the aircraft by the Euler-Lagrange equations; the wind at each panel in ft/s.
+    """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
-    `density` (slug/ft^3) is given, so that 0 means flight without air. The flow at a panel is its
-    inertial velocity less that of the air there. CasADi expressions in and out.
+    The wind at each panel is in ft/s. The flow at a panel is its inertial velocity minus that of
+    the air there.
+
+    density: slug/ft^3. 0 means flight without air.
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
     r = ca.SX.sym("r", 4)
@@ -56,7 +60,7 @@ def euler_lagrange(
     v: ca.SX,
     p: Parameters,
 ) -> State:
-    """dX/dt of these energies and generalized forces."""
+    """Return dX/dt of these energies and generalized forces."""
     potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
@@ -68,7 +72,7 @@ def euler_lagrange(
 
 
 def mechanical_energy(x: State, p: Parameters) -> ca.SX:
-    """T + U of a state, ft lbf: what free flight without air and dampers conserves."""
+    """Return T + U of a state, ft lbf. It is constant in free flight without air and dampers."""
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
@@ -77,8 +81,10 @@ def mechanical_energy(x: State, p: Parameters) -> ca.SX:
 
 
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
-    """Center, right and left panel; a wing hinges at half a span and its center lies half a span
-    further out."""
+    """Return the center, right and left panel.
+
+    An outer panel is hinged at half a span, and its center is half a span further out.
+    """
     sin_theta = ca.sin(r[2])
     cos_theta = ca.cos(r[2])
     body = ca.vertcat(
@@ -107,12 +113,12 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
 
 
 def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the velocity of its center of mass over ground."""
+    """Return the velocity over ground of a panel's center of mass."""
     return ca.jtimes(panel.position, r, v)
 
 
 def kinetic_energy(panel: Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """T of one panel, ft lbf."""
+    """Return T of one panel, ft lbf."""
     velocity = velocity_of(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
@@ -153,8 +159,9 @@ def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
 def virtual_work(
     panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters
 ) -> ca.SX:
-    """Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M, over the wing's force, the tail's and the section's
-    moment."""
+    """Return Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M over the forces of wing and tail and the
+    section's moment.
+    """
     wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
     tail = ca.vertcat(0, 0, loads.tail_downward)
     boom_end = panel.position + panel.axes @ ca.vertcat(-p.boom_length, 0, 0)
@@ -164,8 +171,10 @@ def virtual_work(
 
 
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
-    """From generalized accelerations to dX/dt: V and α are of the center of mass, γ = θ - α its
-    path angle."""
+    """Return dX/dt from generalized accelerations.
+
+    V and α belong to the center of mass, and γ = θ - α is its path angle.
+    """
     center = sum(panel.position for panel in panels_at(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)
     velocity_rate = ca.jtimes(velocity, r, v) + ca.jtimes(velocity, v, acceleration)
@@ -184,8 +193,10 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
 
 
 def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Replace the generalized coordinates by the state: the center panel lies (s/3) sin η below the
-    center of mass."""
+    """Replace the generalized coordinates by the state.
+
+    The center panel is (s/3) sin η below the center of mass.
+    """
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     sin_theta = ca.sin(x.pitch)

@@ -1,4 +1,4 @@
-"""Games, exact answers and starts on which the learning laws are tested."""
+"""Games, exact solutions and initial weights on which the learning laws are tested."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ PUBLISHED = tuple(game_models())
 
 @cache
 def published(name: str) -> tuple[Game, Reference]:
-    """The game on a printed model and its 60-digit solution."""
+    """Return the game on a printed model and its 60-digit solution."""
     game = game_models()[name]
     return game, reference_solution(game)
 
 
 @cache
 def lq(name: str) -> tuple[Game, Reference]:
-    """The LQ problem on a printed model and its 60-digit solution."""
+    """Return the LQ problem on a printed model and its 60-digit solution."""
     game = game_models()[name].with_delta(np.inf)
     return game, reference_solution(game)
 
 
 def stable_game(delta: float = 3.0) -> Game:
-    """Two states, one input, one disturbance; A is Hurwitz."""
+    """Return a game with two states, one input, one disturbance, and a Hurwitz A."""
     return Game(
         A=[[-0.2, 1.0], [-2.0, -0.3]],
         B=[[0.0], [1.0]],
@@ -55,11 +55,13 @@ def random_start(
     functions: Basis = QUADRATIC,
     sizes: Sequence[float] = _SIZES,
 ) -> np.ndarray:
-    """Weights far from the solution, of four kinds in turn: indefinite, around the solution,
-    positive, unscaled.
+    """Return initial weights far from the solution.
 
-    Log-uniform over six to nine decades; a minority of the starts is stabilizing. sizes: usual
-    sizes of the states."""
+    The four kinds in turn are indefinite, around the solution, positive, and unscaled. Their sizes
+    are log-uniform over six to nine decades. A minority is stabilizing.
+
+    sizes: usual sizes of the states
+    """
     rng = np.random.default_rng(index)
     units = np.array(sizes)
     scaled = exact * np.outer(units, units)
@@ -77,7 +79,10 @@ def random_start(
 
 
 def value_of_policies(game: Game, P: np.ndarray) -> np.ndarray:
-    """Value of u = -R⁻¹B'P z, d = δ⁻²E'P z:  (A - S P)'V + V (A - S P) + Q + P S P = 0."""
+    """Return the value V of u = -R⁻¹B'P z, d = δ⁻²E'P z.
+
+    It solves (A - S P)'V + V (A - S P) + Q + P S P = 0.
+    """
     return solve_continuous_lyapunov((game.A - game.S @ P).T, -(game.Q + P @ game.S @ P))
 
 
@@ -86,7 +91,9 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
-    """A start whose closed loop is stable by just `margin` 1/s, with |P| far above the solution."""
+    """Return initial weights whose closed loop is stable by only `margin` 1/s, with |P| far above
+    the solution.
+    """
     rng = np.random.default_rng(seed)
     units = np.array(_SIZES)
     scaled = exact * np.outer(units, units)

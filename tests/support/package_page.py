@@ -1,4 +1,4 @@
-"""The package that docs/extending.md shows, as files."""
+"""The example package of docs/extending.md as files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fenced blocks of the documents, and what their commands print."""
+"""The fenced blocks of the documents and the output of their commands."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n
 
 
 class Block(NamedTuple):
-    """One fenced block: its language, its text, the line on which its text begins, and whether it
-    takes long."""
+    """A fenced block: its language, its text, the line on which the text begins, and whether it is
+    slow.
+    """
 
     language: str
     text: str
@@ -22,7 +23,7 @@ class Block(NamedTuple):
 
 
 def blocks_of(document: str) -> list[Block]:
-    """The fenced blocks of a Markdown document, in order."""
+    """Return the fenced blocks of a Markdown document in order."""
     return [
         Block(match[1], match[3], document.count("\n", 0, match.start(3)) + 1, match[2] is not None)
         for match in _FENCE.finditer(document)
@@ -30,8 +31,10 @@ def blocks_of(document: str) -> list[Block]:
 
 
 def difference(expected: str, actual: str) -> str:
-    """Empty when the actual output is the expected one, with "..." for any lines; else a readable
-    comparison."""
+    """Return a readable comparison of the actual with the expected output, or "" if they are equal.
+
+    "..." in the expected output matches any lines.
+    """
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)
     output = "".join(f"{line.rstrip()}\n" for line in actual.strip("\n").splitlines())

@@ -12,7 +12,8 @@ def pendulum_card(
 ) -> Path:
     """Write the deployment file of u = -1.98 angle + gain observed, and return its path.
 
-    tables: its tables after the action, as TOML."""
+    tables: its tables after the action, as TOML
+    """
     weights = {"0.weight": np.array([[-1.98, gain]]), "0.bias": np.zeros(1)}
     np.savez(folder / "actor.npz", **weights)
     path = folder / "card.toml"

@@ -1,4 +1,4 @@
-"""The exact answers of a game, and one that is near and wrong: what critics are planted of."""
+"""Exact solutions of a game, and a wrong one nearby, from which faulty critics are planted."""
 
 from __future__ import annotations
 
@@ -29,8 +29,10 @@ def gain(game: Game) -> np.ndarray:
 
 
 def other_root(game: Game) -> np.ndarray:
-    """The root of the Riccati equation with one real eigenvalue of the closed loop reflected: not
-    stabilizing."""
+    """Return the root of the Riccati equation with one real closed-loop eigenvalue reflected.
+
+    It does not stabilize.
+    """
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])
     values, vectors = np.linalg.eig(H)

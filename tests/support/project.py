@@ -1,4 +1,4 @@
-"""Where the project lies, and the sources of its packages."""
+"""The folder of the project and the sources of its packages."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__
 
 
 def project_sources() -> dict[str, str]:
-    """Path relative to the root -> source, of every module in the packages."""
+    """Return the source of every module of the packages: path relative to the root -> text."""
     paths = (path for folder in FOLDERS.values() for path in sorted(folder.rglob("*.py")))
     return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}

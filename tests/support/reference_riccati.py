@@ -1,9 +1,11 @@
-"""A 60-digit answer to A'P + P A + Q - P S P = 0, from the matrix sign function of the Hamiltonian.
+"""A 60-digit solution of A'P + P A + Q - P S P = 0 by the matrix sign function of the Hamiltonian.
 
-The arithmetic is `decimal`, the elimination written out: nothing here uses a floating-point solver,
-nor anything of the project but the numbers of a `Game`. With sign(H) = W the stable subspace is
-that of W = -I, hence (W + I) [I; P] = 0 (Roberts, Int. J. Control 32, 1980). `test_gare.py` holds
-it against eigenvectors by mpmath."""
+The arithmetic is `decimal`, with explicit elimination. No floating-point solver and nothing of the
+project but the numbers of a `Game` is used.
+
+With sign(H) = W the stable subspace is that of W = -I, hence (W + I) [I; P] = 0. `test_gare.py`
+compares it with eigenvectors by mpmath. Source: Roberts, Int. J. Control 32, 1980.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,10 @@ MAX_STEPS = 80
 
 @dataclass(frozen=True)
 class Reference:
-    """The stabilizing P and its K, and whether P is the value of the game; both are empty when
-    there is no P."""
+    """The stabilizing P, its K, and whether P is the value of the game.
+
+    P and K are empty if no stabilizing P exists.
+    """
 
     exists: bool
     P: np.ndarray
@@ -33,8 +37,10 @@ class Reference:
 
 
 def reference_solution(game: Game) -> Reference:
-    """The value of the game to 60 digits, rounded to double; `exists` is decided at 60 digits
-    too."""
+    """Return the value of the game, computed to 60 digits and rounded to double.
+
+    `exists` is also decided with 60 digits.
+    """
     nothing = Reference(exists=False, P=np.empty((0, 0)), K=np.empty((0, 0)))
     with localcontext() as context:
         context.prec = DIGITS + GUARD
@@ -66,13 +72,15 @@ def reference_solution(game: Game) -> Reference:
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """Relative Frobenius distance."""
+    """Return the relative Frobenius distance."""
     return float(np.linalg.norm(value - exact) / np.linalg.norm(exact))
 
 
 def _sign(H: np.ndarray) -> np.ndarray | None:
-    """Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c, or None when an eigenvalue is on the
-    imaginary axis."""
+    """Return sign(Z) by Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c.
+
+    Returns None if an eigenvalue is on the imaginary axis.
+    """
     Z = H
     for _ in range(MAX_STEPS):
         inverse = inverse_of(Z)
@@ -93,7 +101,9 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
-    """Gauss-Jordan with row pivoting, or None when singular."""
+    """Return the inverse by Gauss-Jordan elimination with row pivoting, or None for a singular
+    matrix.
+    """
     n = len(matrix)
     work = np.concatenate([matrix, decimal(np.eye(n))], axis=1)
     for column in range(n):
@@ -109,8 +119,10 @@ def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def _semidefinite(P: np.ndarray) -> bool:
-    """Positive pivots of P with its diagonal raised by 1e-40, so that a semidefinite P passes
-    too."""
+    """Return whether P has positive pivots with its diagonal raised by 1e-40.
+
+    In this way a semidefinite P also passes.
+    """
     work = P + np.diag(np.diag(P)) * Decimal("1e-40")
     for k in range(len(work)):
         if work[k, k] < 0 or (work[k, k] == 0 and any(work[k, k:] != 0)):

@@ -1,4 +1,4 @@
-"""Fixtures of the core: cases that several test files use, made once."""
+"""Fixtures of the core, built once for several test files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_model.parameters import ParameterSet
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty one, in which the test runs."""
+    """Run the test in an empty folder and return the folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -35,7 +35,7 @@ def parameters(parameter_set: ParameterSet) -> Parameters:
 
 @pytest.fixture(scope="session", params=sorted(VARIANTS))
 def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Model:
-    """The identified aircraft, once with each set of equations."""
+    """Return the identified aircraft, once with each set of equations."""
     return hfa.aircraft(request.param, parameters)
 
 
@@ -46,7 +46,7 @@ def published_aircraft(parameters: Parameters) -> Model:
 
 @pytest.fixture(scope="session")
 def point() -> OperatingPoint:
-    """Return the trim of `--dihedral 15`; its game and the exact gain are below."""
+    """Return the trim of `--dihedral 15`."""
     return model_at(15.0).point
 
 

@@ -1,4 +1,4 @@
-"""Faults of the system: a full disk, a home that cannot be written."""
+"""Faults of the system: a full disk, and a home folder that cannot be written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ on_linux = pytest.mark.skipif(
 
 
 def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A line of sh, in which "$0" "$@" is `hfa` with the words."""
+    """Run a line of sh in which "$0" "$@" is `hfa` with the words."""
     return subprocess.run(
         ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120
     )
@@ -34,7 +34,9 @@ NO_HOME = {
 
 
 def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
-    """Caches of machine code and of fonts are done without; nothing appears where HOME was."""
+    """Assert that `hfa` works without caches of machine code and fonts, and writes nothing to
+    HOME.
+    """
     folder = tmp_path / "home"
     folder.mkdir()
     if home == "read-only":
@@ -56,7 +58,7 @@ def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 400 KB."""
+    """Return a disk of 400 KB."""
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True
     )
@@ -67,7 +69,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def has_no_room(small_disk: Path, words: str, left: int) -> None:
-    """A command on a disk with so many KB left is refused in one line and leaves nothing."""
+    """Assert that a command on a disk with this many KB left is refused in one line and leaves no
+    file.
+    """
     (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (

@@ -1,4 +1,4 @@
-"""Chunks of work on several threads of one process, as workers of a cluster have them."""
+"""Chunks of work on several threads of one process, as workers of a cluster use them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Rows = Mapping[str, NDArray]
 
 
 def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
-    """Return the chunks that differ between four threads and one."""
+    """Return the chunks whose results differ between four threads and one."""
     alone = [chunk(number) for number in numbers]
     with ThreadPoolExecutor(4) as threads:
         together = list(threads.map(chunk, numbers))

@@ -1,7 +1,8 @@
-"""How far two floating-point routes to one number may be apart, relative, and why.
+"""Relative tolerances between two floating-point computations of one number, with their reasons.
 
-Any other tolerance of a test is the digits of the compared value or the size of the asserted one,
-or its reason is in a comment."""
+Any other tolerance of a test is given by the digits of the compared value, by the size of the
+asserted one, or by a comment.
+"""
 
 #: A few operations without much cancellation: some tens of roundings of 1e-16.
 FEW_ROUNDINGS = 1e-14

@@ -1,4 +1,4 @@
-"""Outputs in SI units, of the commands of the core and of the extensions."""
+"""Outputs in SI units of the commands of the core and of the extensions."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ FOOT = 0.3048
 
 
 def assert_no_feet(*words: str, folder: Path) -> None:
-    """The text and the picture of a command have meters alone.
+    """Assert that the text and the picture of a command contain meters only.
 
-    Matplotlib repeats each text of an .svg as a comment."""
+    Matplotlib repeats each text of an .svg as a comment.
+    """
     picture = folder / "p.svg"
     result = hfa(*words, "--picture", str(picture), "--units", "si")
     assert result.code == 0, result.err
@@ -27,9 +28,11 @@ def assert_no_feet(*words: str, folder: Path) -> None:
 
 
 def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
-    """A store in meters has the numbers of that in feet, and is continued in meters alone.
+    """Assert that a store in meters has the converted numbers of that in feet, and that only a run
+    in meters can continue it.
 
-    name: of the array whose first three columns are a speed, an angle and a length"""
+    name: array whose first three columns are a speed, an angle and a length
+    """
     import zarr
 
     stores = {}

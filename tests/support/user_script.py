@@ -1,4 +1,4 @@
-"""A user's script with every public name of `hfa`, for type checkers; nothing runs it."""
+"""A user's script with every public name of `hfa`, for type checkers. It is not run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import hfa
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A cart with a pendulum that is damped."""
+    """Return the rates of a cart with a damped pendulum."""
     rates = {"speed": (u.thrust - p.drag * x.speed**2 - w.gust) / p.mass, "angle": -x.angle}
     return rates, {"load": x.speed * ca.cos(x.angle)}
 

@@ -1,4 +1,4 @@
-"""Limits: one definition of "within", for single trims and for sweeps."""
+"""Limits: single trims and sweeps have one definition of "within"."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ from trim.limits import SLACK, Limits
 def test_trim_and_sweep_agree_at_a_limit(
     published_aircraft: Model, highest: float, reason: str
 ) -> None:
-    """The pitch angle alpha + gamma is the limit itself, or rounding beyond it."""
+    """A trim and a sweep agree if the pitch angle alpha + gamma is at its limit or beyond it by
+    rounding.
+    """
     limits = {"pitch": (float(np.radians(-60.0)), float(np.radians(highest)))}
     angles = {name: float(np.radians(value)) for name, value in (("alpha", 2.7), ("gamma", 0.1))}
     condition = level_flight(float(np.radians(5.0)), limits=limits, **angles)

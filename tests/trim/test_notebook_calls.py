@@ -1,4 +1,4 @@
-"""Calls that a notebook makes of linear models, sweeps, points and models."""
+"""Calls of a notebook on linear models, sweeps, points and models."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _linear() -> LinearModel:
 
 
 def test_names_are_held_values_and_sweep_columns() -> None:
-    """Names of the model are held values of a trim and columns of a sweep."""
+    """Names of the model select held values of a trim and columns of a sweep."""
     point = hfa.trim(MODEL, dihedral=0.2, speed=70.0)
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2, "speed": 70.0})
     assert point == hfa.trim(MODEL, hold={"dihedral": 0.2}, speed=70.0)
@@ -55,7 +55,9 @@ def test_names_index_matrices_and_are_attributes() -> None:
 
 
 def test_a_sweep_has_a_linear_model_anywhere() -> None:
-    """sweep.at is a point of the grid, or trimmed at values between its points."""
+    """`sweep.at` returns a point of the grid, or trims the aircraft at values between its
+    points.
+    """
     swept = sweep(MODEL, dihedral=[0.1, 0.2], speed=[66.0, 68.0])
     assert pytest.approx(swept[1].A, rel=1e-9, abs=1e-9) == swept.at(speed=68.0, dihedral=0.1).A
     between = linearize(MODEL, find_operating_point(MODEL, dihedral=0.15, speed=67.0))
@@ -65,7 +67,7 @@ def test_a_sweep_has_a_linear_model_anywhere() -> None:
 
 
 def test_inputs_reach_modes_or_not() -> None:
-    """A model is controllable unless an input matrix leaves out one of its modes."""
+    """A model is controllable unless its input matrix does not reach one of its modes."""
     linear = _linear()
     assert linear.is_controllable
     assert linear.is_stable == bool(linear.eigenvalues.real.max() < 0.0)
@@ -107,7 +109,7 @@ class Broken(Reported):
 
     @property
     def value(self) -> Any:
-        """Nothing."""
+        """Raise an AttributeError."""
         return None.missing  # type: ignore[attr-defined]
 
 
@@ -118,8 +120,9 @@ def test_a_property_that_fails_keeps_its_error() -> None:
 
 
 def test_names_index_values_and_modes() -> None:
-    """Points, linear models and sweeps are indexed by names, and suggest the nearest for a wrong
-    one."""
+    """Points, linear models and sweeps are indexed by names. The error on a wrong name suggests the
+    nearest one.
+    """
     linear = _linear()
     point = linear.point
     assert point.ok
@@ -174,7 +177,7 @@ def test_lqr_is_the_game_without_disturbance() -> None:
 
 
 def test_lqr_refuses_a_disturbance() -> None:
-    """A delta or E would make the regulator that of a game."""
+    """`hfa.lqr` refuses a delta or E, which would define a game."""
     linear = _linear()
     weights = (np.eye(6), np.eye(5))
     for more in ({"delta": 100.0}, {"E": np.eye(6)}):
@@ -195,8 +198,9 @@ def test_zeros_lower_the_rank_of_the_system() -> None:
 
 
 def test_a_sweep_is_a_sequence_of_linear_models() -> None:
-    """A sweep is indexed and iterated as linear models; a point without a trim raises its
-    reason."""
+    """A sweep is indexed and iterated as linear models. A point without a trim raises its
+    reason.
+    """
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     assert len(swept) == len(list(swept)) == 4
     for index, linear in enumerate(swept):
@@ -215,7 +219,7 @@ def test_a_sweep_is_a_sequence_of_linear_models() -> None:
 
 
 def test_results_become_tables_of_pandas() -> None:
-    """The records of a point, a linear model, a solution and a verdict are tables of pandas."""
+    """The records of a point, a linear model, a solution and a verdict become tables of pandas."""
     linear = _linear()
     frame = linear.point.to_pandas().set_index(["kind", "name"])
     assert frame.loc[("state", "alpha"), "value"] == linear.point["alpha"] == linear.point.x[1]
@@ -236,7 +240,7 @@ def test_a_point_draws_its_limits() -> None:
 
 
 def test_a_model_is_a_table_in_a_notebook() -> None:
-    """The HTML of a model has names, units, limits and trim."""
+    """The HTML of a model shows names, units, limits and trim."""
     text = MODEL._repr_html_()
     assert "throttle" in MODEL.report().text()
     with pytest.raises(BadInputError, match="unknown name 'sped'; did you mean speed"):

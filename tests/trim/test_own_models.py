@@ -1,5 +1,4 @@
-"""A user's own models: the F-16 of Stevens and Lewis as printed, and faults of a file in one
-line."""
+"""Models of users: the F-16 of Stevens and Lewis as printed, and faults of a file in one line."""
 
 from __future__ import annotations
 
@@ -66,14 +65,18 @@ SLOW_FLIGHTS = [
 def test_slow_flights_of_the_book(
     speed: float, alpha: float, throttle: float, elevator: float
 ) -> None:
-    """Newton's method does not find the slowest from where the declaration begins."""
+    """The slow flights of the book are trimmed, also the slowest, to which Newton's method alone
+    does not converge from the declared guess.
+    """
     point = trimmed(F16, {"speed": speed})
     computed = [np.degrees(point.states.alpha), point.inputs.throttle, point.inputs.elevator]
     np.testing.assert_allclose(computed, [alpha, throttle, elevator], rtol=4e-3)
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """Bit for bit, where searches begin at a slope about the center of a cell."""
+    """A row with free states has the same bits alone and with others, also if the search begins at
+    the center of a cell of a table.
+    """
     speeds = np.linspace(200.0, 700.0, 300)[:, None]
     whole = trim_points(F16, ("speed",), speeds)
     for rows in (slice(7, 8), slice(100, 140)):
@@ -94,8 +97,9 @@ def test_no_row_with_free_states_depends_on_others() -> None:
     "factor", [*(pytest.param(factor, marks=pytest.mark.slow) for factor in (0.01, 5.0)), 100.0]
 )
 def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, factor: float) -> None:
-    """A nominal size that is off: the slow flight is found, and no point of a sweep goes one by
-    one."""
+    """With a wrong nominal size the slow flight is found, and no point of a sweep is trimmed
+    alone.
+    """
     signals = getattr(F16, kind)
     scaled = signals[name]._replace(nominal=factor * signals[name].nominal)
     model = replace(F16, **{kind: {**signals, name: scaled}})
@@ -107,13 +111,15 @@ def test_the_search_does_not_depend_on_declared_scales(kind: str, name: str, fac
 
 
 def rotating(x, u, p, w):
-    """A turn about one axis by a quaternion (a, b), and what keeps it at an angle."""
+    """Return a turn about one axis by a quaternion (a, b), with a term that holds an angle."""
     rates = {"a": -0.5 * x.b * x.rate, "b": 0.5 * x.a * x.rate, "rate": u.torque - 2 * x.a * x.b}
     return rates, {"sine": 2 * x.a * x.b}
 
 
 def test_an_undetermined_trim_is_reported() -> None:
-    """With the norm of the quaternion free every length balances."""
+    """If the norm of the quaternion is free, every length balances, and the trim is reported as
+    undetermined.
+    """
     free = Model(
         "rotation",
         {"a": Signal(start=0.7), "b": Signal(start=0.5), "rate": Signal()},
@@ -131,7 +137,10 @@ def test_an_undetermined_trim_is_reported() -> None:
 
 
 def test_imbalances_that_do_not_matter_are_not_named() -> None:
-    """At 100 ft/s the F-16 falls; the equations of its turn are off by rounding."""
+    """A failed trim names only imbalances that matter, and not those that are rounding.
+
+    At 100 ft/s the F-16 falls, and the equations of its turn are off by rounding.
+    """
     with pytest.raises(TrimError) as refusal:
         trimmed(F16, {"speed": 110.0})
     assert "speed by" in str(refusal.value)
@@ -149,8 +158,9 @@ def test_modes_of_the_book() -> None:
 
 
 def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The modes of Nelson, examples 4.3 and 5.2, who omits C_Lq and uses N_beta 4.49 in place of
-    4.55."""
+    """Modes of the Navion agree with Nelson, examples 4.3 and 5.2, who omits C_Lq and uses N_beta
+    4.49 instead of 4.55.
+    """
     printed = {
         "short period": -2.51 + 2.59j,
         "phugoid": -0.0171 + 0.213j,
@@ -173,8 +183,9 @@ def test_modes_of_the_navion(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_trim_and_modes_of_the_gtm() -> None:
-    """The stated trim, to the four digits that the coefficients have, and load factor one in level
-    flight."""
+    """The GTM has the published trim to the four digits of its coefficients, and load factor one in
+    level flight.
+    """
     point = trimmed(GTM)
     computed = [point.values[name] for name in ("alpha", "elevator", "throttle")]
     np.testing.assert_allclose(computed, [0.04924, 0.04892, 14.33], rtol=0.01)
@@ -185,7 +196,7 @@ def test_trim_and_modes_of_the_gtm() -> None:
 
 
 def test_rates_of_the_book() -> None:
-    """Table 3.5-2."""
+    """The rates of the F-16 agree with Table 3.5-2."""
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
         -75.23724,
@@ -204,7 +215,9 @@ def test_rates_of_the_book() -> None:
 
 
 def test_the_back_side_is_another_trim() -> None:
-    """One throttle, two speeds: the report names the other trim, and starting there selects it."""
+    """If one throttle gives two speeds, the report names the other trim, and a start there selects
+    it.
+    """
     usual = usual_condition(F16)
     condition = release(usual, free=("speed",), hold={"throttle": 0.2})
     front = find_operating_point(F16, condition)
@@ -226,8 +239,9 @@ def test_the_back_side_is_another_trim() -> None:
 
 
 def test_swept_turns_equal_single_trims() -> None:
-    """One branch, banked by less than a right angle and steeper with the rate, in sweeps and in
-    single trims alike."""
+    """Sweeps of turns equal single trims. The bank is below a right angle and increases with the
+    rate.
+    """
     rates = np.linspace(0.0, 0.25, 26)
     swept = sweep(F16, {"turn_rate": rates})
     bank = swept.states[:, list(F16.states).index("roll")]
@@ -244,8 +258,9 @@ def test_swept_turns_equal_single_trims() -> None:
 
 
 def test_states_without_balance_are_left_and_named() -> None:
-    """North, east and heading are in no equation: free or held, the trim is the same, and their
-    rates are reported."""
+    """North, east and heading are in no equation: held or free, the trim is equal, and their rates
+    are reported.
+    """
     done = hfa(
         "trim",
         *OWN,
@@ -260,7 +275,9 @@ def test_states_without_balance_are_left_and_named() -> None:
 
 
 def test_other_starts_cross_a_flat_region() -> None:
-    """Thrust only above half a throttle: below, the throttle moves nothing."""
+    """Further initial guesses find a trim beyond a flat region, here a throttle without effect
+    below one half.
+    """
 
     def engine(x, u, p, w):
         return {"speed": ca.fmax(0, u.throttle - 0.5) * 40 - 1e-3 * x.speed**2, "at": x.speed}, {}
@@ -303,8 +320,7 @@ def simple(equations: object, **more: object) -> Model:
     ],
 )
 def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) -> None:
-    """One nominal at a time is wrong by a thousand: the trim is the same, and no kink appears or
-    goes."""
+    """A nominal that is wrong by a factor of 1,000 changes neither the trim nor the kinks."""
     reference = trimmed(F16)
     kinks = linearize(F16, reference).kinks
     signals = getattr(F16, kind)
@@ -361,7 +377,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind: str, names: Iterable[str]) 
     ],
 )
 def test_wrong_equations_are_said_in_one_line(equations: object, words: str) -> None:
-    """Equations that fail at a trim are refused by one line."""
+    """Equations that fail at a trim are refused in one line."""
     with pytest.raises(BadInputError) as caught:
         trimmed(simple(equations))
     assert words in str(caught.value)
@@ -406,7 +422,7 @@ A = Model("cart", {"v": Signal()}, {"u": Signal()}, lambda x, u, p, w: ({"v": u.
 
 
 def test_a_file_may_use_dataclasses_and_tables(tmp_path: Path) -> None:
-    """Dataclasses and tables may be in the file's folder."""
+    """A file may declare dataclasses and read tables from its folder."""
     (tmp_path / "own.py").write_text(WITH_A_TABLE)
     assert_refused(
         hfa("trim", "--aircraft", f"{tmp_path / 'own.py'}:A"), 2, "drag.csv cannot be read"
@@ -422,8 +438,9 @@ OWN = ("--aircraft", "examples/f16.py:F16")
 
 
 def test_the_command_line_takes_an_own_model(tmp_path: Path) -> None:
-    """The commands trim, linearize and sweep the F-16 by its own names, and refuse options of the
-    HFA."""
+    """The commands trim, linearize and sweep accept the names of the F-16 and refuse options of the
+    HFA.
+    """
     assert_refused(hfa("trim", *OWN, "--dihedral", "5"), 2, "unknown option --dihedral")
     assert_refused(hfa("trim", *OWN, "--picture", "a.png"), 2, "--picture draws the HFA")
     saved = tmp_path / "point.json"

@@ -1,4 +1,4 @@
-"""Trims of an aircraft that declares no limits: the searches stay where people fly."""
+"""Trims of an aircraft that declares no limits stay in the ordinary range of flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GRAVITY = 9.81
 
 
 def turning(x, u, p, w):
-    """A point mass that turns: m V turn = L sin phi, m g = L cos phi, m V' = T - D."""
+    """Return a point mass in a turn: m V turn = L sin phi, m g = L cos phi, m V' = T - D."""
     lift = u.lift * x.speed**2
     drag = 0.02 * x.speed**2 + 0.1 * u.lift**2 * x.speed**2
     rates = {
@@ -45,7 +45,9 @@ TURNING = Model(
 
 @pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
 def test_an_unlimited_bank_stays_below_a_quarter_turn(speed: float, turn: float) -> None:
-    """tan(bank) = V turn / g: Newton's method alone ends several turns away."""
+    """The bank satisfies tan(bank) = V turn / g and is below 90 deg, where Newton's method alone
+    ends several turns away.
+    """
     point = hfa.find_operating_point(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
     assert point["lift"] > 0.0
@@ -60,7 +62,9 @@ def test_a_sweep_stays_where_its_points_do() -> None:
 
 
 def test_a_far_trim_is_noted_first() -> None:
-    """Lift is negative, so that the only trim flies upside down."""
+    """If the only trim is inverted flight, because the lift is negative, the first note reports
+    it.
+    """
     inverted = hfa.Model(
         "inverted",
         {"bank": Signal("rad", start=3.0)},
@@ -76,7 +80,9 @@ def test_a_far_trim_is_noted_first() -> None:
 
 
 def test_a_trim_from_another_start_says_what_failed() -> None:
-    """A drag bucket between the start and the trim stops Newton's method and the least squares."""
+    """A trim found from another initial guess reports the failed searches: a drag bucket on the way
+    stops both Newton's method and the least squares.
+    """
     bumpy = hfa.Model(
         "bumpy",
         {"speed": Signal("m/s", min=0.0, max=10.0, start=1.0)},

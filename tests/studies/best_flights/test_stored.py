@@ -1,4 +1,4 @@
-"""The stored flights from the paper's x(0)."""
+"""The stored best flights from the initial state x(0) of the paper."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STORED = ROOT / "studies" / "best_flights" / "results" / "best_flights.json"
 
 
 def test_stored_linear_models_are_todays() -> None:
-    """The aircraft that flew is the one that is shipped; each flight has its angle and limits."""
+    """The stored flights are of the shipped aircraft, each with its angle and limits."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert data["start"] == START
     for stored in data["models"]:
@@ -39,8 +39,9 @@ def test_stored_linear_models_are_todays() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 5])
 def test_a_flight_is_found_again(index: int) -> None:
-    """The search finds a stored flight again, with the stored costs of the best flight and the
-    policies."""
+    """A new search finds a stored flight, with the stored costs of the best flight and of the
+    policies.
+    """
     data = json.loads(STORED.read_text(encoding="utf-8"))
     stored = data["flights"][index]
     linear = hfa.paper.level_model(hfa.aircraft(), np.radians(stored["dihedral_deg"]))
@@ -53,8 +54,10 @@ def test_a_flight_is_found_again(index: int) -> None:
 
 
 def test_stored_examination_is_what_the_page_shows() -> None:
-    """Each row follows from its flights and meets the requirements: SciPy within 1 %, meshes within
-    .5 %, 95 % found."""
+    """Each row of the page follows from the stored flights and meets the requirements.
+
+    SciPy agrees within 1 %, finer meshes within .5 %, and 95 % of the flights are found.
+    """
     rows = json.loads(EXAMINED.read_text(encoding="utf-8"))["aircraft"]
     page = (ROOT / "docs" / "optimize.md").read_text(encoding="utf-8")
     assert [(row["aircraft"], row["starts"]) for row in rows] == [(name, 50) for name in AIRCRAFT]
@@ -69,7 +72,9 @@ def test_stored_examination_is_what_the_page_shows() -> None:
 
 
 def test_a_wrong_cost_is_noticed() -> None:
-    """SciPy confirms a flight of the pendulum, and not its cost for another flight."""
+    """SciPy confirms the cost of a flight of the pendulum, and rejects the cost of another
+    flight.
+    """
     problem = problem_of("examples/pendulum.py:PENDULUM")
     (start,) = drawn_starts(problem, 1, 0)
     flown = BestFlights(problem).found(start).flown

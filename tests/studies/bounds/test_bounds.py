@@ -22,7 +22,7 @@ def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 def flown_over(coefficient: float) -> FlownAbove:
-    """Return flights of x' = u, Q = R = 1, over W = k x²; the least cost is x²."""
+    """Return flights of x' = u with Q = R = 1 above the function W = k x². The least cost is x²."""
     model = hfa.Model("cart", {"position": hfa.Signal("m")}, {"speed": hfa.Signal("m/s")}, cart)
     problem = flight_problem(model, hfa.find_operating_point(model))
     still = {"position": 0.0, "speed": 0.0}
@@ -40,7 +40,7 @@ def test_flights_are_above_a_true_bound() -> None:
 
 
 def test_a_bound_too_large_by_one_percent_is_found() -> None:
-    """Flights below a bound that is 1 % too large are counted."""
+    """Flights whose cost is below a bound 1 % too large are counted."""
     assert flown_over(1.01).below > 100
 
 

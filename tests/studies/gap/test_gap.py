@@ -1,4 +1,4 @@
-"""The study of trained policies: its rule for deployments, its counts, and the stored results."""
+"""The study of trained policies: its rule for deployments, its counts, and its stored results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ STORED = ROOT / "studies" / "gap" / "results" / "gap.json"
 
 
 def test_actions_reach_the_nearer_limit_at_most() -> None:
-    """The commands of the corners of the box stay within the limits, and one reaches a limit."""
+    """The commands in the corners of the box stay within the limits, and one of them reaches a
+    limit.
+    """
     point = TASKS[1].point()
     deployment = deployment_of(point)
     inputs = point.model.inputs
@@ -32,8 +34,10 @@ def test_actions_reach_the_nearer_limit_at_most() -> None:
 
 
 def test_a_departed_flight_is_no_success() -> None:
-    """A flight that leaves the envelope counts neither as one that stays nor in the ratios; one
-    from which no best flight was found counts in those of the linear optimum alone."""
+    """A flight that leaves the envelope is not counted as one that stays, and is not in the ratios.
+
+    A flight without a best flight is counted only for the linear optimum.
+    """
     column = [
         Outcome(stays=True, converges=True, cost=2.0),
         Outcome(stays=False, converges=False, cost=9.0),
@@ -48,7 +52,7 @@ def test_a_departed_flight_is_no_success() -> None:
 
 
 def test_another_setting_trains_anew(tmp_path: Path) -> None:
-    """A record of other settings, or without its policy, is no finished training."""
+    """A record of other settings, or without its policy, does not count as a finished training."""
     run = Run(TASKS[0], "PPO", 1, tmp_path)
     assert run.trained() is None
     run.policy.write_bytes(b"")
@@ -57,7 +61,9 @@ def test_another_setting_trains_anew(tmp_path: Path) -> None:
 
 
 def test_stored_results_have_every_aircraft() -> None:
-    """The stored results contain every aircraft and algorithm, with consistent counts of starts."""
+    """The stored results contain every aircraft and algorithm, with consistent counts of initial
+    states.
+    """
     data = json.loads(STORED.read_text(encoding="utf-8"))
     assert [one["aircraft"] for one in data["aircraft"]] == [task.name for task in TASKS]
     for one in data["aircraft"]:
@@ -70,7 +76,7 @@ def test_stored_results_have_every_aircraft() -> None:
 
 
 def test_the_linear_optimum_is_flown_again() -> None:
-    """The stored ratios of the linear optimum on the pendulum come out again."""
+    """New flights of the linear optimum on the pendulum give the stored ratios."""
     data = json.loads(STORED.read_text(encoding="utf-8"))
     again = judged(TASKS[0], [])
     stored = data["aircraft"][0]

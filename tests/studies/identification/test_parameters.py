@@ -1,5 +1,6 @@
-"""The identification on aircraft whose parameters are known, and on prints that no aircraft can
-have."""
+"""The identification of aircraft whose parameters are known, and of matrices that no aircraft can
+have.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ THIRD = [
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
-    """Another aircraft: every identified constant up to a fifth larger or smaller than ours."""
+    """Return an aircraft with every identified constant up to 20 % larger or smaller than ours."""
     factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
     return parameters._replace(
         **{
@@ -54,7 +55,7 @@ def printed(parameters: Parameters) -> list[PublishedModel]:
 
 
 def changed(matrix: str, row: str, column: str) -> tuple[PublishedModel, PublishedModel]:
-    """The paper's print with one entry of the 5 degree pair larger by a hundredth."""
+    """Return the paper's matrices with one entry of the 5 degree pair 1 % larger."""
     at_15, at_5 = published_models()
     entries = getattr(at_5, matrix).copy()
     entries[
@@ -81,7 +82,9 @@ def identified() -> tuple[Fit, list[float]]:
 def test_all_rough_starts_fit_print_well_rounding_allows(
     identified: tuple[Fit, list[float]],
 ) -> None:
-    """All rough starts fit the print as well as rounding allows."""
+    """From every rough initial guess the fit is as close to the printed entries as rounding
+    allows.
+    """
     best, sums = identified
     assert len(sums) == 8
     np.testing.assert_allclose(sums, best.sum_of_squares, rtol=1e-6)
@@ -108,8 +111,9 @@ def test_the_packaged_parameters_are_the_identified_ones(
 
 
 def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: Parameters) -> None:
-    """Twenty aircraft with matrices rounded as in the print: the estimates differ by their standard
-    errors."""
+    """Estimates of twenty known aircraft, from matrices rounded as in print, deviate by their
+    standard errors.
+    """
     rng = np.random.default_rng(0)
     rows = []
     for _ in range(20):
@@ -134,7 +138,7 @@ def test_known_aircraft_are_recovered_within_their_standard_errors(parameters: P
 def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     parameters: Parameters, matrix_row_column: tuple[str, str, str]
 ) -> None:
-    """Each printed entry of the 5 degree pair is held in place by all the others."""
+    """If one entry of the 5 degree pair changes by 1 %, no parameters fit all entries."""
     near = np.log(
         np.array([getattr(parameters, name) for name in IDENTIFIED]) / list(ROUGH.values())
     )
@@ -154,7 +158,7 @@ def test_one_entry_changed_by_hundredth_cannot_be_fitted(
     ],
 )
 def test_each_departure_from_newton_is_needed(description: str, variant: Variant) -> None:
-    """With any one of them undone, no parameters come near the print."""
+    """If one departure from Newton's equations is undone, no parameters fit the printed entries."""
     found = fit(published_models(), variant)
     assert found.largest > 1000.0, description
 
@@ -172,7 +176,10 @@ def test_each_departure_from_newton_is_needed(description: str, variant: Variant
 def test_of_coupling_two_terms_needed_square_changes_nothing(
     speed: Callable[[State], Any], square: float, lowest: float, highest: float
 ) -> None:
-    """Terms added to the coupling: m s V times `speed`, m s² cos η sin η η'² times `square`."""
+    """Two terms of the coupling are needed, and the square of the rate changes nothing.
+
+    The added terms are m s V times `speed` and m s² cos η sin η η'² times `square`.
+    """
 
     def coupling(self: Published, x: State, p: Parameters) -> Any:
         of_square = p.panel_span * ca.cos(x.dihedral) * ca.sin(x.dihedral) * x.dihedral_rate**2
@@ -186,8 +193,11 @@ def test_of_coupling_two_terms_needed_square_changes_nothing(
 def test_expected_sum_is_what_drawn_rounding_errors_leave(
     parameters: Parameters, identified: tuple[Fit, list[float]]
 ) -> None:
-    """Errors drawn uniformly within a half unit, one for a number that is printed alike at both
-    angles; the part that no parameters can fit, by derivatives from differences."""
+    """The expected sum of squares equals that of random rounding errors that no parameters can fit.
+
+    Errors are uniform within half a unit, with one error for a number printed equal at both angles.
+    Derivatives are computed by differences.
+    """
     models = published_models()
 
     def entries(values: Parameters) -> np.ndarray:
@@ -223,7 +233,10 @@ def test_expected_sum_is_what_drawn_rounding_errors_leave(
 
 
 def test_one_angle_determines_all_but_one_combination() -> None:
-    """Which is the pitch inertia's constant and its sin² part, together one factor of the row."""
+    """The matrices at one angle determine all parameters but one combination.
+
+    It is the pitch inertia's constant and its sin² part, which form one factor of the row.
+    """
     for known, unknown in itertools.permutations(published_models()):
         fitted = fit([known], Published())
         # Known to 1 %: the singular value s leaves a standard error 1/(s √3).
@@ -274,7 +287,9 @@ def test_the_released_constants_lie_within_two_standard_errors(parameter_set: Pa
 def test_released_constants_in_their_thinner_air_print_paper(
     parameters: Parameters, density: float, half_units: tuple[float, float]
 ) -> None:
-    """Within one half unit of the last digit; in the standard atmosphere by no means."""
+    """The released constants give the printed entries within half a unit of the last digit in their
+    own thinner air, and not in the standard atmosphere.
+    """
     values = dict(RELEASED)
     for name in (
         "lift_slope",

@@ -1,5 +1,6 @@
-"""`python -m studies.identification`: one run, held against the committed parameters, with its
-JSON and its file of parameters."""
+"""`python -m studies.identification` writes the committed parameters, JSON, and a file of
+parameters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A, B and thrust of an aircraft of JSBSim against JSBSim itself."""
+"""A, B and thrust of aircraft of JSBSim compared with JSBSim itself."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from studies.jsbsim.dynamics import slopes, thrust_miss, trimmed
 
 @pytest.mark.slow
 def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
-    """All entries but that of the roll rate by beta agree to 1e-6, that to 5e-6."""
+    """A, B and thrust agree with JSBSim to 1e-6, and the derivative of the roll rate by beta to
+    5e-6.
+    """
     model, point = trimmed("T38")
     agree, entries, _ = slopes("T38", model, point)
     assert (agree, entries) == (71, 72)
@@ -20,7 +22,7 @@ def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
 
 @pytest.mark.slow
 def test_aircraft_with_other_fuel_not_taken_for_same() -> None:
-    """An aircraft with other fuel is not taken for the same."""
+    """An aircraft with another amount of fuel is distinguished from the original."""
     model, _ = trimmed("T38")
     fuel = dict(zip(model.parameters, model.p, strict=True))["tank0"]
     lighter, point = trimmed("T38", tank0=0.5 * fuel)

@@ -1,4 +1,4 @@
-"""Linear models identified from JSBSim's flights against JSBSim's linearization."""
+"""Linear models identified from flights of JSBSim compared with JSBSim's linearization."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from studies.jsbsim.identified import (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_bands_hold_slopes_of_jsbsim(name: str) -> None:
-    """At least 90 % of the bands hold the slopes of JSBSim and ours, and none holds a pitch damping
-    that is 10 % off."""
+    """At least 90 % of the bands contain the derivatives of JSBSim and ours. None contains a pitch
+    damping with an error of 10 %.
+    """
     case = CASES[name]
     point, flights = flown(name, case)
     theirs, ours = jsbsim_slopes(name, point), own_slopes(point)

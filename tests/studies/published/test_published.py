@@ -1,4 +1,4 @@
-"""The page of printed answers is the output of the command, and every file names its source."""
+"""The page of printed answers equals the output of the command, and every file names its source."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_row_is_what_the_command_makes(path: Path) -> None:
 
 
 def test_results_have_every_file_and_page_is_theirs() -> None:
-    """The results have every file and the page is theirs."""
+    """The stored results contain every file, and the page shows them."""
     rows = load_results()
     assert results_of(rows) == RESULTS.read_text("utf-8"), STALE
     assert page_of(rows) == PAGE.read_text("utf-8"), STALE

@@ -1,5 +1,6 @@
-"""Claims follow their numbers; docs/experiments.md shows the stored results, and those are of this
-configuration."""
+"""Claims follow from their numbers. docs/experiments.md shows the stored results, which are of the
+current configuration.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ ROW = re.compile(r"^\|[^|]*\| (?:claim|5\.\d-\d+) \|.*\|$", re.M)
 
 
 def wrong_numbers(text: str) -> list[str]:
-    """Cells of the table of numbers that are not those of the results."""
+    """Return the cells of the table of numbers that differ from the results."""
     header, *rows = ([cell.strip() for cell in line.split("|")[2:-1]] for line in ROW.findall(text))
     claims = {claim["number"]: claim for claim in STORED["claims"]}
     found = []
@@ -75,8 +76,10 @@ def test_the_document_shows_the_stored_results() -> None:
 
 
 def test_the_stored_results_are_those_of_this_configuration() -> None:
-    """They grow stale when the configuration or a claim changes: run the study and copy
-    claims.json."""
+    """The stored results are of the current configuration and claims.
+
+    If one of them changes, run the study and copy claims.json.
+    """
     setting = make_setting(section5_configuration())
     assert STORED["setting"]["reading"] == setting.identity["reading"]
     for stored, model in zip(STORED["setting"]["models"], setting.identity["models"], strict=True):
@@ -96,8 +99,10 @@ def test_the_stored_results_are_those_of_this_configuration() -> None:
 
 @pytest.mark.slow
 def test_the_results_come_out_again(tmp_path: Path) -> None:
-    """Our own laws to 1e-6 on any processor; the paper's chatters at rounding, but its verdicts do
-    not change."""
+    """A new run reproduces the stored numbers of our laws to 1e-6, and all verdicts.
+
+    The paper's law chatters, so that its numbers depend on the processor, but its verdicts do not.
+    """
     assert section5.main(["-o", str(tmp_path)]) == 0
     again = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
     for stored, found in zip(STORED["claims"], again["claims"], strict=True):
@@ -135,8 +140,10 @@ def recorded(plan: FlightPlan, numbers: dict[str, Any], lost_at: float = np.inf)
 
 
 def evidence_of(*tables: dict[str, float], lost_at: float = np.inf) -> Evidence:
-    """The four flights of 5.3 under the exact law with these numbers, the last one leaving the
-    envelope at `lost_at`."""
+    """Return four flights of Section 5.3 under the exact law with these numbers.
+
+    The last flight leaves the envelope at the time `lost_at`.
+    """
     plans = [
         FlightPlan(5.0, EXACT, factor) for factor in EMPTY.setting.configuration.uncertainty.factors
     ]
@@ -164,8 +171,9 @@ TABLES = [{"a": 1.0, "b": 4.0, "c": np.inf}, *[{"a": 2.0, "b": 3.0, "c": np.inf}
     ],
 )
 def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], value: float) -> None:
-    """A measure is computed from its flights and names, and a lost flight raises an error that
-    names it."""
+    """A measure is computed from its flights and names. A flight that leaves the envelope raises an
+    error that names it.
+    """
     group = "5 deg" if "to" in said else "every uncertainty"
     evidence = evidence_of(*TABLES)
     if "to" in said:  # of the flight without uncertainty to that with the noise
@@ -189,8 +197,9 @@ def test_measures_look_at_the_right_flights_and_names(said: dict[str, Any], valu
     ],
 )
 def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, verdict: str) -> None:
-    """The verdict on a claim follows from the value, the limit, and the time at which a flight was
-    lost."""
+    """The verdict on a claim follows from its value, its limit, and the time at which a flight
+    leaves the envelope.
+    """
     measure = {"worst": "cost", "in": "every uncertainty"}
     relation, limit = must.split()
     bound = limit if limit.isidentifier() else float(limit)
@@ -201,7 +210,7 @@ def test_a_claim_follows_its_number(must: str, lost_at: float, missing: str, ver
 
 
 def test_claims_about_print_are_those_of_printed_matrices() -> None:
-    """Claims about the print are those of the printed matrices."""
+    """Claims about printed values use the printed matrices."""
     at_15, at_5 = published_models()
     about = {
         claim.number: claim
@@ -250,7 +259,7 @@ def test_flight_fails_when_it_lost_or_critic_refused(
 
 @pytest.mark.slow
 def test_a_section_is_run_kept_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The smallest one, flown for a second with steps of 1 ms."""
+    """The smallest section, flown for a second with steps of 1 ms, is run, stored and drawn."""
     brief = {"flight": {"step": 1e-3, "duration": 1.0}, "learning": {"predefined_time": [0.5] * 4}}
     brief["criteria"] = {"late": [0.5, 1.0], "short_adjustment": 0.5}  # type: ignore[dict-item]
     # The true section takes minutes.

@@ -1,5 +1,6 @@
-"""Flights of Section 5 against independent integrators, their numbers against another study,
-learning in flight."""
+"""Flights of Section 5 compared with independent integrators and with another study, and learning
+in flight.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +112,9 @@ def test_tracking_is_what_another_study_found(
 
 @pytest.mark.parametrize("law", [pytest.param(EXACT, marks=pytest.mark.slow), EXACT_FF])
 def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
-    """LSODA on the error equation with the forcing of the reference: states, cost and metrics."""
+    """States, cost and metrics agree with LSODA on the error equation with the forcing of the
+    reference.
+    """
     setting = make_setting(section5_configuration(COARSE))
     case = setting.case(5.0)
     configuration = setting.configuration
@@ -138,8 +141,9 @@ def test_a_flight_agrees_with_an_independent_simulation(law: str) -> None:
 
 
 def test_the_fixed_step_agrees_with_an_adaptive_integrator() -> None:
-    """The paper's step against DOP853 at rtol 1e-10, begun anew at each tick: 1e-6 on every
-    state."""
+    """At the paper's step every state agrees to 1e-6 with DOP853 (rtol 1e-10), restarted at each
+    tick.
+    """
     from scipy.integrate import solve_ivp
 
     setting = make_setting(section5_configuration(BRIEF))
@@ -179,7 +183,7 @@ def test_the_law_as_printed_overflows_at_once() -> None:
 
 
 def test_modified_law_learns_in_flight_and_can_frozen() -> None:
-    """The modified law learns in flight and can be frozen."""
+    """The modified law learns in flight, and its learning can be stopped."""
     free, frozen = (flown(BRIEF, FlightPlan(5.0, MODIFIED), section) for section in ("5.1", "5.3"))
     assert free.held
     assert (
@@ -191,7 +195,7 @@ def test_modified_law_learns_in_flight_and_can_frozen() -> None:
 
 
 def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
-    """The certified law applies a baseline and then the exact gain."""
+    """The certified law applies the baseline first, and then the exact gain."""
     setting = make_setting(section5_configuration(BRIEF))
     forward = constants_of(setting, CERTIFIED_FF, 0.5)
     exact = setting.case(5.0).exact.K
@@ -205,7 +209,7 @@ def test_certified_law_applies_baseline_and_then_exact_gain() -> None:
 
 
 def test_integral_learning_applies_start_until_it_has_data() -> None:
-    """Integral learning applies its start until it has data."""
+    """Integral learning applies its initial policy until it has enough data."""
     setting = default_setting()
     constants = constants_of(setting, INTEGRAL, 5.0)
     np.testing.assert_allclose(
@@ -216,7 +220,7 @@ def test_integral_learning_applies_start_until_it_has_data() -> None:
 
 
 def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
-    """Uncertainty and noise reach the plant and the sensor."""
+    """Uncertainty acts on the plant, and noise on the sensor."""
     setting = make_setting(
         section5_configuration(BRIEF | {"flight": {"duration": 1.0, "step": 1e-3}})
     )
@@ -254,8 +258,9 @@ def test_uncertainty_and_noise_reach_the_plant_and_sensor() -> None:
     ],
 )
 def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -> None:
-    """The angle of attack misses its command whatever the missing signs are, by the amounts in
-    docs/experiments.md."""
+    """For each choice of the missing signs, the error of the angle of attack is that in
+    docs/experiments.md.
+    """
     if isinstance(changes, tuple):
         own = PaperFlight.REFERENCE
         changes = {"reference": Waveform(np.array(changes), own.slope, own.harmonics)}
@@ -267,7 +272,7 @@ def test_error_of_alpha_with_other_signs_one_document(said: str, changes: Any) -
 def test_learning_in_flight_begins_with_the_baseline(
     newton: FlownCase,
 ) -> None:
-    """Learning in flight flies the baseline then certified gains and knows nothing of the future."""
+    """Learning in flight applies the baseline and then certified gains. It uses no future data."""
     learned = learn(newton.game, predefined_time=2.0)
     gains, certified_from = certified_gains(newton.game, learned, 0.01)
     assert 0.0 < certified_from < 2.0

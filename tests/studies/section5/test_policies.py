@@ -1,5 +1,6 @@
-"""Policies of Section 5: the critic in flight is the published update law; the exact feedforward
-and its optimality."""
+"""Policies of Section 5: the critic in flight follows the published update law, and the exact
+feedforward is optimal.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ def law_with(index: int = 0, **changes: Any) -> PublishedLaw:
 def expected(
     law: PublishedLaw, r: np.ndarray, z: np.ndarray, W: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """u and W' of Eq. (46) from `published_equations`, with the drift F = A z + r."""
+    """Return u and W' of Eq. (46) by `published_equations`, with the drift F = A z + r."""
     e = law.equations
     s = law.settings
     y = (z / e.scales)[None, :]
@@ -101,8 +102,9 @@ def flown(
 def test_the_right_sides_are_equal(
     normalisation: str, coordinates: str, basis: str, told: bool
 ) -> None:
-    """Policy and weight rate in flight equal an independent computation, for each reading of the
-    paper."""
+    """Policy and weight rate in flight equal an independent computation, for each interpretation of
+    the paper.
+    """
     law = law_with(normalisation=normalisation, coordinates=coordinates, basis=basis)
     r = forcing(law.game.A, REFERENCE) if told else zero(6)
     policy = CriticPolicy("critic", law, r)
@@ -120,7 +122,7 @@ def test_the_right_sides_are_equal(
 
 
 def test_another_law_is_seen() -> None:
-    """The comparison detects another exponent, and a reference that the law does not know."""
+    """The comparison detects another exponent and a law that ignores the reference."""
     law = law_with()
     z = np.array([1.0, 0.1, 0.0, 0.1, 0.2, 0.0])
     W = np.linspace(-50.0, 100.0, law.basis.size)
@@ -150,8 +152,9 @@ def test_forcing_is_the_rate_that_a_reference_adds() -> None:
 
 
 def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
-    """s' and x_d' by central differences of order 4, independent of Ω; x_d of the signal that is
-    flown."""
+    """s' and x_d' equal central differences of fourth order, and x_d belongs to the flown
+    signal.
+    """
     P = solve_game(game).P
     P_s = exosystem_feedforward(game, P, PAPER)
     loop = game.A - game.S @ P
@@ -167,7 +170,7 @@ def test_feedforward_satisfies_its_differential_equation(game: Game) -> None:
 
 
 def test_constant_reference_constant_feedforward_and_free_motion_none(game: Game) -> None:
-    """A constant reference has a constant feedforward and a free motion none."""
+    """The feedforward of a constant reference is constant, and that of a free motion is 0."""
     P = solve_game(game).P
     level = np.array([7.0, 0.1, 0.0, 0.0, 0.5, 0.0])
     P_s = exosystem_feedforward(game, P, exosystem(level, np.zeros(6)))
@@ -191,8 +194,9 @@ def test_references_without_a_bounded_answer_are_refused(game: Game) -> None:
 
 
 class _Tracking:
-    """The tracking game on the reference of the paper, with its exact policies and a way to leave
-    them."""
+    """The tracking game on the reference of the paper, with its exact policies and deviations from
+    them.
+    """
 
     def __init__(self, game: Game) -> None:
         self.game, self.P = game, solve_game(game).P
@@ -224,14 +228,18 @@ class _Tracking:
         )
 
     def total(self, flight: LinearFlight) -> float:
-        """Cost to the end plus the value from there on, up to a constant that no policy changes."""
+        """Return the cost up to the end plus the value at the end, up to a constant that no policy
+        changes.
+        """
         z = flight.states[-1]
         return float(flight.cost[-1] + z @ self.P @ z + 2.0 * self.s(flight.times[-1]) @ z)
 
 
 def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
-    """J(0, T) + V(z(T), T) = V(z(0), 0) with c(0) - c(T) = ∫ 2 s'r - s'S s dt; 1 % of s more costs
-    more."""
+    """The exact policies have the cost J(0, T) = V(z(0), 0) - V(z(T), T).
+
+    Here c(0) - c(T) = ∫ 2 s'r - s'S s dt. A feedforward 1 % larger costs more.
+    """
     tracking = _Tracking(game)
     end = 8.0
     flight = tracking.fly(end)
@@ -248,8 +256,9 @@ def test_exact_policies_cost_what_the_value_says(game: Game) -> None:
 
 
 def test_leaving_the_feedforward_costs_to_second_order() -> None:
-    """u + ε v costs exactly ε² ∫ v'R v against the exact d, and d + ε g gains exactly -ε² δ² ∫
-    g'g."""
+    """Against the exact d, the control u + ε v costs ε² ∫ v'R v more. The disturbance d + ε g gains
+    -ε² δ² ∫ g'g.
+    """
     game = game_models()[min(game_models())]
     tracking = _Tracking(game)
     rng = np.random.default_rng(0)

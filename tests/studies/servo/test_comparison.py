@@ -1,5 +1,6 @@
-"""The servos against SimVFA, their requirements, and the dynamics of the air: the stored numbers
-come out again."""
+"""The servos compared with SimVFA, their requirements, and the dynamics of the air. The stored
+numbers are reproduced.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +47,9 @@ def test_a_case_is_flown_kept_and_resumed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """In 15 s of the fault the paper's policy leaves the envelope, as in findings.md; --resume
-    flies nothing again."""
+    """Within 15 s of the fault the paper's policy leaves the envelope, as in findings.md. With
+    --resume no flight is repeated.
+    """
 
     def run(*words: str, code: int = 0) -> str:
         # The words of the command are read from there.
@@ -105,7 +107,7 @@ STORED_ROWS = [
 
 
 def test_the_findings_have_stored_results() -> None:
-    """Each case has stored results, and the findings show rows of these results alone."""
+    """Each case has stored results, and the findings show only rows of these results."""
     published = [case["case"] for case in STORED if case["dynamics"] == "published"]
     assert published == list(CASES)
     shown = re.findall(r"^\| order-.*$", FINDINGS, re.M)
@@ -129,7 +131,7 @@ THEIRS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model, case: str) -> None:
-    """The numbers of simvfa and the stored ones come out again."""
+    """New flights reproduce the stored numbers and those of SimVFA."""
     flights = {flight.law: flight for flight in fly_case(published_aircraft, CASES[case], {})}
     for (where, law), theirs in THEIRS.items():
         if where == case:
@@ -145,7 +147,7 @@ def test_numbers_of_simvfa_stored_ones_come_out_again(published_aircraft: Model,
 
 @pytest.mark.slow
 def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -> None:
-    """The largest gust is where flights begin to end."""
+    """Flights stay in the envelope up to the stated largest gust and leave it above."""
     controller = designed_servo(published_aircraft)
     model = model_at(11.0)
     acting = Actuator(2, 2.0)
@@ -159,8 +161,9 @@ def test_largest_gust_is_where_flights_begin_to_end(published_aircraft: Model) -
 
 
 def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
-    """Padé's delay in all inputs agrees with the margin from the frequency response; a little more
-    is unstable."""
+    """The delay margin by Padé's delay in all inputs agrees with that of the frequency response. A
+    slightly longer delay is unstable.
+    """
     controller = designed_servo(published_aircraft)
     plant = servo_plant(
         published_aircraft,
@@ -179,7 +182,7 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
-    """20 ms are stood at half the effectiveness and a planted gain is not."""
+    """At half the effectiveness the servo tolerates 20 ms of delay, and a planted gain does not."""
     aircraft = hfa.aircraft(dynamics)
     controller = designed_servo(aircraft)
     assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0
@@ -200,8 +203,10 @@ def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
 def test_the_stored_requirements_are_of_the_shipped_design(
     dynamics: str, places: list[tuple[int, float]]
 ) -> None:
-    """The margins of the stored table come out again; the smallest are at these angles (deg) and
-    bandwidths of the actuators (rad/s)."""
+    """The shipped design has the margins of the stored table.
+
+    The smallest margins are at these angles (deg) and bandwidths of the actuators (rad/s).
+    """
     aircraft = hfa.aircraft(dynamics)
     stored = json.loads(
         (FOLDER / "results" / f"requirements_{dynamics}.json").read_text(encoding="utf-8")
@@ -221,7 +226,7 @@ def test_the_stored_requirements_are_of_the_shipped_design(
 
 
 def test_lags_of_air_reach_servo_make_loop_unstable() -> None:
-    """The lags of the air reach the servo and make its loop unstable."""
+    """With the lags of the air the servo loop is unstable."""
     servo = design_controller(hfa.aircraft(), simvfa_design("simvfa-1"), np.radians([5.0, 15.0]))
     assert margins_of("published", 5.0, servo, 1) == pytest.approx((-0.133, 1.63), abs=6e-3)
     assert margins_of("newton", 15.0, servo, 1) == pytest.approx((-0.101, 1.07), abs=6e-3)

@@ -1,5 +1,6 @@
-"""SimVFA's servos: what their formulas promise; the adaptive laws against their equations, written
-again."""
+"""SimVFA's servos: their formulas have the promised properties, and the adaptive laws agree with an
+independent form of their equations.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +41,9 @@ def test_error_of_the_mixed_output_is_positive_real(published_aircraft: Model, o
     """H(iω) + H(iω)* of H = S C (s - A + L C)⁻¹ B1 is positive definite, as the adaptive law
     requires.
 
-    Of order 1, with the ε that SimVFA has, only above 0.12 rad/s; its stability proof does not
-    cover slower ones."""
+    For order 1 and SimVFA's ε this holds only above 0.12 rad/s. Its stability proof does not cover
+    slower errors.
+    """
     for angle in ANGLES:
         model = level_model(published_aircraft, angle)
         found = reference_model(
@@ -110,7 +112,9 @@ def random_models(seed: int, states: int) -> list[ReferenceModel]:
 
 
 def between(models: list[ReferenceModel]) -> tuple[np.ndarray, ...]:
-    """A, B, K, L, S, R⁻¹ and the squared-up B where the flight is, and C of the first."""
+    """Return A, B, K, L, S, R⁻¹ and the squared-up B interpolated at the flight, and C of the first
+    model.
+    """
     names = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
     return (*(sum(getattr(each, name) for each in models) / 2 for name in names), models[0].C)
 
@@ -124,7 +128,7 @@ def law_of(kind: type[AdaptivePolicy], models: list[ReferenceModel]) -> Adaptive
 
 
 def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """u of its inputs, those of the others being 0, and the rate of its memory."""
+    """Return u for these inputs, the others being 0, and the rate of the memory."""
     states = ca.SX(6, 1)
     nothing = ca.SX(0, 1)
     states[4] = _RISEN
@@ -140,7 +144,7 @@ def evaluated(law: AdaptivePolicy, memory: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def parts_of(memory: np.ndarray, shapes: tuple[tuple[int, int], ...]) -> list[np.ndarray]:
-    """The memory in its parts, matrices column by column."""
+    """Return the parts of the memory, with matrices column by column."""
     ends = np.cumsum([rows * columns for rows, columns in shapes])[:-1]
     return [
         each.reshape(shape, order="F")
@@ -153,8 +157,10 @@ SHAPES_2 = ((2, 1), (10, 1), (2, 1), (8, 1), (2, 2), (6, 2), (8, 2), (3, 1), (3,
 
 
 def by_equations_2(y: np.ndarray, models: list[ReferenceModel]) -> tuple[np.ndarray, np.ndarray]:
-    """u and y', Π f = f + f'/2 of products f with f' by a central difference, which is exact for
-    them."""
+    """Return u and y' for order 2.
+
+    Π f = f + f'/2 of products f, with f' by a central difference, which is exact for them.
+    """
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     integrals, x_m, v_bar, x_bar, _, _, _, e_bar, _ = parts_of(y, SHAPES_2)
     e_y = np.vstack([MEASURED[:1, None], integrals]) - C @ x_m
@@ -211,13 +217,13 @@ SHAPES_3 = (
 
 
 def product(psi: Signal, x: Signal) -> Signal:
-    """Ψ'x by Leibniz's rule."""
+    """Return Ψ'x by Leibniz's rule."""
     known = range(min(len(psi), len(x)))
     return [sum(comb(n, k) * psi[k].T @ x[n - k] for k in range(n + 1)) for n in known]  # type: ignore[misc]
 
 
 def operated(psi: Signal, x: Signal) -> np.ndarray:
-    """Π{Ψ'x}."""
+    """Return Π{Ψ'x}."""
     zeroth, first, second = product(psi, x)
     result: np.ndarray = A0 * zeroth + A1 * first + A2 * second
     return result
@@ -226,19 +232,19 @@ def operated(psi: Signal, x: Signal) -> np.ndarray:
 def by_equations_3(
     memory: np.ndarray, models: list[ReferenceModel]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """u and the rate of the memory."""
+    """Return u and the rate of the memory for order 3."""
     A, B, K, L, S, R_inverse, squared_up, C = between(models)
     left = iter(parts_of(memory, SHAPES_3))
     rates = []
 
     def filtered(x: np.ndarray, state: list[np.ndarray]) -> Signal:
-        """1/Π x."""
+        """Return 1/Π x."""
         signal = [*state, (x - A0 * state[0] - A1 * state[1]) / A2]
         rates.extend(signal[1:])
         return signal
 
     def high(signal: Signal) -> Signal:
-        """(α2 s + α1)/Π x."""
+        """Return (α2 s + α1)/Π x."""
         return [A1 * one + A2 * other for one, other in pairwise(signal)]
 
     def tuned(
@@ -251,7 +257,7 @@ def by_equations_3(
         return [A0 * g * each for each in (X, X_rate, bend)]
 
     def low(signal: Signal) -> Signal:
-        """α2/Π x."""
+        """Return α2/Π x."""
         return [A2 * each for each in signal]
 
     def take(count: int) -> list[np.ndarray]:
@@ -323,8 +329,9 @@ def by_equations_3(
 def test_an_adaptive_law_is_what_its_equations_say(
     kind: Any, expected: Any, states: int, ones: int
 ) -> None:
-    """At a random memory, on random models; it starts from the nominal effectiveness and nothing
-    else."""
+    """An adaptive law equals its equations at a random memory on random models. It starts from the
+    nominal effectiveness.
+    """
     models = random_models(5, states)
     law = law_of(kind, models)
     start = law.nominal_memory()

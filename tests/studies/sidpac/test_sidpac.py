@@ -1,4 +1,4 @@
-"""Bands compared with the Cramér-Rao bounds that SIDPAC stored."""
+"""Bands compared with the Cramér-Rao bounds that SIDPAC stores."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from studies.sidpac.__main__ import DEVIATIONS, PRINTED, bounds, identified
 
 
 def test_bounds_of_scipy_are_the_printed_ones() -> None:
-    """Derivatives, inertia, inputs and residuals are read rightly: within 2 %, the inputs being
-    read off the record. An initial condition that is unknown widens bounds."""
+    """Cramér-Rao bounds by SciPy agree with the printed ones within 2 %, with inputs taken from the
+    record.
+
+    An unknown initial condition makes the bounds wider.
+    """
     known, unknown = bounds(start_known=True), bounds(start_known=False)
     for name, printed in DEVIATIONS.items():
         assert known[name] == pytest.approx(printed, rel=0.02)
@@ -21,7 +24,9 @@ def test_bounds_of_scipy_are_the_printed_ones() -> None:
 
 @pytest.mark.slow
 def test_bands_of_identify_have_the_printed_width() -> None:
-    """Mean of three records within 3 % of SciPy's bounds; at least 45 of 54 hold the estimate."""
+    """The mean band of three records is within 3 % of SciPy's bounds, and at least 45 of 54 bands
+    contain the estimate.
+    """
     bands = [identified(seed).parameters for seed in (1, 2, 3)]
     expected = bounds(start_known=False)
     held = 0

@@ -29,7 +29,7 @@ def stable_learning(**changes: Any) -> IntegralLearning:
 
 
 def test_integrals_are_those_of_the_flight() -> None:
-    """Against Simpson's rule on a fine grid."""
+    """The recorded integrals equal Simpson's rule on a fine grid."""
     from scipy.integrate import simpson
 
     law = stable_learning()
@@ -50,7 +50,7 @@ def test_integrals_are_those_of_the_flight() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_each_iteration_is_the_value_of_last_policies(form: str) -> None:
-    """Each iteration is the value of the last policies."""
+    """Each iteration gives the value of the previous policies."""
     law = stable_learning(form=form, iterations=4)
     weights = run(law).history["weights"]
     matrices = [law.basis.matrix(w) for w in weights]
@@ -73,8 +73,9 @@ def test_game_of_the_stable_model_from_nothing(seed: int) -> None:
 
 
 def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
-    """The aircraft alone is unstable at 15 deg: the law starts from the policy that keeps it
-    flying."""
+    """The aircraft is unstable at 15 deg, and the law converges only from a stabilizing initial
+    policy.
+    """
     game, exact = published("published-15")
     from_nothing = learn_by_integrals(game)
     assert not is_hurwitz(game.A - game.S @ from_nothing.P)
@@ -86,7 +87,7 @@ def test_an_unstable_plant_needs_a_stabilizing_start() -> None:
 
 @pytest.mark.parametrize("form", ["game", "lqr"])
 def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
-    """The learned gain is biased when a disturbance acts and is not measured."""
+    """A disturbance that is not measured biases the learned gain."""
     game, _ = published("published-5")
     exact = published("published-5")[1] if form == "game" else lq("published-5")[1]
     assert learn_by_integrals(game, form=form).settled
@@ -97,9 +98,7 @@ def test_an_unmeasured_disturbance_biases_it(form: str) -> None:
 
 
 def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the flight recorded, another A changes no bit of the weights.
-
-    Patched: a law records its flight with its own A."""
+    """With a given record of the flight, another A changes no bit of the weights."""
     from dataclasses import replace
 
     law = stable_learning()
@@ -112,7 +111,9 @@ def test_learning_does_not_read_A(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_data_without_a_result_are_refused() -> None:
-    """Data of too low rank, an overflowing flight, and a policy without value end in one line."""
+    """Rank-deficient data, an overflowing flight, and a policy without a value are refused in one
+    line.
+    """
     game, _ = published("published-5")
     with pytest.raises(BadInputError, match=r"the flight has rank \d+ of 21"):
         learn_by_integrals(game, intervals=21, interval=1e-4)
@@ -129,7 +130,7 @@ def test_data_without_a_result_are_refused() -> None:
 
 
 def test_probing_flight_obeys_the_plant() -> None:
-    """Against an independent integration of z' = A z + B u(t) + E d(t)."""
+    """The probing flight equals an independent integration of z' = A z + B u(t) + E d(t)."""
     from scipy.integrate import solve_ivp
 
     game = stable_game()

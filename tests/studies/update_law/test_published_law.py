@@ -1,5 +1,4 @@
-"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and where it
-ends."""
+"""The paper's update law, Eq. (46): its terms, its explicit and implicit steps, and its results."""
 
 from __future__ import annotations
 
@@ -53,8 +52,9 @@ def random_sample(seed: int = 0, samples: int = 9, size: int = 4) -> Sample:
 
 
 def test_residual_and_regressor_are_those_of_the_paper() -> None:
-    """σ and e with û, d̂ put in one by one (Eq. 29-33), for a policy that is not that of the
-    weights."""
+    """σ and e equal Eq. (29) to (33) with û and d̂ substituted one by one, also for policies that
+    do not follow from the weights.
+    """
     game = stable_game()
     functions = basis("quadratic+quartic", 2)
     rng = np.random.default_rng(1)
@@ -73,8 +73,9 @@ def test_residual_and_regressor_are_those_of_the_paper() -> None:
 
 
 def test_direction_is_the_printed_sum() -> None:
-    """The update direction equals the printed sum over samples, and the normalisers their
-    formulas."""
+    """The update direction equals the printed sum over samples, and the normalisers equal their
+    formulas.
+    """
     sample = random_sample()
     gamma = 0.01
     a1 = 3.0
@@ -105,10 +106,10 @@ def test_gains_are_those_of_the_theorem() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
-    """ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃ for an exact basis: the ideal case of Theorem 1 does not
-    occur.
+    """For an exact basis ε_H of Eq. (35) is -¼ W̃'∂ψ S ∂ψ'W̃, so that Theorem 1's ideal case does
+    not occur.
 
-    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ', σ at the current weights.
+    e = W̃'σ + ¼ W̃'M W̃ with M = ∂ψ S ∂ψ', and σ at the current weights.
     """
     game, exact = published(name)
     law = law_of(game, basis="quadratic", coordinates="scaled", stack_policies="reevaluated")
@@ -125,7 +126,9 @@ def test_residual_is_quadratic_in_the_weight_error(name: str) -> None:
 
 
 def test_explicit_steps_stable_below_limit_and_not_above() -> None:
-    """Growth of a small disturbance of the weights under forward Euler, frozen policies."""
+    """With frozen policies, a small disturbance of the weights decays under explicit Euler steps
+    below the limit and grows above it.
+    """
     sample = random_sample(3)
     gamma = 0.2
     a1 = 2.0
@@ -199,7 +202,7 @@ def test_defaults_are_those_of_the_paper() -> None:
 
 @pytest.mark.parametrize("kind", ["root", pytest.param("squared", marks=pytest.mark.slow)])
 def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
-    """Stored policies lead to their own value in the time of the theorem."""
+    """Stored policies lead to their own value within the time of the theorem."""
     game, exact = published(PUBLISHED[1])
     recorded = reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P
     value = value_of_policies(game, recorded)
@@ -219,7 +222,7 @@ def test_stored_policies_lead_to_value_in_time_theorem(kind: str) -> None:
 
 
 def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
-    """Reevaluated policies can reach the game from a stabilizing start."""
+    """From a stabilizing start, re-evaluated policies can reach the solution of the game."""
     game, exact = published(PUBLISHED[1])
     start = tuple(
         QUADRATIC.weights(reference_solution(replace(game, Q=1000.0 * np.eye(6), delta=np.inf)).P)
@@ -231,8 +234,9 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 
 
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
-    """z' = A z + B û runs in parallel with the learning: Euler steps of both, against a
-    hand-written loop."""
+    """Plant and learning with gains chosen by hand equal a handwritten loop of Euler steps. The
+    result is not certified.
+    """
     game = stable_game()
     functions = basis("quadratic", 2)
     flown = PublishedSettings(

@@ -1,4 +1,4 @@
-"""The stored table of the paper's update law: it is today's, and a repeated run gives the same."""
+"""The stored table of the paper's update law is current, and a new run reproduces it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def assert_same_outcome(found: dict[str, Any], stored: dict[str, Any]) -> None:
 
 
 def test_the_stored_table_is_todays_and_whole() -> None:
-    """The stored rows have the settings and summaries that the study would compute now."""
+    """The stored rows have the settings and summaries that the study computes now."""
     assert tuple(COMMITTED) == tuple(ROWS)
     of = references()
     for name, row in COMMITTED.items():
@@ -87,7 +87,7 @@ def test_another_outcome_is_seen() -> None:
 
 
 def test_ends_hang_on_ninth_digit_of_start_told() -> None:
-    """Runs decided by rounding are counted, and their range of errors is reported."""
+    """Runs whose outcome depends on rounding are counted, and their range of errors is reported."""
     row = COMMITTED["theorem gains, implicit"]
     assert {len(run["P_errors_nearby"]) for run in row["runs"]} == {2}
     hanging = [run for run in row["runs"] if by_rounding(run)]
@@ -111,7 +111,7 @@ def test_the_document_shows_the_stored_numbers() -> None:
 
 
 def test_the_causes_that_document_gives_are_in_runs() -> None:
-    """The causes that the document gives are in the runs."""
+    """The causes that the document states occur in the runs."""
     runs = [row["runs"] for row in COMMITTED.values()]
     assert sum(map(len, runs)) == 136
     explicit, implicit, raw, scaled, helped, frozen, rich, poor = runs

@@ -1,5 +1,6 @@
-"""The comparison with the outside: it passes for the identified aircraft, sees every planted error,
-and decides how each inertia depends on the dihedral angle."""
+"""The comparison with external data passes for the identified aircraft, detects every planted
+error, and decides how each inertia depends on the dihedral angle.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +41,9 @@ def test_the_identified_aircraft_passes(published_aircraft: Model) -> None:
 
 
 def test_first_principles_are_not_what_was_released(parameters: Parameters) -> None:
-    """The aircraft of first principles fails the eigenvalue at 30 ft/s and an entry of the third
-    model."""
+    """The aircraft of first principles fails two checks: the eigenvalue at 30 ft/s, and an entry of
+    the third model.
+    """
     validation = validate(hfa.aircraft("newton", parameters))
     failed = {check.name: check.reason for check in validation.checks if not check.ok}
     assert "eigenvalue_30_ft_s" in failed
@@ -71,7 +73,9 @@ def test_a_wrong_parameter_is_seen(
 def test_a_wrong_number_of_theirs_is_seen(
     published_aircraft: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wrong eigenvalue of the released simulation fails the check of that eigenvalue alone."""
+    """A wrong eigenvalue of the released simulation fails the check of that eigenvalue, and no
+    other.
+    """
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     # The planted fault: a wrong number of the released simulation.
@@ -84,7 +88,9 @@ def test_a_wrong_number_of_theirs_is_seen(
 def test_half_units_of_printed_and_exact_entries(
     published_aircraft: Model,
 ) -> None:
-    """Half a unit of the last printed digit and exact entries."""
+    """A printed entry has a tolerance of half a unit of its last digit, and an exact entry has
+    none.
+    """
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
     assert entries["A(pitch_rate, dihedral_rate)"].half_unit == pytest.approx(0.005)
@@ -103,8 +109,9 @@ def test_half_units_of_printed_and_exact_entries(
 
 
 def test_the_simulations_values_pass_in_its_air() -> None:
-    """The released parameters fail in the standard atmosphere and pass with the simulation's own
-    density."""
+    """The released parameters fail in the standard atmosphere and pass with the density of the
+    released simulation.
+    """
     gravity, gas, radius = (
         32.17405,
         1716.55,
@@ -132,12 +139,12 @@ ANGLES = (0, 15, 30, 45)
 
 
 class PrintedInertia(Published):
-    """d3 as Gibson et al. print it, Eq. (46)."""
+    """The aircraft with d3 as printed by Gibson et al., Eq. (46)."""
 
     factor = 1.0
 
     def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
-        """d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η."""
+        """Return d3 = I_x3x3 + m s²/4 + c (m s²/6) cos² η."""
         mass_moment = p.panel_mass * p.panel_span**2
         return (
             p.inertia_roll + mass_moment / 4 + self.factor * mass_moment / 6 * ca.cos(dihedral) ** 2
@@ -145,13 +152,13 @@ class PrintedInertia(Published):
 
 
 class FreeFactor(PrintedInertia):
-    """The aircraft with one further constant, identified from the printed pairs."""
+    """The aircraft with one more constant, identified from the printed pairs."""
 
     factor = 0.039211
 
 
 class NewtonInertia(Published):
-    """d3 with Newton's sign, as it follows from Gibson et al., Eq. (70)."""
+    """The aircraft with d3 by Newton's law, whose sign follows from Gibson et al., Eq. (70)."""
 
     hinge_inertia = Newton.hinge_inertia
 
@@ -161,15 +168,16 @@ def failed(found: Validation) -> dict[str, float]:
 
 
 def off_at(dihedral: Quantity, degrees: float, size: float) -> Quantity:
-    """A factor that is 1 but within about two degrees of one angle."""
+    """Return a factor that differs from 1 only within about two degrees of one angle."""
     return 1 + size * ca.exp(-((50 * (dihedral - np.radians(degrees))) ** 2))
 
 
 def test_cos_squared_fits_the_print_and_fails_outside(
     parameters: Parameters, published_aircraft: Model
 ) -> None:
-    """Two printed angles fix its two constants and so cannot refute it; 30 ft/s up to 45 deg
-    does."""
+    """An inertia in cos² η fits the two printed angles, which fix its two constants, and fails for
+    30 ft/s up to 45 deg.
+    """
     other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
         entry.half_units
@@ -198,7 +206,7 @@ def test_cos_squared_fits_the_print_and_fails_outside(
 def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
-    """The figure shows -7.25 at 0 and -7.85 at 45 deg: + and cos(η²)."""
+    """Gibson's figure shows -7.25 at 0 and -7.85 at 45 deg, which needs the sign + and cos(η²)."""
     validation = validate(hfa.aircraft(variant, parameters))
     assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
     assert "gibson_fig_7_fast_root" in failed(validation)
@@ -211,7 +219,9 @@ def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
 def test_inertia_is_off_at_one_angle_is_seen(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch, degrees: float
 ) -> None:
-    """The hinge inertia is off by 2e-5, the pitch inertia by 3e-4."""
+    """Errors of 2e-5 of the hinge inertia and 3e-4 of the pitch inertia at one angle are
+    detected.
+    """
 
     class Off(Published):
         def hinge_inertia(self, dihedral: Quantity, p: Parameters) -> Quantity:
@@ -224,7 +234,7 @@ def test_inertia_is_off_at_one_angle_is_seen(
         return ours(x, loads, p) / off_at(x.dihedral, degrees, 3e-4)
 
     class Compiled(Published):
-        """Anew, with the acceleration above."""
+        """The aircraft compiled again with the changed acceleration."""
 
     # The planted fault: another inertia, which no parameter gives at one angle alone.
     monkeypatch.setattr(dynamics, "_pitch_acceleration", with_another_inertia)

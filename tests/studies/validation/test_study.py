@@ -20,7 +20,7 @@ from studies.validation.__main__ import validation
     ],
 )
 def test_the_study(words: str, code: int, capsys: pytest.CaptureFixture[str]) -> None:
-    """The study returns the exit code of its verdict, and its data agree with that code."""
+    """The exit code of the study is its verdict, and its data agree with it."""
     assert run_alone(validation, "python -m studies.validation", words.split()) == code
     text = capsys.readouterr().out
     if code == BAD_INPUT:

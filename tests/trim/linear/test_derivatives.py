@@ -1,5 +1,8 @@
-"""A to F of the HFA against the equations: Taylor remainders and differences of high order, row by
-row, at random states far from any trim. A wrong entry is seen in its row, and in no other."""
+"""A to F of the HFA compared with the equations at random states far from any trim.
+
+The comparison uses Taylor remainders and differences of high order, row by row. A wrong entry is
+detected in its row and in no other.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,8 @@ LINEAR = 1e-10
 
 def points(count: int, seed: int) -> np.ndarray:
     """Return random states and inputs in still air, where the density has derivatives of all
-    orders."""
+    orders.
+    """
     states, inputs = random_points(count, seed)
     altitude = np.clip(states[:, 2], 500.0, 64_500.0)
     altitude[np.abs(altitude - TROPOPAUSE) < 500.0] += 1000.0
@@ -38,7 +42,7 @@ def points(count: int, seed: int) -> np.ndarray:
 
 
 def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """Rates and outputs at states, inputs and winds, by the equations in numbers."""
+    """Return rates and outputs at states, inputs and winds by the equations in numbers."""
     winds = winds_named(NAMES, z[12:].tolist(), ground_drag=ground_drag)
     moment = moment_of(
         State(*z[:7].tolist()),
@@ -51,7 +55,7 @@ def at(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarr
 
 
 def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.ndarray:
-    """[A B E; C D F] per step of `SCALES`."""
+    """Return [A B E; C D F] for each step of `SCALES`."""
     model = aircraft
     model = replace(model, equations=replace(model.equations, ground_drag=ground_drag))
     exact = model.at(z[:7], z[7:12], WATCHED, NAMES)
@@ -61,8 +65,10 @@ def blocks(aircraft: Model, z: np.ndarray, *, ground_drag: bool = False) -> np.n
 def slopes(
     aircraft: Model, count: int, planted: tuple[int, int] | None = None, **how: bool
 ) -> np.ndarray:
-    """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows): 2 when J is
-    exact, 1 when it is not."""
+    """Return the slopes of log |f(z + h d) - f(z) - h J d| over log h, (count, rows).
+
+    They are 2 for an exact J and 1 for a wrong one.
+    """
     rng = np.random.default_rng(3)
     errors = np.full((count, len(ROWS)), 2.0)
     for slope, z in zip(errors, points(count, seed=11), strict=True):
@@ -81,8 +87,10 @@ def slopes(
 
 @pytest.mark.parametrize("ground_drag", [False, True])
 def test_each_rows_remainder_is_of_second_order(aircraft: Model, ground_drag: bool) -> None:
-    """In a direction where the second order cancels the third is left, and between them anything:
-    the median counts."""
+    """The median Taylor remainder of each row is of second order.
+
+    In some directions the second-order terms cancel, so that single remainders may differ.
+    """
     differences = slopes(aircraft, 100, ground_drag=ground_drag)
     typical = np.median(differences, axis=0)
     assert typical.min() >= 1.9, ROWS[typical.argmin()]
@@ -115,7 +123,7 @@ def test_one_wrong_entry_is_seen_in_its_row(
 
 @pytest.mark.parametrize("ground_drag", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_derivatives_equal_high_order_differences(aircraft: Model, ground_drag: bool) -> None:
-    """Differences of eighth order show an error of 1e-10 of the largest entry of a row."""
+    """Derivatives agree with eighth-order differences to 1e-10 of the largest entry of a row."""
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
     for z in points(25, seed=12):
         exact = blocks(aircraft, z, ground_drag=ground_drag)

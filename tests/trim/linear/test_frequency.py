@@ -1,5 +1,6 @@
-"""Transfer functions, zeros and reduced models compared with python-control, SLICOT and steady
-values."""
+"""Transfer functions, zeros and reduced models compared with python-control, SLICOT and
+steady-state values.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ def response(transfer: Transfer) -> np.ndarray:
 
 
 def test_transfer_functions_have_the_models_response(model: LinearModel) -> None:
-    """Transfer functions have the frequency response of the model."""
+    """Transfer functions have the frequency response of their linear model."""
     exact = model.frequency_response(OMEGA).frdata
     reached = 0
     for transfer in transfers(model):
@@ -72,7 +73,9 @@ def test_zeros_are_those_of_slicot(model: LinearModel) -> None:
 
 
 def test_a_known_zero_is_found_and_cancels() -> None:
-    """(s - 3) / ((s + 1) (s + 2)), also with a state that nothing moves: -5 is pole and zero."""
+    """The zero of (s - 3) / ((s + 1) (s + 2)) is found. With a further state that nothing moves, -5
+    is both a pole and a zero and cancels.
+    """
     A = np.diag([-1.0, -2.0, -5.0])
     B = np.array([[1.0], [1.0], [0.0]])
     C = np.array([[-4.0, 5.0, 1.0]])
@@ -86,8 +89,9 @@ def test_a_known_zero_is_found_and_cancels() -> None:
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("slow", [0.0, -1e-3])
 def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
-    """Position and speed of a body with a lag of 0.5 s, in coordinates in which each entry is
-    rounded: a constant force moves it without end, unless a spring (`slow`) holds it."""
+    """A free body with a lag of 0.5 s has no static gain to a constant force, also in coordinates
+    with rounded entries. With a spring (`slow`) it has one.
+    """
     rng = np.random.default_rng(seed)
     T = rng.normal(size=(3, 3))
     A = T @ np.array([[0.0, 1.0, 0.0], [slow, slow, 1.0], [0.0, 0.0, -2.0]]) @ np.linalg.inv(T)
@@ -100,7 +104,9 @@ def test_a_free_body_has_no_static_gain(seed: int, slow: float) -> None:
 
 
 def test_a_slow_zero_does_not_cancel_an_integrator() -> None:
-    """(s + 5e-10) / (s (s + 1)) has no static gain; the static gain was 1."""
+    """(s + 5e-10) / (s (s + 1)) has no static gain, because its slow zero does not cancel the
+    integrator.
+    """
     A = np.array([[0.0, 1.0], [0.0, -1.0]])
     system = StateSpace(A, np.array([[0.0], [1.0]]), np.array([[5e-10, 1.0]]), np.zeros((1, 1)))
     _, static, zeros, poles = gain_and_roots(system, spectrum(A), 1.0)
@@ -134,7 +140,7 @@ def test_residualized_models_are_those_of_python_control(model: LinearModel) -> 
 
 
 def test_what_cannot_be_done_is_said() -> None:
-    """Residualized states with a singular A22 and plots without inputs are refused."""
+    """Residualization with a singular A22, and Bode plots without inputs, are refused."""
     model = level_model(choice.aircraft(), 0.2)
     with pytest.raises(BadInputError, match="pitch cannot be residualized"):
         model.select(residualize=("pitch",))
@@ -148,7 +154,7 @@ def test_what_cannot_be_done_is_said() -> None:
 
 
 def test_a_bode_plot_holds_six_outputs_at_most() -> None:
-    """A bode plot holds every mode and six outputs at most."""
+    """A Bode plot shows every mode and at most six outputs."""
     point = level_model(choice.aircraft(), 0.2).point
     states = linearize(choice.aircraft(), point)
     model = linearize(choice.aircraft(), point, outputs=(*states.states, "gamma"))
@@ -168,8 +174,9 @@ def test_a_bode_plot_holds_six_outputs_at_most() -> None:
 
 
 def test_the_command_shows_what_the_model_has(tmp_path: Path) -> None:
-    """`hfa linearize --bode` reports the transfer functions of the model, and converts them to
-    SI."""
+    """`hfa linearize --bode` reports the transfer functions of the model, and converts them to SI
+    units.
+    """
     chosen = "--inputs", "throttle,elevator_center", "--outputs", "gamma,speed"
     words = "linearize", "--dihedral", "10", "--bode", *chosen
     data = answer(*words, "--picture", str(tmp_path / "bode.svg"))

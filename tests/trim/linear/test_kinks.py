@@ -1,4 +1,4 @@
-"""A and B at the knot of a table, and where |x|, sign, min, max or a comparison switches."""
+"""A and B at the knot of a table, and at the switch of |x|, sign, min, max or a comparison."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def at(model: Model, x: float) -> Any:
 
 @pytest.mark.parametrize("name", FORCES)
 def test_a_kink_has_the_mean_slope(name: str) -> None:
-    """The note was absent at tables and called functions, and A had the slope to one side."""
+    """At a kink, also of tables and called functions, A has the mean of both slopes, and a note
+    names it.
+    """
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
     assert model.A[1, 0] == pytest.approx((below + above) / 2, abs=1e-13)
@@ -70,12 +72,12 @@ def test_a_kink_has_the_mean_slope(name: str) -> None:
 
 @pytest.mark.parametrize("offset", [-0.9e-6, -1e-12, 1e-9, 0.4e-6])
 def test_a_knot_hit_by_rounding_has_the_mean(offset: float) -> None:
-    """A knot that is hit up to rounding has the same mean."""
+    """A trim that is at a knot up to rounding also has the mean slope."""
     assert at(cart(TABLE), offset).A[1, 0] == pytest.approx(1.0, abs=1e-13)
 
 
 def test_the_sides_of_a_curved_kink_are_exact() -> None:
-    """Differences of forces lose half of the digits: the slopes come from derivatives."""
+    """The slopes of both sides of a curved kink are exact, because they come from derivatives."""
     model = at(cart(lambda x: 700 * ca.sin(x) + ca.fabs(x) * ca.exp(x)), 0.0)
     assert model.A[1, 0] == pytest.approx(700.0, abs=1e-11)
 
@@ -93,7 +95,7 @@ def test_a_smooth_table_has_no_note() -> None:
 
 
 def test_a_jump_is_named_and_keeps_its_slope() -> None:
-    """Dry friction: no slope describes it."""
+    """A jump, such as dry friction, is named in a note, and the slope beside it is used."""
     model = at(cart(lambda x: ca.sign(x) + 2 * x), 0.0)
     assert model.A[1, 0] == 2.0
     assert model.kinks == (
@@ -102,7 +104,7 @@ def test_a_jump_is_named_and_keeps_its_slope() -> None:
 
 
 def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
-    """Eigenvalues are those of the mean; the store counts the entries."""
+    """Sweeps use the mean slopes and name them, and a store counts the entries."""
     result = sweep(cart(TABLE), {"x": [-0.5, 0.0, 0.5]})
     assert result.A[:, 1, 0] == pytest.approx([-1.0, 1.0, 3.0], abs=1e-8)
     np.testing.assert_allclose(result.eigenvalues[1] ** 2, 1.0, atol=1e-8)
@@ -116,7 +118,9 @@ def test_sweeps_and_stores_name_their_mean_slopes(tmp_path: Path) -> None:
 
 
 def test_the_kink_of_the_atmosphere_is_reported(published_aircraft: Model) -> None:
-    """The lapse rate of the temperature ends at 11 km: the HFA has a kink there, and nowhere else."""
+    """The HFA has a kink where the lapse rate of the temperature ends at 11 km, and nowhere
+    else.
+    """
     tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
     kinks = []
     for altitude in (tropopause, 40_000.0):
@@ -154,7 +158,7 @@ CART = Model(
 def test_every_command_names_a_kink(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """fly, its samples and export used the gain without a word."""
+    """Every command that uses a linear model or its gain names the kink."""
     monkeypatch.chdir(tmp_path)
     source = KINKED.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
     Path("cart.py").write_text(source, "utf-8")

@@ -1,5 +1,6 @@
-"""The printed matrices regenerated and compared with the model; bands of a model; its winds, by
-panel and in SimVFA."""
+"""The printed matrices compared with the model, bands of a model, and its winds, by panel and as in
+SimVFA.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ PRINTED = pytest.mark.parametrize(
 
 
 def half_units(model: LinearModel, published: PublishedModel) -> float:
-    """Largest |computed - printed| in half units of the last printed digit."""
+    """Return the largest |computed - printed| in half units of the last printed digit."""
     A = np.abs(model.A - published.A) / published.half_unit_A
     B = np.abs(model.B - published.B) / published.half_unit_B
     return float(max(A.max(), B.max()))
@@ -70,10 +71,11 @@ def test_a_parameter_one_percent_off_is_seen(
 
 
 def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
-    """The paper quotes |λ| of 7.11, 0.019 and 4.82 ± 18.66i from Ma and Peng (2021): met to a last
-    digit.
+    """Eigenvalues agree with 7.11, 0.019 and 4.82 ± 18.66i, quoted from Ma and Peng (2021), to a
+    last digit.
 
-    Its fourth pair, 0.016 ± 0.64i, is not that of the printed matrix, which has 0.0144 ± 0.751i.
+    The fourth pair of the paper, 0.016 ± 0.64i, is not an eigenvalue of the printed matrix, which
+    has 0.0144 ± 0.751i.
     """
     eigenvalues = np.linalg.eigvals(regenerate(published_aircraft, published_models()[1]).A)
     quoted = np.array([-7.11, -0.019, -4.82 + 18.66j, -4.82 - 18.66j])
@@ -86,7 +88,7 @@ def test_quoted_eigenvalues_at_5_degrees(published_aircraft: Model) -> None:
 
 
 def test_at_printed_angles_alone_it_is_that_print(aircraft: Model) -> None:
-    """Points at 15 and 5 deg belong to a printed pair, a point at 10 deg does not."""
+    """Points at 15 and 5 deg belong to a printed pair, and a point at 10 deg does not."""
     matches = [
         printed_at(model_at(degrees, hfa_model.variant_of(aircraft).name).point)
         for degrees in (15.0, 10.0, 5.0)
@@ -110,7 +112,9 @@ def bands_of(parameters: ParameterSet, dynamics: str = "published") -> Bands:
 def test_a_band_is_two_standard_errors(
     parameter_set: ParameterSet, dynamics: str, widest: float
 ) -> None:
-    """sqrt(diag(J C J')), with J from differences of whole trims and models."""
+    """A band is two standard errors, sqrt(diag(J C J')), with J by differences of trims and
+    models.
+    """
 
     def entries(values: Parameters) -> np.ndarray:
         aircraft = hfa.aircraft(dynamics, values)
@@ -135,7 +139,9 @@ def test_a_band_is_two_standard_errors(
 def test_copies_of_an_identification_have_its_bands(
     parameter_set: ParameterSet,
 ) -> None:
-    """An edited copy: the same file, covariance and all, with another panel mass in it."""
+    """An aircraft with the identified parameters and covariance but another panel mass has the same
+    bands.
+    """
 
     def heavier(factor: float) -> ParameterSet:
         values = parameter_set.values
@@ -235,8 +241,9 @@ def test_panels_add_up_to_the_uniform_wind(aircraft: Model) -> None:
 
 
 def peer_errors(*, ground_drag: bool) -> dict[str, float]:
-    """Column -> its largest relative error, with the parameters and the density of the released
-    simulation."""
+    """Return the largest relative error of each column with the parameters and the density of the
+    released simulation.
+    """
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
     model = linearize(
@@ -252,7 +259,9 @@ def peer_errors(*, ground_drag: bool) -> dict[str, float]:
 
 
 def test_released_columns_need_drag_over_ground() -> None:
-    """Four columns of the released simulation come out with drag over ground."""
+    """Four columns of the released simulation are reproduced only with drag by the speed over
+    ground.
+    """
     same = peer_errors(ground_drag=True)
     through_the_air = peer_errors(ground_drag=False)
     assert max(same.values()) <= 2e-8
@@ -265,7 +274,7 @@ def test_released_columns_need_drag_over_ground() -> None:
 
 
 def test_linear_models_have_poles_plots_and_arrays() -> None:
-    """Poles plots and arrays of a linear model by method."""
+    """Methods of a linear model return its poles, plots and arrays."""
     linear = model_at(15.0)
     assert np.array_equal(linear.point.linearize().A, linear.A)
     loop = linear["pitch_rate", "elevator_center"]

@@ -1,5 +1,6 @@
-"""Modes: exact numbers of known systems, names and participation of the aircraft's. Handling
-qualities as printed, and by nonlinear trims."""
+"""Modes of known systems have exact numbers. Modes of the aircraft have names and participation.
+Handling qualities agree with printed ones and with nonlinear trims.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from trim.linear.modes import modes_table
 
 @pytest.mark.parametrize("damping", [0.1, 0.7, -0.2])
 def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
-    """x'' + 2 ζ ω x' + ω² x = 0, ω = 3 rad/s."""
+    """The modes of x'' + 2 ζ ω x' + ω² x = 0 with ω = 3 rad/s have their textbook numbers."""
     (mode,) = modes_of(
         np.array([[0.0, 1.0], [-9.0, -6.0 * damping]]),
         ("alpha", "pitch_rate"),
@@ -48,7 +49,7 @@ def test_an_oscillator_has_its_textbook_numbers(damping: float) -> None:
 )
 @pytest.mark.parametrize("seed", range(5))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) -> None:
-    """The table printed "49065291640315728 s (half)"."""
+    """An eigenvalue that is 0 up to rounding is printed as 0, without a time to half."""
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
     modes = modes_of(A, ("a", "b", "c"))
@@ -65,7 +66,9 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block: np.ndarray, seed: int) ->
 @pytest.mark.parametrize("damping", [0.0, 1e-9])
 @pytest.mark.parametrize("seed", range(5))
 def test_two_masses_and_a_spring_never_decay(seed: int, damping: float) -> None:
-    """Earlier the table printed "30762968672889800 (half)"; a damper of 1e-9 is not rounding."""
+    """Two masses and a spring have no time to half. A damper of 1e-9 is distinguished from
+    rounding.
+    """
     basis = np.random.default_rng(seed).normal(size=(4, 4))
     spring = np.array([[-7.0, 7.0], [14.0, -14.0]])
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [spring, damping * spring]])
@@ -86,8 +89,9 @@ def test_a_slow_eigenvalue_is_none_that_is_zero(slow: float) -> None:
 
 
 def test_participation_is_the_sensitivity_of_the_eigenvalue() -> None:
-    """|∂λ_i/∂a_kk|, normalized: differentiated here by a small change of the diagonal instead of
-    eigenvectors."""
+    """Participation is |∂λ_i/∂a_kk|, normalized, compared with a small change of the diagonal
+    of A.
+    """
     A = np.array([[-1.0, 2.0, 0.3], [-3.0, -0.5, 0.1], [0.2, 0.4, -0.1]])
     states = ("alpha", "pitch_rate", "speed")
     h = 1e-6
@@ -135,8 +139,11 @@ def values(aircraft: Model, point: OperatingPoint) -> dict[str, float]:
 
 
 def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float = 1e-4) -> float:
-    """By trims: alpha moved by the elevator until alpha and pitch rate rest, everything else
-    held."""
+    """Return the load factor per alpha by nonlinear trims.
+
+    The elevator changes alpha until alpha and the pitch rate are constant, with everything else
+    held.
+    """
     loads = []
     for side in (1, -1):
         held = {**point.states._asdict(), **point.inputs._asdict()}
@@ -159,7 +166,9 @@ def n_per_alpha(model: Model, point: OperatingPoint, pitching: str, step: float 
     "model", [F16.with_parameters(xcg=0.3), NAVION], ids=lambda model: model.name
 )
 def test_printed_modes_and_load_factors(model: Model) -> None:
-    """The modes are those printed in the books, in tests/trim/test_own_models.py."""
+    """Modes and load factors agree with those printed in the books of
+    tests/trim/test_own_models.py.
+    """
     point = trimmed(model)
     qualities = values(model, point)
     roots = {mode.name: mode.eigenvalue for mode in linearize(model, point).modes}

@@ -1,4 +1,4 @@
-"""Alternatives of a model in the imposed variables of a trim."""
+"""Alternatives of a model among the imposed variables of a trim."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MODEL = Model(
 def test_the_first_alternative_replaces_another(
     imposed: dict[str, float], in_terms_of_speed: dict[str, float]
 ) -> None:
-    """The first alternative takes the place of one other."""
+    """The first imposed alternative replaces one other variable."""
     assert with_first_alternatives(MODEL, imposed) == in_terms_of_speed
 
 

@@ -1,4 +1,4 @@
-"""Operating points and conditions in files: they are read back, and faults of a file are named."""
+"""Operating points and conditions in files are read back, and faults of a file are named."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trim import load_condition
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
-    """A saved point is read with equal bits, also a denormal number."""
+    """A saved point is read with equal bits, also if it has a denormal number."""
     awkward = replace(
         point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
     )
@@ -31,7 +31,9 @@ def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> Non
 
 
 def test_a_read_point_keeps_its_residuals_in_files(point: OperatingPoint, tmp_path: Path) -> None:
-    """A point that was read reports states and inputs and keeps its residuals in files."""
+    """A point read from a file reports its states and inputs, and stores its residuals when saved
+    again.
+    """
     point.save(tmp_path / "point.json")
     report = OperatingPoint.load(tmp_path / "point.json", hfa.aircraft()).report()
     assert report.text().count("\nstate") == len(point.states)
@@ -73,7 +75,7 @@ def test_the_paper_s_condition_is_the_default() -> None:
 def test_the_peers_conditions_have_its_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
-    """The peer's conditions fly at its angles of attack."""
+    """The conditions of the released simulation have its angles of attack."""
     condition = load_condition(name)
     trims = [trim for trim in released_trims() if trim.speed == speed]
     assert len(trims) >= 5

@@ -1,4 +1,6 @@
-"""Newton's method on many points: alone, together and in C; singular, scaled and bounded."""
+"""Newton's method on many points, alone, together and in C, with singular, scaled and bounded
+equations.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,14 @@ SPEEDS = np.linspace(150.0, 700.0, 40)
 
 
 def f16_system(kind: type[TrimSystem] = TrimSystem) -> TrimSystem:
-    """The F-16's trim in a straight flight, 12 unknowns, at speeds of its points."""
+    """Return the F-16's equations of a straight trim, with 12 unknowns, at the speeds of its
+    points.
+    """
     return kind(F16, usual_condition(F16), ("speed",))
 
 
 def circle(scale: float) -> tuple[Model, TrimCondition]:
-    """x² + y² = 4 and 1e3 (x - y) = 0, the second equation of some nominal size."""
+    """Return x² + y² = 4 and 1e3 (x - y) = 0, the second equation with a given nominal size."""
 
     def equations(x, u, p, w):
         return {"x": x.x**2 + x.y**2 - 4, "y": 1e3 * (x.x - x.y)}, {}
@@ -60,7 +64,7 @@ def test_points_are_solved_alike_alone_and_together(kind: type[TrimSystem]) -> N
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_the_c_code_takes_the_same_steps() -> None:
-    """Compiled equations settle at the same points as interpreted ones."""
+    """Compiled equations converge to the same points as interpreted ones."""
     c = f16_system().constants(len(SPEEDS), {"speed": SPEEDS})
     start = np.tile(f16_system().start, (len(SPEEDS), 1))
     slow, slow_settled = newton(f16_system(), start, c)
@@ -71,7 +75,7 @@ def test_the_c_code_takes_the_same_steps() -> None:
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
-    """An equation multiplied by any scale has the same solution."""
+    """The scale of an equation does not change the solution."""
     system = TrimSystem(*circle(scale))
     z, settled = newton(system, system.start[None], system.constants())
     assert settled.all()
@@ -79,7 +83,9 @@ def test_the_scale_of_an_equation_does_not_matter(scale: float) -> None:
 
 
 def test_trials_can_be_kept_within_the_limits() -> None:
-    """From here a full step leads to the solution on the other side of the limit."""
+    """Trial steps can be restricted to the limits, here where a full step leads to a solution
+    outside.
+    """
     model, condition = circle(1.0)
     bounded = TrimCondition(model, condition.imposed, limits={"x": (0.0, 5.0)})
     system = TrimSystem(model, bounded)
@@ -101,7 +107,7 @@ def test_a_singular_step_has_the_least_norm() -> None:
 
 
 def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
-    """An input without effect stays at its start and does not count as an unknown."""
+    """An input without effect stays at its initial value and is not counted as an unknown."""
 
     def equations(x, u, p, w):
         return {"x": u.pull - ca.sin(x.x)}, {}
@@ -116,7 +122,9 @@ def test_an_unknown_that_moves_nothing_is_no_unknown() -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler here")
 def test_c_code_flags_a_singular_jacobian() -> None:
-    """At x = -y both rows of J are parallel; there the step of least norm is taken, not by C."""
+    """The C code reports a singular Jacobian, here at x = -y, and the step of least norm is then
+    taken in Python.
+    """
     system = CompiledSystem(*circle(1.0))
     assert system.machine is not None
     starts = np.array([[0.1, 3.0], [1.0, -1.0], [2.0, 0.5]])

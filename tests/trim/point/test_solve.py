@@ -1,5 +1,6 @@
-"""Trim: every equation balances by name, what was imposed is there, and what cannot be trimmed says
-why."""
+"""Trims: every equation balances by name, imposed values are met, and a failed trim names its
+cause.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +24,9 @@ BASE = level_flight(float(np.radians(15.0)))
 
 
 def assert_meets(aircraft: Model, condition: TrimCondition, point: OperatingPoint) -> None:
-    """Check the specification on the aircraft: balance, imposed values, limits, and the report of
-    the point."""
+    """Assert that a point meets the specification: balance, imposed values, limits, and its
+    report.
+    """
     assert point.status == "trimmed"
     rates = dict(zip(STATES, aircraft.at(point.states, point.inputs).f.tolist(), strict=True))
     for name, imposed in condition.rates.items():
@@ -69,7 +71,7 @@ def test_the_papers_condition_level_and_in_a_climb(
 
 
 def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
-    """The check above can fail: one control a thousandth of a degree off is seen."""
+    """`assert_meets` fails if one control is off by 0.001 degree."""
     point = find_operating_point(aircraft, BASE)
     off = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + np.radians(1e-3))
     with pytest.raises(AssertionError):
@@ -82,7 +84,7 @@ def test_an_untrimmed_point_misses_the_specification(aircraft: Model) -> None:
 
 @pytest.mark.parametrize("free", ["alpha", "dihedral", "speed", "altitude"])
 def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None:
-    """A state set free finds the same flight again."""
+    """A trim with one more free state finds the same flight."""
     reference = find_operating_point(aircraft, BASE)
     condition = release(BASE, free=(free,), hold={"aileron_outer": reference.inputs.aileron_outer})
     point = find_operating_point(aircraft, condition)
@@ -98,8 +100,9 @@ def test_a_freed_state_finds_the_same_flight(aircraft: Model, free: str) -> None
     "extra", [("aileron_center",), ("aileron_center", "alpha"), ("aileron_center", "dihedral")]
 )
 def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> None:
-    """Any of the spare unknowns held a little elsewhere, the rest free again: more effort, by a
-    second-order amount."""
+    """If one of the spare unknowns is held elsewhere and the rest is free, the effort increases by
+    an amount of second order.
+    """
     condition = release(BASE, free=extra)
     point = find_operating_point(aircraft, condition)
     assert_meets(aircraft, condition, point)
@@ -124,7 +127,9 @@ def test_least_effort_is_a_minimum(aircraft: Model, extra: tuple[str, ...]) -> N
 def test_least_effort_stays_within_limits(
     aircraft: Model, limited: str, limits: tuple[float, float]
 ) -> None:
-    """The unlimited minimum lies outside these: the limited one lies on the nearer limit."""
+    """If the unlimited minimum of effort is outside the limits, the limited one is on the nearer
+    limit.
+    """
     unlimited = find_operating_point(aircraft, release(BASE, free=("aileron_center",))).values[
         limited
     ]
@@ -141,7 +146,7 @@ def test_least_effort_stays_within_limits(
 
 
 def test_a_limit_without_room_holds_its_unknown(aircraft: Model) -> None:
-    """Limits one rounding apart impose the variable."""
+    """Limits that differ by one rounding impose the variable."""
     alpha = 0.05
     ends = (alpha, np.nextafter(alpha, 1.0))
     point = find_operating_point(
@@ -172,7 +177,7 @@ def test_a_binding_limit_is_named(aircraft: Model, extra: tuple[str, ...]) -> No
 
 
 def test_too_few_unknowns_name_the_equations(aircraft: Model) -> None:
-    """Too few unknowns name the equations and the amounts."""
+    """If there are too few unknowns, the message names the equations and their residuals."""
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
         find_operating_point(aircraft, release(BASE, hold=held))
@@ -194,8 +199,10 @@ def test_an_equation_that_nothing_moves_is_named(aircraft: Model) -> None:
 def test_the_cheaper_of_two_minima_is_found(
     published_aircraft: Model, point: OperatingPoint
 ) -> None:
-    """With three variables free least effort has two minima: wings a little down (0.248), and at
-    their highest."""
+    """Of two minima of effort with three free variables, the smaller one is found.
+
+    The wings are slightly down (effort 0.248) in one, and at their upper limit in the other.
+    """
     condition = release(level_flight(float(np.radians(10.0))), free=("speed", "dihedral", "gamma"))
     for start in (None, point):
         cheaper = find_operating_point(published_aircraft, condition, start)
@@ -232,7 +239,7 @@ def test_the_cheaper_of_two_minima_is_found(
     ],
 )
 def test_bad_conditions_are_refused(aircraft: Model, changes: dict[str, float], words: str) -> None:
-    """Conditions out of range are refused by one line."""
+    """Conditions out of range are refused in one line."""
     with pytest.raises(BadInputError) as caught:
         find_operating_point(aircraft, level_flight(**({"dihedral": 0.1} | changes)))  # type: ignore[arg-type]
     assert words in str(caught.value)
@@ -253,7 +260,7 @@ def test_contradictions_are_refused() -> None:
 
 
 def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
-    """Ailerons without effect leave a column of zeros."""
+    """Ailerons without effect, which leave a column of zeros, are named."""
     without = hfa_model.parameters_of(aircraft)._replace(aileron_lift=0.0, aileron_moment=0.0)
     with pytest.raises(
         TrimError, match=r"no trim: .*; aileron_outer affects none of them; free another variable\)"
@@ -265,8 +272,9 @@ def test_a_control_that_moves_nothing_is_named(aircraft: Model) -> None:
 
 
 def test_controls_that_cannot_be_told_apart_are_named(aircraft: Model) -> None:
-    """Tails that are small and far away only pitch: the outer ones can do nothing that the center
-    one cannot."""
+    """Controls with proportional effects are named: small distant outer tails only pitch, as the
+    center one does.
+    """
     p = hfa_model.parameters_of(aircraft)
     far = p._replace(tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14)
     alike = hfa.aircraft(hfa_model.variant_of(aircraft), far)
@@ -292,7 +300,7 @@ def test_level_and_nearly_upright_wings_are_trimmed(aircraft: Model, degrees: fl
 
 @pytest.mark.parametrize("dihedral", [0.0, np.pi / 2])
 def test_without_air_it_falls(aircraft: Model, dihedral: float) -> None:
-    """No density, no load: V' = -g sin γ and V γ' = -g cos γ, whatever the controls do."""
+    """Without air there are no loads: V' = -g sin γ and V γ' = -g cos γ for any controls."""
     p = hfa_model.parameters_of(aircraft)
     x = State(68.0, 0.05, 40_000.0, 0.3, 0.1, dihedral, 0.0)
     loads = aircraft_loads(
@@ -325,7 +333,9 @@ ANGLES = [
 
 @pytest.fixture(scope="module")
 def strong(published_aircraft: Model) -> Model:
-    """A light aircraft with an engine that holds any climb, its controls far from their limits."""
+    """Return a light aircraft whose engine allows any climb, with its controls far from their
+    limits.
+    """
     parameters = hfa_model.parameters_of(published_aircraft)
     thrust = 100 * parameters.thrust_per_throttle
     mass = 0.9 * parameters.panel_mass
@@ -334,7 +344,7 @@ def strong(published_aircraft: Model) -> Model:
 
 @pytest.mark.parametrize(("gamma", "alpha"), ANGLES)
 def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> None:
-    """Many points at once and a single trim agree on the status of an angle beyond its limit."""
+    """A chunk of many points and a single trim agree on the status of an angle beyond its limit."""
     values = np.radians([[gamma, alpha]])
     chunk = trim_points(strong, ("gamma", "alpha"), values)
     condition = level_flight(0.0, gamma=float(values[0, 0]), alpha=float(values[0, 1]))
@@ -351,7 +361,9 @@ def test_a_chunk_and_a_trim_agree(strong: Model, gamma: float, alpha: float) -> 
 
 
 def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
-    """alpha and gamma both free: each within its limits, their sum not."""
+    """With alpha and gamma free and each within its limits, the limits of their sum are also
+    checked.
+    """
     steep = level_flight(0.0, gamma=float(np.radians(62.0)), limits={"pitch": (-2.0, 2.0)})
     lifted = find_operating_point(strong, steep)
     held = {name: getattr(lifted.inputs, name) for name in ("throttle", "aileron_outer")}
@@ -363,7 +375,7 @@ def test_limits_that_hold_only_together_are_checked(strong: Model) -> None:
 
 
 def test_a_missing_condition_is_the_models_trim() -> None:
-    """Without a condition the model flies its own trim."""
+    """Without a condition the model's own trim is computed."""
     model = hfa.aircraft()
     assert (
         hfa.find_operating_point(model).values
@@ -386,7 +398,7 @@ def test_holding_by_name_agrees_with_the_command() -> None:
 
 
 def test_an_operating_point_lists_its_names() -> None:
-    """Iteration gives the names that `point[name]` takes, each once; dict() their values."""
+    """Iteration gives each name that `point[name]` accepts once, and dict() their values."""
     model = hfa.aircraft()
     point = find_operating_point(model)
     names = list(point)
@@ -399,7 +411,7 @@ def test_an_operating_point_lists_its_names() -> None:
 
 
 def test_input_that_moves_nothing_is_named():
-    """The only free variable does not occur in the equations."""
+    """The only free variable is named if it does not occur in the equations."""
     model = Model(
         "coasting",
         {"speed": hfa.Signal("m/s", 1.0, start=10.0)},

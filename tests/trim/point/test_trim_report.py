@@ -1,5 +1,6 @@
-"""The report of a trim: every variable, limit and verdict in 100 columns; the same numbers in
-files; loads and performance by a second method."""
+"""The report of a trim shows every variable, limit and verdict in 100 columns, with the same
+numbers as in files. Loads and performance are compared with a second method.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ def reported(aircraft: Model, condition: TrimCondition) -> tuple[OperatingPoint,
 def test_every_variable_has_limits_and_a_margin(
     published_aircraft: Model,
 ) -> None:
-    """Every variable is shown with its limits and the margin to one."""
+    """Every variable is shown with its limits and the margin to the nearer one."""
     condition = release(BASE, free=("alpha",), hold={"aileron_outer": 0.0})
     point, report = reported(published_aircraft, condition)
     shown = report.text()
@@ -62,8 +63,9 @@ def test_every_variable_has_limits_and_a_margin(
 
 
 def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
-    """Least effort wants the outer elevator at -2.8 deg; it may go to -2 deg only, and stays
-    there."""
+    """A limit that binds is named first: the outer elevator stays at its limit of -2 deg, where
+    least effort needs -2.8.
+    """
     limit = math.radians(-2.0)
     limited = level_flight(BASE.imposed["dihedral"], limits={"elevator_outer": (limit, 0.5)})
     condition = release(limited, free=("aileron_center",))
@@ -80,7 +82,7 @@ def test_a_limit_that_binds_is_named_first(published_aircraft: Model) -> None:
 
 
 def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Model) -> None:
-    """A residual planted just above the tolerance of one equation fails that one alone."""
+    """A residual just above the tolerance of one equation fails that equation and no other."""
     point, report = reported(published_aircraft, BASE)
     assert len(re.findall(r"^rate of .* PASS$", report.text(), re.M)) == len(
         choice.aircraft().steady
@@ -105,7 +107,7 @@ def test_each_equation_has_its_tolerance_and_its_verdict(published_aircraft: Mod
 def test_the_report_has_loads_of_each_panel(
     published_aircraft: Model,
 ) -> None:
-    """The report has the loads of the whole and of each panel."""
+    """The report has the loads of the whole aircraft and of each panel."""
     point, report = reported(published_aircraft, BASE)
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)
     rows = {
@@ -128,8 +130,11 @@ def test_the_report_has_loads_of_each_panel(
 
 @pytest.mark.parametrize("command", ["trim", pytest.param("linearize", marks=pytest.mark.slow)])
 def test_a_trim_that_fails_is_data_too(command: str) -> None:
-    """The nearest point within the limits, what binds and why; exit code 1 and the sentence as
-    without --json."""
+    """The JSON of a failed trim has the nearest point within the limits, the binding limits and the
+    cause.
+
+    The exit code is 1, and the message is that of the text output.
+    """
     words = (command, "--dihedral", "10", "--limit", "throttle=0:30")
     result = hfa(*words, "--json")
     plain = hfa(*words)
@@ -143,7 +148,7 @@ def test_a_trim_that_fails_is_data_too(command: str) -> None:
 
 
 def test_the_pitch_angle_follows_and_limits_gamma(published_aircraft: Model) -> None:
-    """Pitch follows from alpha and gamma, and its limits bound gamma."""
+    """The pitch angle follows from alpha and gamma, and its limits restrict gamma."""
     condition = release(BASE, free=("gamma",), hold={"throttle": 0.0})
     point, report = reported(published_aircraft, condition)
     margins = all_margins(condition, point)
@@ -167,8 +172,10 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, CLIMB, GLIDE], ids=["level", "climb", "glide"])
 def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCondition) -> None:
-    """Forces are coefficient times pressure times area; L + T sin α = W cos γ, T cos α - D = W sin
-    γ, n = cos γ."""
+    """Forces are coefficient times pressure times area, and they balance in the climb.
+
+    L + T sin α = W cos γ, T cos α - D = W sin γ, and n = cos γ.
+    """
     point = find_operating_point(aircraft, condition)
     gamma = point.values["gamma"]
     figures = SimpleNamespace(**performance(point))
@@ -208,7 +215,9 @@ def test_performance_follows_from_the_loads(aircraft: Model, condition: TrimCond
 
 
 def test_undetermined_trims_are_told_from_determined_ones() -> None:
-    """a' = a b and b' = u - b: at b = 0 any a balances, as any norm of a quaternion does."""
+    """An undetermined trim is reported: a' = a b and b' = u - b balance for any a at b = 0, as any
+    norm of a quaternion does.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return {"a": x.a * x.b, "b": u.u - x.b}, {}

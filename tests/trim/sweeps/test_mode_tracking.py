@@ -1,4 +1,6 @@
-"""A column of a sweep is one mode through crossings, in any order of the solver, along any grid."""
+"""A column of a sweep is one mode through crossings, for any order of the solver, along any
+grid.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,9 @@ NEARLY_PARALLEL = np.array(
 
 
 def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndarray:
-    """(N, 3, 3) matrices of given eigenvectors, the columns of shapes (3, 3), and eigenvalues (N,
-    3)."""
+    """Return (N, 3, 3) matrices with the given eigenvectors, columns of (3, 3), and eigenvalues (N,
+    3).
+    """
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
     vectors = scales[:, None] * shapes
     return np.einsum("ik,nk,kj->nij", vectors, eigenvalues, np.linalg.inv(vectors))
@@ -30,8 +33,9 @@ def models_with(eigenvalues: np.ndarray, shapes: np.ndarray = SHAPES) -> np.ndar
 
 @pytest.mark.parametrize("shapes", [SHAPES, NEARLY_PARALLEL], ids=["apart", "2 degrees apart"])
 def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
-    """At the crossing the other mode's eigenvalue is the nearer one: only the shape tells them
-    apart."""
+    """Crossing eigenvalues keep their columns by their shapes, although the other mode's eigenvalue
+    is nearer.
+    """
     s = np.linspace(0.0, 2.0, 8)
     expected = np.stack([-3.0 + s, -1.0 - s, np.full_like(s, -0.1)], axis=1)
     nearest = np.abs(expected[3, 0] - expected[4, 1]) < np.abs(expected[3, 0] - expected[4, 0])
@@ -42,7 +46,9 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes: np.ndarray) -> None:
 
 @pytest.mark.parametrize("seed", [18, 38, 69, 71, 79, 83])
 def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
-    """At s = 1 their eigenvectors, or a conjugate pair, are what rounding makes of them."""
+    """Eigenvalues that meet at a point (s = 1) cross there, although rounding decides their
+    eigenvectors.
+    """
     shapes = np.random.default_rng(seed).normal(size=(3, 3))
     nominal = [hfa.aircraft().states[name].nominal for name in STATES]
     vectors = np.array(nominal)[:, None] * shapes / np.linalg.norm(shapes, axis=0)
@@ -54,8 +60,11 @@ def test_eigenvalues_that_meet_on_a_point_cross(seed: int) -> None:
 
 
 def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
-    """Two shapes 4 deg apart turn by as much from one side of the meeting to the other; both
-    eigenvalues rise."""
+    """Two modes with shapes 4 deg apart that turn by 4 deg across their meeting point keep their
+    columns.
+
+    Both eigenvalues increase.
+    """
     s = np.linspace(-1.0, 1.0, 5)
     expected = np.stack([-8.0 + 3.0 * s, -8.0 + 2.0 * s, np.full_like(s, -0.1)], axis=1)
     matrices = []
@@ -70,7 +79,7 @@ def test_nearly_parallel_turning_shapes_cross_at_points() -> None:
 
 
 def test_a_mode_crosses_two_integrators_on_a_point() -> None:
-    """Two eigenvalues 0 meet at every point, the third meets them at one."""
+    """A mode that meets two eigenvalues 0 at one point keeps its column."""
     s = np.linspace(-1.0, 1.0, 5)
     expected = np.stack([s, np.zeros(5), np.zeros(5)], axis=1)
     tracked = track_modes(models_with(expected), STATES, hfa.aircraft())
@@ -78,7 +87,9 @@ def test_a_mode_crosses_two_integrators_on_a_point() -> None:
 
 
 def test_similar_shapes_are_paired_by_eigenvalues() -> None:
-    """Two modes two degrees apart in shape trade shapes: their speed tells which is which."""
+    """Two modes whose shapes differ by two degrees and are exchanged are paired by their
+    eigenvalues.
+    """
     values = np.array([[-5.0, -1.0, -0.1]])
     A = np.concatenate(
         [models_with(values, NEARLY_PARALLEL), models_with(values, NEARLY_PARALLEL[:, [1, 0, 2]])]
@@ -89,8 +100,10 @@ def test_similar_shapes_are_paired_by_eigenvalues() -> None:
 
 
 def test_a_pair_is_followed_as_a_pair() -> None:
-    """The F-16: beyond 400 ft/s its short period is two real eigenvalues, far to both sides of the
-    phugoid's pair."""
+    """A conjugate pair that becomes two real eigenvalues is followed as a pair.
+
+    Beyond 400 ft/s the F-16's short period is real, far to both sides of the phugoid's pair.
+    """
     result = sweep(F16, {"speed": [300.0, 502.0], "altitude": [0.0, 10_000.0]}, listed=True)
     names = np.array(result.mode_names)
     short, phugoid = (result.eigenvalues[1, names == name] for name in ("short period", "phugoid"))
@@ -100,7 +113,9 @@ def test_a_pair_is_followed_as_a_pair() -> None:
 
 @pytest.mark.parametrize("real", [(-1.0, 1.0), (1.0, -1.0)])
 def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]) -> None:
-    """Both ways fit as well: whichever the solver finds first, the lower one comes first."""
+    """If both orders fit equally well, the lower eigenvalue comes first, whatever the solver's
+    order.
+    """
     pair = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -0.1]])
     two = np.diag([*real, -0.1])
     scales = np.array([getattr(STATE_SCALES, name) for name in STATES])
@@ -115,7 +130,9 @@ def test_a_pair_meeting_real_eigenvalues_has_one_order(real: tuple[float, float]
 def test_a_grid_is_followed_from_neighbour_to_neighbour(
     published_aircraft: Model, sizes: tuple[int, ...]
 ) -> None:
-    """Each step along an axis pairs the eigenvalues as a sweep of that step alone does."""
+    """Each step along an axis of a grid pairs the eigenvalues as a sweep of that step alone
+    does.
+    """
     ranges = {"dihedral": (0.05, 0.3), "speed": (64.0, 72.0), "altitude": (39_000.0, 41_000.0)}
     grid = {
         name: np.linspace(*ranges[name], size) for name, size in zip(ranges, sizes, strict=False)

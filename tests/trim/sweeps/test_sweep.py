@@ -1,5 +1,6 @@
-"""Many points: those of single trims under any condition, their status, modes and refusals; in
-memory, in a store."""
+"""Sweeps of many points equal single trims under any condition, in memory and in a store, with
+their status, modes and refusals.
+"""
 
 from __future__ import annotations
 
@@ -63,8 +64,11 @@ CASES: dict[str, tuple[dict[str, list[float]], TrimCondition, bool]] = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None:
-    """Without a trim the reason is the same: the rates that do not balance, the limits that bind,
-    the values beyond them."""
+    """Each point of a sweep equals its single trim.
+
+    Without a trim the reason is also equal: the unbalanced rates, the binding limits, and the
+    values beyond them.
+    """
     grid, condition, square = CASES[name]
     system = TrimSystem(aircraft, condition.freed_for(grid), tuple(grid))
     assert system.equations.square == square
@@ -123,7 +127,9 @@ def test_each_point_is_that_of_a_single_trim(aircraft: Model, name: str) -> None
 def test_what_no_trim_takes_no_sweep_takes(
     published_aircraft: Model, grid, condition, words: str
 ) -> None:
-    """Grids with unknown names, values out of range or contradictions are refused."""
+    """A sweep refuses grids with unknown names, values out of range, or contradictions, as a trim
+    does.
+    """
     with pytest.raises(BadInputError, match=words):
         sweep(published_aircraft, grid, condition=condition)
 
@@ -132,7 +138,7 @@ NUMBER = re.compile(r"(-?\d+\.\d{4})(?: (±|[+-])(?: )?(\d+\.\d{4})i)?")
 
 
 def eigenvalues_in(line: str) -> list[complex]:
-    """The eigenvalues of a line of the table, a pair as two."""
+    """Return the eigenvalues in a line of the table, two for a pair."""
     eigenvalues = []
     for real, sign, imaginary in NUMBER.findall(line):
         value = complex(float(real), float(imaginary or 0) * (-1 if sign == "-" else 1))
@@ -142,7 +148,9 @@ def eigenvalues_in(line: str) -> list[complex]:
 
 @pytest.fixture(scope="module")
 def over_two(published_aircraft: Model) -> Sweep:
-    """Fast modes meet in conjugate pairs at one altitude and not at another."""
+    """Return models over two variables whose fast modes form conjugate pairs at one altitude
+    only.
+    """
     grid = {
         "dihedral": [20 * DEGREE],
         "speed": np.arange(60.0, 81.0, 5.0),
@@ -154,8 +162,11 @@ def over_two(published_aircraft: Model) -> Sweep:
 def test_every_eigenvalue_of_every_point_is_shown_once(
     published_aircraft: Model, over_two: Sweep
 ) -> None:
-    """Beyond 28 deg the pair of the short period becomes two real eigenvalues; two modes may meet
-    in a pair."""
+    """Every eigenvalue of every point is shown once.
+
+    Beyond 28 deg the pair of the short period becomes two real eigenvalues. Two modes may also
+    become a pair.
+    """
     steep = sweep(published_aircraft, {"dihedral": np.radians(np.arange(0.0, 60.1, 5.0))})
     for shown in (steep, over_two):
         lines = [line for line in shown.report().text().splitlines() if re.match(r"\d", line)]
@@ -169,8 +180,7 @@ def test_every_eigenvalue_of_every_point_is_shown_once(
 
 
 def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
-    """Along each line of speeds the columns move smoothly; walked in one line over both variables
-    they jumped."""
+    """In a grid over two variables, modes vary smoothly along each line of speeds."""
     fast = over_two.eigenvalues.reshape(5, 3, 6)[:, 0]
     assert over_two.mode_names[0] == "short period (fast)"
     np.testing.assert_allclose(
@@ -180,7 +190,7 @@ def test_modes_do_not_jump_over_two_variables(over_two: Sweep) -> None:
 
 
 def test_an_aircraft_without_inputs_is_swept() -> None:
-    """x' = -q x."""
+    """An aircraft without inputs, x' = -q x, can be swept."""
     model = Model(
         "still",
         {"x": Signal()},
@@ -196,7 +206,7 @@ def test_an_aircraft_without_inputs_is_swept() -> None:
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft: Model) -> None:
-    """The note on the paper's range appears from 16 deg on, not at 15 deg."""
+    """The note on the range of the paper appears from 16 deg on, and not at 15 deg."""
     within, beyond = (
         sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
         for lowest in (-15.0, -16.0)
@@ -226,8 +236,9 @@ def test_a_wrong_listed_point_is_named(text: str, words: str, tmp_path: Path) ->
 
 
 def test_a_list_of_points_is_swept_in_order(published_aircraft: Model, tmp_path: Path) -> None:
-    """Degrees typed; each row is the single trim of its values; in a store the same; nothing is
-    named twice."""
+    """Points listed in degrees are swept in order, in memory and in a store, and each row equals
+    its single trim.
+    """
     path = tmp_path / "points.csv"
     path.write_text(
         "speed,dihedral,climb_rate,panel_mass\n64,5,0,9.33\n68,10,1,9.3\n", encoding="utf-8"
@@ -297,8 +308,9 @@ def test_many_points_are_those_of_the_robust_solver(dynamics, compile_code, vari
 
 
 def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
-    """Bit for bit: alone, with few and with many others; parameters may vary from point to
-    point."""
+    """A row of a sweep has the same bits alone, with few and with many others, also with parameters
+    that vary from point to point.
+    """
     random = np.random.default_rng(1)
     variables = ("dihedral", "speed", "panel_mass")
     values = random.uniform([0.0, 55.0, 9.5], [0.35, 75.0, 11.5], (600, 3))
@@ -317,8 +329,11 @@ def test_no_row_depends_on_its_neighbours(aircraft: Model) -> None:
 
 
 def test_each_point_carries_its_status(aircraft: Model) -> None:
-    """Speed ft/s, gamma and alpha rad: climb, dive, too slow, too steep an alpha, level, no air
-    speed."""
+    """Each point has its status: a climb, a dive, too slow, too large an alpha, level, no air
+    speed.
+
+    Speeds are in ft/s, gamma and alpha in rad.
+    """
     statuses = {
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
         (68.0, -0.35, 0.0489): BEYOND_LIMITS,
@@ -345,7 +360,9 @@ def test_each_point_carries_its_status(aircraft: Model) -> None:
 
 
 def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) -> None:
-    """The least effort of each point, with the bits of a single trim and of its linear model."""
+    """With spare unknowns each point has least effort and the bits of its single trim and linear
+    model.
+    """
     model = published_aircraft
     condition = release(LEVEL_FLIGHT, free=("aileron_center",))
     angles = np.radians([5.0, 15.0])
@@ -362,7 +379,7 @@ def test_spare_unknowns_are_trimmed_point_by_point(published_aircraft: Model) ->
 
 
 def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> None:
-    """A parameter that varies is that of single trims."""
+    """A sweep over a parameter equals single trims with that parameter."""
     parameters = hfa_model.parameters_of(published_aircraft)
     masses = parameters.panel_mass * np.array([[1.0], [1.1]])
     heavier = parameters._replace(panel_mass=float(masses[1, 0]))
@@ -377,7 +394,7 @@ def test_a_varied_parameter_equals_single_trims(published_aircraft: Model) -> No
 def test_an_extreme_parameter_is_refused(
     parameters: Parameters, name: str, value: float, free: tuple[str, ...]
 ) -> None:
-    """One at which the first guess, the rates or their Jacobian overflow."""
+    """A parameter at which the first guess, the rates or their Jacobian overflow is refused."""
     with pytest.raises(BadInputError, match=f"{WORDS}; use other values"):
         find_operating_point(
             choice.aircraft(parameters=parameters._replace(**{name: value})),
@@ -399,7 +416,7 @@ def test_an_extreme_parameter_is_refused(
 
 
 def test_wrong_tables_are_refused(aircraft: Model) -> None:
-    """Tables of another shape and with masked entries are refused."""
+    """Tables of a wrong shape or with masked entries are refused."""
     with pytest.raises(BadInputError, match=r"values are \(2,\); they must be \(N, 1\)"):
         trim_points(aircraft, ("speed",), [1.0, 2.0])
     with pytest.raises(BadInputError, match="values has masked entries"):
@@ -439,7 +456,9 @@ def test_a_store_has_names_and_units(tmp_path: Path, parameters: Parameters) -> 
 
 
 def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
-    """Slices of a plan are rows of its whole grid, the last variable fastest."""
+    """Any slice of a plan equals these rows of its whole grid, whose last variable varies
+    fastest.
+    """
     dihedrals = tuple(np.radians(np.linspace(0, 20, 7)).tolist())
     plan = SweepPlan(
         {"dihedral": dihedrals, "speed": (25.0, 60.0, 68.0, 75.0)},
@@ -451,7 +470,7 @@ def test_a_plan_gives_any_slice_of_the_whole(parameters: Parameters) -> None:
 
 
 def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
-    """A range too long or too far is refused."""
+    """A range with too many values, or too large values, is refused."""
     with pytest.raises(
         BadInputError, match=r"dihedral is 80\.2\d* deg; it must lie between -60 deg and 60 deg"
     ):
@@ -464,8 +483,10 @@ def test_a_range_too_long_is_refused(parameters: Parameters) -> None:
 
 
 def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: Path) -> None:
-    """The condition, the limits, where the search begins (it decides the last bits), and the order
-    of the points."""
+    """A store contains the sweep with its condition, limits, initial guess and order of the points.
+
+    The initial guess decides the last bits.
+    """
     axes = {"dihedral": (5 * DEGREE, 10 * DEGREE), "speed": (64.0, 68.0)}
     plan = SweepPlan(axes, published_aircraft, condition=ALPHA_FREE)
     dataset = stores.stream_sweep(plan, tmp_path / "a.zarr")
@@ -500,7 +521,7 @@ def test_a_store_holds_the_sweep_in_memory(published_aircraft: Model, tmp_path: 
 def test_a_long_sweep_prints_its_ends(
     published_aircraft: Model,
 ) -> None:
-    """A long sweep prints its first and last rows and what failed."""
+    """The report of a long sweep shows its first and last rows and the failed points."""
     speeds = np.linspace(68.0, 75.0, 3_001)
     speeds[[1_000, 2_000]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
@@ -513,7 +534,9 @@ def test_a_long_sweep_prints_its_ends(
 
 
 def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: Path) -> None:
-    """With more unknowns than equations all of them are."""
+    """Points that are trimmed one by one are counted, here all, because there are spare
+    unknowns.
+    """
     condition = release(LEVEL_FLIGHT, free=("alpha",))
     plan = SweepPlan({"speed": np.linspace(64.0, 68.0, 25)}, published_aircraft, condition)
     note = (
@@ -526,7 +549,7 @@ def test_points_trimmed_alone_are_counted(published_aircraft: Model, tmp_path: P
 
 
 def test_the_root_locus_shows_direction_and_values() -> None:
-    """The root locus has an arrow and labels at 5, 10 and 15 deg."""
+    """The root locus shows an arrow and labels at 5, 10 and 15 deg."""
     swept = sweep(choice.aircraft(), {"dihedral": np.radians([0.0, 5.0, 10.0, 15.0, 20.0])})
     for axes in swept.figure().axes:
         labels = [text.get_text() for text in axes.texts]

@@ -1,5 +1,6 @@
-"""The judge of critics: the exact one passes, each planted mistake is refused, in any units; no
-error hides."""
+"""The check of critics: the exact critic passes, and each planted mistake is refused, in any units.
+No wrong entry is missed.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +75,7 @@ def test_the_exact_weights_pass_in_every_basis(game: Game, name: str) -> None:
 
 
 def test_a_costless_states_value_may_be_0() -> None:
-    """The value of a state that costs nothing may be 0."""
+    """The value of a state without cost may be 0."""
     A = np.diag([-1.0, -2.0])
     B = np.array([[1.0], [0.0]])
     Q = np.diag([1.0, 0.0])
@@ -84,7 +85,9 @@ def test_a_costless_states_value_may_be_0() -> None:
 
 
 def test_a_barely_controllable_plant_is_judged() -> None:
-    """Unstable at +0.5, reached by 3e-6: the rounding of P moves the cost."""
+    """A plant with an unstable mode of +0.5 that the input reaches by 3e-6 is judged, although
+    rounding of P changes its cost.
+    """
     A = np.array([[-0.04, 0.72], [0.72, -0.46]])
     B = np.array([[-0.5999976], [0.8000018]])
     game = Game(A, B, np.zeros((2, 1)), np.eye(2), np.eye(1), math.inf)
@@ -97,7 +100,7 @@ def test_a_barely_controllable_plant_is_judged() -> None:
 
 
 def test_a_gain_alone_passes(game: Game) -> None:
-    """A gain alone passes and shows no error of a value."""
+    """A gain alone passes, and no error of a value is shown."""
     check = check_critic(game, from_gain(game, gain(game)))
     assert check.ok
     assert check.to_dict()["P_rel_error"] is None
@@ -105,7 +108,7 @@ def test_a_gain_alone_passes(game: Game) -> None:
 
 
 def test_the_limit_is_the_limit() -> None:
-    """An error of 1e-5 in P fails at the default limit and passes at 2e-5."""
+    """An error of 1e-5 in P fails at the default limit and passes at the limit 2e-5."""
     game = game_in(1.0, 1.0)
     P = value(game)
     noise = np.random.default_rng(0).standard_normal(P.shape)
@@ -125,8 +128,9 @@ def test_another_root_with_a_tiny_residual_is_refused(game: Game) -> None:
 
 
 def rank_deficient_weights(game: Game) -> tuple[np.ndarray, float]:
-    """Weights whose Bellman residual vanishes on 15 samples, found by Newton steps of least norm
-    from the LQR's."""
+    """Return weights whose Bellman residual is 0 on 15 samples, by Newton steps of least norm from
+    the LQR.
+    """
     z = np.random.default_rng(3).standard_normal((15, 6)) / np.sqrt(np.diag(value(game)))
     weights = weights_of(value(game.with_delta(math.inf)) * 1.2)
     for _ in range(30):
@@ -148,7 +152,7 @@ def result_of(game: Game, weights: np.ndarray, rank: int, **settings: float) -> 
 
 
 def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
-    """A critic of too few data is refused however small its residual."""
+    """A critic learned from too few data is refused however small its residual."""
     weights, residual = rank_deficient_weights(game)
     assert residual < 1e-10
     run = result_of(game, weights, 15, predefined_time=10.0)
@@ -164,7 +168,7 @@ def test_a_critic_of_poor_data_is_refused(game: Game) -> None:
 def test_a_runs_settling_time_is_computed_anew(
     game: Game, factors: tuple[float, float], settled: float
 ) -> None:
-    """A run is also checked for its settling time computed anew."""
+    """The settling time of a run is computed again and checked."""
     weights = weights_of(value(game))
     run = replace(
         result_of(game, weights, 21, predefined_time=0.5),
@@ -204,7 +208,7 @@ def test_critics_that_overflow_or_are_no_numbers_fail(game: Game) -> None:
 def test_wrong_shapes_and_numbers_are_named(
     game: Game,
 ) -> None:
-    """NumPy would drop the imaginary part, with a warning, and the rest would pass."""
+    """Wrong shapes, and numbers such as complex ones, are refused by name."""
     makers = {
         "W": (from_weights, np.ones(21)),
         "P": (from_value, np.eye(6)),
@@ -253,7 +257,7 @@ def test_solutions_runs_and_named_matrices_are_critics(game: Game) -> None:
 
 
 def test_a_file_is_read_for_its_game(game: Game) -> None:
-    """A gain is read with or without its game; a value needs it, for its policy."""
+    """A gain is read with or without a game. A value needs the game for its policy."""
     np.savez("K.npz", K=gain(game))
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
@@ -269,7 +273,7 @@ def test_a_file_is_read_for_its_game(game: Game) -> None:
 
 
 def test_wrong_limits_and_constants_are_named(game: Game) -> None:
-    """A limit and a constant that are no numbers are named."""
+    """A limit or a constant that is not a number is refused by name."""
     weights = weights_of(value(game))
     with pytest.raises(BadInputError, match=r"constant is nan; V\(0\) must be a finite number"):
         from_weights(game, weights, constant=math.nan)
@@ -282,7 +286,9 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
 def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
-    """A model that is valid from 100 to 150 is trimmed at other speeds too."""
+    """A model that is valid from 100 to 150 has no box of deviations at a trim on a limit, and is
+    judged at other speeds too.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"speed": u.throttle - x.speed, "alpha": -x.alpha}, {}
@@ -300,7 +306,7 @@ def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None)
 
 
 def test_the_report_shows_the_farthest_entries(game: Game) -> None:
-    """Two wrong entries among 51 are in the table; files have all."""
+    """The table shows two wrong entries among 51, and files contain all entries."""
     P = value(game).copy()
     K = gain(game).copy()
     P[1, 4] = P[4, 1] = P[1, 4] * 1.01
@@ -329,7 +335,10 @@ def test_the_report_shows_the_farthest_entries(game: Game) -> None:
 def test_a_wrong_part_is_seen(
     state: float, of_input: float, factors: list[float], count: int
 ) -> None:
-    """count: of the parts and the entries that are made wrong, one after the other."""
+    """Each part and entry that is made wrong is detected.
+
+    count: number of parts and entries that are made wrong, one after the other
+    """
     game = game_in(state, of_input)
     assert check_critic(game, from_gain(game, gain(game))).ok
     for factor in factors:
@@ -346,7 +355,7 @@ def test_a_wrong_part_is_seen(
 
 
 def test_contradicting_parts_are_refused(game: Game) -> None:
-    """Parts that contradict each other or do not fit are refused."""
+    """Parts that contradict each other or have wrong shapes are refused."""
     P = value(game)
     words = ("verify", *AT_15, "--weights")
     result = hfa(*words, stored("wp.npz", W=(1.0 + 1e-4) * weights_of(P), P=P))
@@ -361,8 +370,11 @@ def test_contradicting_parts_are_refused(game: Game) -> None:
 
 @RICHER
 def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -> None:
-    """B has zero rows for pitch and dihedral: a weight of the dihedral changes neither P, nor K,
-    nor the policy."""
+    """Every wrong weight beyond the quadratic ones is detected, also one that changes no policy.
+
+    B has zero rows for pitch and dihedral. A weight of the dihedral changes neither P, K nor the
+    policy.
+    """
     functions = basis(name, 6)
     exact = functions.weights(value(game))
     at_corner = functions.scaling(BOX)
@@ -379,7 +391,7 @@ def test_every_weight_beyond_the_quadratic_ones_is_seen(game: Game, name: str) -
 
 
 def test_a_small_wrong_entry_is_refused(game: Game) -> None:
-    """A wrong entry too small for the norms is refused."""
+    """A wrong entry that is too small for the norms is refused."""
     P = value(game).copy()
     P[0, 4] = P[4, 0] = P[0, 4] * (1.0 + 1e-5)
     failures = failed(game, from_value(game, P))
@@ -388,7 +400,7 @@ def test_a_small_wrong_entry_is_refused(game: Game) -> None:
 
 
 def test_every_entry_is_seen(game: Game) -> None:
-    """Every entry of the value and of the gain is seen."""
+    """A change of any entry of the value or of the gain is detected."""
     for name, exact in (("P", value(game)), ("K", gain(game))):
         for i, j in np.ndindex(exact.shape):
             wrong = exact.copy()
@@ -404,7 +416,7 @@ def test_every_entry_is_seen(game: Game) -> None:
 @RICHER
 @pytest.mark.parametrize("disturbances", [6, 2])
 def test_bounds_hold_in_the_whole_box(game: Game, name: str, disturbances: int) -> None:
-    """V, its slopes and both policies, sampled in the box: no error exceeds its bound."""
+    """No error of V, its slopes and both policies, sampled in the box, exceeds its bound."""
     game = replace(game, E=game.E[:, :disturbances])
     functions = basis(name, 6)
     rng = np.random.default_rng(0)
@@ -452,7 +464,9 @@ Names = tuple[str, ...]
 def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
-    """Only plants with names and units of the aircraft have its box of ordinary deviations."""
+    """The box of ordinary deviations is used only for plants with names and units of the
+    aircraft.
+    """
     box = ordinary_box(states, inputs, units)
     if speed is None:
         assert box is None
@@ -463,7 +477,9 @@ def test_names_and_units_decide(
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
-    """Six states and five inputs without names are not the aircraft."""
+    """A plant with the names of the aircraft has its box. Six states and five inputs without names
+    do not.
+    """
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)
     data = check_critic(game, from_gain(game, gain(game))).to_dict()
@@ -478,7 +494,7 @@ SETTLES = np.where(TIMES < 4.1, 0.1, 1e-9)
 
 
 def planted(game: Game, sizes: np.ndarray, of: str = "W") -> tuple[Critic, ...]:
-    """The exact critic times 1 + sizes at each time."""
+    """Return the exact critic multiplied by 1 + sizes at each time."""
     exact = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}[of]
     return critics_over_time(game, TIMES, **{of: np.multiply.outer(1.0 + sizes, exact)})
 
@@ -516,7 +532,7 @@ def test_a_history_passes_where_it_settles_in_time(
 
 
 def test_an_error_beyond_the_quadratic_weights_counts(game: Game) -> None:
-    """P and K are exact throughout; V is not until 5 s."""
+    """A history whose P and K are exact fails if V is wrong until 5 s."""
     functions = basis("quadratic+quartic", 6)
     weights = np.tile(functions.weights(value(game)), (len(TIMES), 1))
     weights[TIMES < 5.0, -1] = 1e6
@@ -532,7 +548,7 @@ ROUNDING_SHOWN = 1e-12
 
 
 def test_our_own_run_is_a_timed_history(game: Game) -> None:
-    """The judge of histories and the judge of runs agree on when the law settles."""
+    """The checks of histories and of runs agree on the time at which the law settles."""
     result = learn(game, predefined_time=2.0, tick=0.1)
     told: list[tuple[int, int]] = []
     history = critics_over_time(game, result.times, W=result.weights, K=result.K)
@@ -556,7 +572,7 @@ def test_our_own_run_is_a_timed_history(game: Game) -> None:
 def test_the_last_row_is_judged(
     game: Game,
 ) -> None:
-    """The last row is judged with its gain and rows of another length are refused."""
+    """The last row of a history is judged with its gain. Rows of another length are refused."""
     history = critics_over_time(
         game, TIMES, W=np.tile(weights_of(value(game)), (len(TIMES), 1)), K=1.01 * gain(game)
     )

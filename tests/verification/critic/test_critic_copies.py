@@ -1,5 +1,6 @@
-"""The verdict on a critic does not change with the last bits, the order of the states, their units
-or their axes."""
+"""The verdict on a critic does not depend on the last bits, or on the order, units or axes of the
+states.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ from hfa import check_critic, solve_game
     ],
 )
 def test_every_copy_has_the_same_verdict(error: float, passes: bool, count: int) -> None:
-    """Right to rounding, and off by a hundred times the limit in an arbitrary direction."""
+    """All copies of a critic have one verdict, for a right critic and for one whose error in a
+    random direction is a hundred times the limit.
+    """
     game = game_models()["published-15"]
     exact = solve_game(game)
     direction = np.random.default_rng(0).standard_normal(exact.P.shape)

@@ -1,4 +1,4 @@
-"""The report of a verdict: one true line, checks by their kind, differing entries."""
+"""The report of a verdict: a true first line, checks by their kind, and differing entries."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ BOX = np.array(ORDINARY_DEVIATIONS)
 
 
 def bent_actor(game: Game) -> Critic:
-    """u = -10 K tanh(z / 10), right at the origin only."""
+    """Return u = -10 K tanh(z / 10), which is right only at the origin."""
     layers = {"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * gain(game)}
     return networks.from_network(
         game, network_files.torch_file("bent.pt", layers), activation="tanh"
@@ -74,14 +74,14 @@ def test_the_first_line_has_at_most_100_columns(game: Game, name: str) -> None:
 
 
 def test_the_l2_gain_is_no_error_at_agreement(game: Game) -> None:
-    """With a limit of delta the gain of 150 was the largest error."""
+    """If a critic agrees with the exact one, its L2 gain is not reported as the largest error."""
     verdict = check_critic(game, from_gain(game, gain(game)), limit=game.delta)
     assert verdict.value_of("l2_gain") > 100.0
     assert verdict.largest_error < 1e-12
 
 
 def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
-    """Entries that differ by rounding are not named as the farthest off."""
+    """Entries that differ by rounding are not reported as the most different ones."""
     exact = check_critic(game, from_value(game, value(game)))
     assert "12 of 51 entries; all differ by rounding only" in exact.report().text()
 
@@ -90,8 +90,9 @@ def test_rounding_differences_are_not_farthest_off(game: Game) -> None:
 
 
 def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
-    """V of the network trained for it: its error is nowhere larger than stated, also where the policy
-    is worst."""
+    """The error of a network's V is nowhere larger than reported, also where the policy is
+    worst.
+    """
     z = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 6)) * BOX
     layers = {
         "0.weight": np.vstack([np.diag(1.0 / BOX), -np.diag(1.0 / BOX)]),
@@ -111,7 +112,7 @@ def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
 
 
 def test_a_network_flies_within_control_limits() -> None:
-    """A network is flown within the limits of the controls."""
+    """A network is flown within the control limits."""
     model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))
@@ -124,7 +125,9 @@ def test_a_network_flies_within_control_limits() -> None:
 
 
 def test_a_verdict_has_three_grades(game: Game) -> None:
-    """Exact; near, where the loop is stable and less than 1 % of cost is lost; fail beyond it."""
+    """The exact critic passes. A stable one with at most 1 % more cost is near, and any other
+    fails.
+    """
     grades = {
         "exact": from_gain(game, gain(game)),
         "near": from_gain(game, 1.002 * gain(game)),
@@ -144,7 +147,7 @@ def test_a_verdict_has_three_grades(game: Game) -> None:
 
 
 def test_the_command_says_whose_weights_it_used(game: Game) -> None:
-    """The report names the source of Q, R and delta: file, option or default."""
+    """The report names the source of Q, R and delta: a file, an option, or the default."""
     plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]])
     critic = stored("K.npz", K=np.array([[1.0 + np.sqrt(3.0)]]))
     result = hfa("verify", "--model", plant, "--R", "1", "--weights", critic)
