@@ -85,8 +85,21 @@ class StepForm(NormalForm):
         )
         with suppress(NoSolutionError):  # said where the step is solved
             game = in_first_units.with_delta(math.inf).equivalent
-            return in_first_units._turned_by(one, 1.0 / units_of(game.A, game.S, game.Q))
+            return in_first_units._scaled(1.0 / units_of(game.A, game.S, game.Q))
         return in_first_units
+
+    def _scaled(self, D: np.ndarray) -> Self:
+        """Return the game in the coordinates D y, exactly. D: (n,), powers of two"""
+        factors = D[:, None] / D
+        return replace(
+            self,
+            A=self.A * factors,
+            low=self.low * factors,
+            inputs=self.inputs * D[:, None],
+            disturbance=self.disturbance * D[:, None],
+            Q=self.Q / np.outer(D, D),
+            T=self.T * D[:, None],
+        )
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
         """Return the game in the coordinates D W'y, with twice the digits for A."""

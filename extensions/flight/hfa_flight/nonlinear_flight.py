@@ -36,7 +36,13 @@ from hfa_flight.flight_history import Deviations
 from hfa_flight.flown_policy import flown_policy
 from hfa_flight.gust_equations import in_gusts
 from hfa_flight.limit_cycle import Decay, LimitCycle, oscillation
-from hfa_flight.own_steps import JSBSIM, RUNGE_KUTTA, in_own_steps, timed_by
+from hfa_flight.own_steps import (
+    JSBSIM,
+    RUNGE_KUTTA,
+    in_own_steps,
+    refuse_method,
+    timed_by,
+)
 from hfa_flight.policies import GainPolicy
 from hfa_flight.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.simulation import CompiledLoop
@@ -113,6 +119,7 @@ def fly(
     >>> hfa.fly(model, point, solution, 1.0, initial={"alpha": 0.01}).states.shape
     (1001, 7)
     """
+    refuse_method(model, method, step)
     happens = _happening(model, Scenario() if scenario is None else scenario, seconds, initial)
     happens = timed_by(method, step, happens)
     flown, happens = flown_policy(policy, point, happens)

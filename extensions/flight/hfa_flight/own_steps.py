@@ -25,22 +25,31 @@ _USUAL_STEP = 1.0 / 120.0
 _WHOLE = 1e-6
 
 
+def refuse_method(model: Model, method: str, step: float | None) -> None:
+    """Raise BadInputError for a method that does not exist, a step of another method, and an
+    aircraft that the method does not fly."""
+    if method not in METHODS:
+        raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
+    if method != JSBSIM and step is not None:
+        raise BadInputError(
+            f"--step (step= in Python) belongs to --method {JSBSIM}; leave it out, or fly by"
+            " that method"
+        )
+    if method == JSBSIM and not hasattr(model.equations, "jsbsim_steps"):
+        raise BadInputError(
+            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; use"
+            f" --method {RUNGE_KUTTA}"
+        )
+
+
 def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
     """Return the scenario with the steps of a method.
 
     step: duration of JSBSim's frames, s; default: 1/120
 
-    Raises BadInputError for a method that does not exist, a step of another method, and a duration
-    that is not a whole number of frames.
+    Raises BadInputError for a duration that is not a whole number of frames.
     """
-    if method not in METHODS:
-        raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
     if method != JSBSIM:
-        if step is not None:
-            raise BadInputError(
-                f"--step (step= in Python) belongs to --method {JSBSIM}; leave it out, or fly by"
-                " that method"
-            )
         return scenario
     frame = _USUAL_STEP if step is None else float(step)
     refuse_unless_positive("step", frame, " s")
@@ -56,16 +65,11 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
     """Return the loop of a JSBSim aircraft, whose plant advances by frames of the scenario's step.
 
-    Raises BadInputError for another aircraft. Raises BadInputError for a scenario that these frames
-    do not support: actuators, policies with states, gusts, delays, disturbances.
+    Raises BadInputError for a scenario that these frames do not support: actuators, policies with
+    states, gusts, delays, disturbances.
     """
     model: Model = loop.plant.point.model
-    make = getattr(model.equations, "jsbsim_steps", None)
-    if make is None:
-        raise BadInputError(
-            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; use"
-            f" --method {RUNGE_KUTTA}"
-        )
+    make: Callable[[float], Any] = model.equations.jsbsim_steps  # type: ignore[attr-defined]
     scenario = loop.scenario
     extra = {
         "--actuators": scenario.actuators is not None,

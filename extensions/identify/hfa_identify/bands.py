@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.signal import oaconvolve
 
 from hfa_identify.fit import Fit, inverse
 
@@ -137,6 +135,8 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
     noise resembles the sensitivities, so that V_q exceeds M_q and the residuals lose more than one
     sample's variance to an unknown.
     """
+    from scipy.linalg import block_diag
+
     p = len(fit.theta)
     D = inverse(fit.information)
     seen = []
@@ -178,6 +178,8 @@ def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     S: sensitivities of consecutive samples
     covariance: r at lags 0, 1, ..., 0 beyond
     """
+    from scipy.signal import oaconvolve
+
     r = covariance[: len(S)]
     if len(r) == 1:
         return np.asarray(r[0] * S.T @ S)

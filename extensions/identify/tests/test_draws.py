@@ -97,20 +97,20 @@ def test_unstable_aircraft_show_in_the_modes():
 def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
     """`solve` judges the exact gain, `verify` that of a file; the wider band costs more."""
     narrow, wide = written(), written(0.2, "wide.toml")
-    code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "25", "-o", "K.npz")
+    code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "10", "-o", "K.npz")
     assert code == 0
-    assert draws["stable"] == 25
+    assert draws["stable"] == 10
     assert 0.0 < draws["cost_lost_worst_percent"] < 1.0
     main(["solve", "--aircraft", narrow, "--draws", "2"])
     second = capsys.readouterr().out.splitlines()[1]
     assert second.startswith("linear loop stable for 2 of 2 drawn aircraft")
     assert len(second) <= 100
     code, again = answer(
-        capsys, "verify", "--aircraft", narrow, "--weights", "K.npz", "--draws", "25"
+        capsys, "verify", "--aircraft", narrow, "--weights", "K.npz", "--draws", "10"
     )
     assert code == 0
     assert again["cost_lost_worst_percent"] == pytest.approx(draws["cost_lost_worst_percent"])
-    _, wider = answer(capsys, "verify", "--aircraft", wide, "--weights", "K.npz", "--draws", "25")
+    _, wider = answer(capsys, "verify", "--aircraft", wide, "--weights", "K.npz", "--draws", "10")
     assert wider["cost_lost_worst_percent"] > 10.0 * draws["cost_lost_worst_percent"]
 
 

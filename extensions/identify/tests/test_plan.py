@@ -4,21 +4,30 @@ from functools import cache
 
 import numpy as np
 import pytest
-from flown_records import noisy_columns
+from flown_records import SENSORS, longitudinal, noisy_columns
 from project import ROOT
 
 import hfa
 from hfa_identify.estimation import identify
+from hfa_identify.records import read_record
 
-UAV = str(ROOT / "examples" / "uav.toml")
-RECORD = str(ROOT / "examples" / "uav_record.csv")
+AIRCRAFT = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
+UAV = longitudinal(AIRCRAFT)
 FREE = ("CL_elevator", "Cm_q", "Cm_elevator")
-#: As in examples/uav_record.csv: state -> standard deviation of its sensor.
+
+
+@cache
+def record():
+    """The columns of examples/uav_record.csv, without those of surfaces that do not move."""
+    read = read_record(ROOT / "examples" / "uav_record.csv", AIRCRAFT, {})
+    inputs = dict(zip(AIRCRAFT.inputs, read.inputs.T, strict=True))
+    moving = {name: inputs[name] for name in UAV.inputs}
+    return {"time": read.time, **moving, **{name: read.measured[name] for name in SENSORS}}
 
 
 @cache
 def planned():
-    return identify(hfa.load_model(UAV), RECORD, FREE, plan=True)
+    return identify(UAV, record(), FREE, plan=True)
 
 
 def flown(model, manoeuvre):
@@ -41,7 +50,7 @@ def test_the_planned_manoeuvre_narrows_the_band_as_predicted():
     assert best.input == "elevator"
     assert best.widest == "CL_elevator"
     assert best.after < 0.6 * best.before
-    after = identify(hfa.load_model(UAV), [RECORD, flown(before.model, best)], FREE)
+    after = identify(UAV, [record(), flown(before.model, best)], FREE)
     each = after.parameters[best.widest]
     half = 50.0 * (each.high - each.low) / abs(each.value)
     assert half == pytest.approx(best.after, rel=0.25)
@@ -52,6 +61,6 @@ def test_the_report_lists_manoeuvres_in_order():
     after = [each.after for each in found.plan]
     assert after == sorted(after)
     assert "3-2-1-1" in str(found)
-    limits = hfa.load_model(UAV).inputs
+    limits = UAV.inputs
     for each in found.plan:
         assert 0.0 < each.amplitude <= limits[each.input].max

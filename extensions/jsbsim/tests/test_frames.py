@@ -37,29 +37,34 @@ def test_other_frames_are_those_of_jsbsim(name):
     assert miss < 1e-8, state
 
 
-@pytest.mark.parametrize("source", ["attitude/phi-rad", "fcs/slow"])
-def test_actuator_with_play_begins_as_in_jsbsim(tmp_path, source):
+def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
     """With play, the equilibrium depends on the first frames: filters begin at 0, actuators at
     their input."""
-    slots = component(
+    state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
+    changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
+    models, items = [], []
+    for name, source in (("at_once", "attitude/phi-rad"), ("filtered", "fcs/slow")):
+        path = tmp_path / "aircraft" / name / f"{name}.xml"
+        path.parent.mkdir(parents=True)
+        path.write_text(jet(played(source)))
+        models.append(read_model(str(path)))
+        flight = {"state": state, "commands": dict.fromkeys(models[-1].inputs, 0.0)}
+        flight |= {"changes": changes, "step": 1.0 / 120.0, "rest": 10.0, "flight": 1}
+        items.append({"aircraft": name, "root": str(tmp_path), "earth": "own", "point": flight})
+    for model, item, answer in zip(models, items, answered(items), strict=True):
+        ours = frames.flown(model, item["point"], answer["start"])[-1]
+        assert ours[0] == pytest.approx(answer["states"][-1]["speed"], rel=1e-11)
+        pitch = list(model.states).index("pitch_rate")
+        assert ours[pitch] == pytest.approx(answer["states"][-1]["pitch_rate"], rel=1e-9)
+
+
+def played(source):
+    """An actuator with play whose input is this property."""
+    return component(
         '<lag_filter name="fcs/slow"> <input>attitude/phi-rad</input> <c1>5</c1> </lag_filter>'
         f' <actuator name="fcs/probe"> <input>{source}</input> <lag>30</lag>'
         " <rate_limit>0.3</rate_limit> <hysteresis_width>0.05</hysteresis_width> </actuator>"
     )
-    path = tmp_path / "aircraft" / "played" / "played.xml"
-    path.parent.mkdir(parents=True)
-    path.write_text(jet(slots))
-    model = read_model(str(path))
-    state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
-    changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
-    flight = {"state": state, "commands": dict.fromkeys(model.inputs, 0.0), "changes": changes}
-    flight |= {"step": 1.0 / 120.0, "rest": 10.0, "flight": 1}
-    item = {"aircraft": "played", "root": str(tmp_path), "earth": "own", "point": flight}
-    (answer,) = answered([item])
-    ours = frames.flown(model, flight, answer["start"])[-1]
-    assert ours[0] == pytest.approx(answer["states"][-1]["speed"], rel=1e-11)
-    pitch = list(model.states).index("pitch_rate")
-    assert ours[pitch] == pytest.approx(answer["states"][-1]["pitch_rate"], rel=1e-9)
 
 
 def test_frame_of_another_step_differs():

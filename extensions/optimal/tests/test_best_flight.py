@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,12 +166,22 @@ def test_the_initial_condition_has_two_names_for_one_version() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    model = hfa.load_model(GTM)
+    """Two forces would share the work."""
+    forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
+    model = replace(
+        cart(),
+        inputs=forces,
+        equations=lambda x, u, p, w: (
+            {"position": x.velocity, "velocity": u.front + u.rear - 0.1 * x.velocity**3},
+            {},
+        ),
+    )
     point = hfa.find_operating_point(model)
-    R = {"elevator": 10.0}
-    best = hfa.best_flight(model, point, {"alpha": 0.05}, R=R, inputs=["elevator"])
-    throttle = best.inputs[:, best.input_names.index("throttle")]
-    assert np.ptp(throttle) == 0.0
+    one = hfa.best_flight(model, point, {"position": 1.0}, inputs=["front"])
+    both = hfa.best_flight(model, point, {"position": 1.0})
+    assert np.ptp(one.inputs[:, 1]) == 0.0
+    assert np.ptp(both.inputs[:, 1]) > 0.1
+    assert both.cost < 0.9 * one.cost
 
 
 @pytest.mark.parametrize(

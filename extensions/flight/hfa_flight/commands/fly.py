@@ -87,12 +87,14 @@ def fly(request: FlyRequest) -> int:
         return _fly_members(request)
     from hfa_flight.flight_figure import flight_figure
     from hfa_flight.nonlinear_flight import fly
+    from hfa_flight.own_steps import refuse_method
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
     request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
+    refuse_method(request.model, request.method, request.frame)
     planned = request.flight()
     if request.at is None and request.model.extras.names_schedule:
         warnings.warn(
