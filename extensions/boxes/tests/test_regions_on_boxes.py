@@ -453,3 +453,9 @@ def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
     assert found.square == pytest.approx(np.eye(3), abs=1e-9)
     decay = found.linear_decay(J)
     assert decay == pytest.approx(np.diag(np.diag(decay)), abs=1e-9 * decay.max())
+
+
+def test_a_v_that_is_not_positive_keeps_its_coordinates() -> None:
+    shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
+    saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))
+    assert saddle.diagonal(-np.eye(2)) is saddle

@@ -221,8 +221,13 @@ class Shape:
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
 
     def diagonal(self, J: np.ndarray) -> Shape:
-        """Return V in the coordinates of `_diagonal`, in which its proof needs the fewest boxes."""
+        """Return V in the coordinates of `_diagonal`, in which its proof needs the fewest boxes.
+
+        A V that is not positive near 0 stays as it is.
+        """
         square = self.M.T @ self.square @ self.M
+        if not np.all(np.linalg.eigvalsh(square) > 0.0):
+            return self
         turned = replace(self, M=_diagonal(square, J))
         y = np.random.default_rng(5).uniform(-1.0, 1.0, (4 * len(self.coefficients), len(J)))
         values = self.values(y @ turned.N.T)
