@@ -31,12 +31,14 @@ def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
     def decompose() -> None:
         for form, X in tasks:
             units_of(form.A, form.S, form.Q)
-            np.linalg.inv(np.linalg.eig(form.hamiltonian)[1])
+            np.linalg.eig(form.hamiltonian)
             np.linalg.inv(form.hamiltonian)
             for _ in range(_DOUBLINGS):
                 np.linalg.inv(form.A)
                 np.broadcast_to(X, (_PRODUCTS, *X.shape)) @ form.A
-            np.linalg.inv(np.linalg.eig(form.A - form.B @ (form.B.mT @ X))[1])
+            right = np.linalg.eig(form.A - form.B @ (form.B.mT @ X))[1]
+            for _ in range(2):
+                np.linalg.inv(right)
             np.linalg.eigvalsh(X)
             np.broadcast_to(X, (_OF_RESIDUAL, *X.shape)) @ form.A
 

@@ -52,17 +52,17 @@ class Limits:
     def within(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) within their limits and `SLACK`; False for nan."""
         array = np.asarray(values)
-        return np.asarray((array >= self.least) & (array <= self.most))
+        return (array >= self.least) & (array <= self.most)
 
     def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) at their lowest limit, within `NEAR`, or below
         it."""
-        return np.asarray(np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest))
+        return np.asarray(values) <= self.lowest + NEAR * self._measure(self.lowest)
 
     def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
         """Return the mask of the values (..., k) at their highest limit, within `NEAR`, or above
         it."""
-        return np.asarray(np.asarray(values) >= self.highest - NEAR * self._measure(self.highest))
+        return np.asarray(values) >= self.highest - NEAR * self._measure(self.highest)
 
     def between(self, name: str) -> str:
         """Return the limits of one signal in words: "-60 deg and 60 deg"."""

@@ -52,13 +52,12 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
 
     V1 has the eigenvectors of A - S X. They also solve the Lyapunov equation of a step, and V1⁻¹ (A
     - S X) V1 is diagonal except for rounding. The distance to the axis is bounded by the condition
-    of all eigenvectors (Bauer and Fike). Source: Zhou, Doyle and Glover, Section 13.2.
+    of all eigenvectors (Bauer and Fike). Those of the other eigenvalues are [U; X U + (V1')⁻¹], and
+    the rows of the inverse are as long. Source: Zhou, Doyle and Glover, Section 13.2.
     """
     n = form.A.shape[-1]
     values, vectors = np.linalg.eig(form.hamiltonian)
     stable = (values.real < 0.0).sum(axis=1)
-    condition = norms(vectors) * norms(inverses(vectors))
-    distance = np.abs(values.real).min(axis=1) / condition / norms(form.hamiltonian)
 
     order = np.argsort(values.real, axis=1)[:, :n]
     game = np.arange(len(order))[:, None]
@@ -88,6 +87,9 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     nearly_diagonal = inverse @ (form.A - form.S @ X) @ V1
     loop = np.diagonal(nearly_diagonal, axis1=1, axis2=2)
     spread = norms(nearly_diagonal * (1.0 - np.eye(n)))
+    U = V1 @ (inverse @ form.S @ inverse.mT / sums)
+    condition = 2.0 * n**0.5 * np.hypot(norms(U), norms(X @ U + inverse.mT))
+    distance = np.abs(values.real).min(axis=1) / condition / norms(form.hamiltonian)
     return FromEigenvectors(X, correction, stable, distance, loop, spread)
 
 

@@ -228,7 +228,8 @@ class NormalForm:
         high, low = product_of_doubles(X, np.concatenate([self.A, self.B, self.E], axis=-1))
         linear = high[..., :n], low[..., :n]
         inputs = high[..., n:]
-        signed = inputs * np.repeat([-1.0, 1.0], [self.B.shape[-1], self.E.shape[-1]])
+        signed = inputs.copy()
+        signed[..., : self.B.shape[-1]] *= -1.0
         square = product_of_doubles(signed, inputs.mT)
         total = add(add(linear, transposed(linear)), add(exact(self.Q), square))
         mixed = signed @ low[..., n:].mT

@@ -10,6 +10,7 @@ import pytest
 import hfa
 from controller import minimum_delta, solve_games
 from controller.riccati import certificate
+from controller.riccati.balancing import spectrum
 from controller.riccati.certificate import certified_stack
 from controller.riccati.derivations import by_doubling, by_eigenvectors
 from controller.riccati.normal_form import NormalForm
@@ -67,6 +68,19 @@ def test_the_game_loops_bound_is_close_from_above():
         bound = found.loop.real.max(axis=1) + found.spread
         assert (bound >= (1.0 + 1e-12) * abscissa).all()
         assert (bound <= 0.999 * abscissa).all()
+
+
+def test_the_axis_distance_is_that_of_all_eigenvectors():
+    """Half of the eigenvectors of the Hamiltonian give the condition of all, and a lower bound."""
+    A, B = _models("published", 5)
+    form = NormalForm.of_plants(A, B, published_game(A[2], B[2]))
+    bounds = by_eigenvectors(form).axis_distance
+    for matrix, bound in zip(form.hamiltonian, bounds, strict=True):
+        values, vectors = np.linalg.eig(matrix)
+        condition = np.linalg.norm(vectors) * np.linalg.norm(np.linalg.inv(vectors))
+        of_all = np.abs(values.real).min() / condition / np.linalg.norm(matrix)
+        assert bound == pytest.approx(of_all, rel=1e-9)
+        assert bound <= spectrum(matrix).axis_distance()
 
 
 def test_nothing_is_certified_below_the_smallest_delta():
