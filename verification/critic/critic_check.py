@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -88,7 +89,7 @@ def check_critic(
     cost_lost = lost.worst
     states = 0
     proof = None
-    sections = [_flight_section(game, critic, exact, lost)]
+    sections = [_flight_section(game, critic, lost)]
     if critic.network:
         judge = part(CRITICS, "nonlinear", "a nonlinear critic")
         network = judge(game, exact, critic, box.half_widths, limit, scope)
@@ -185,14 +186,14 @@ def _smallest_eigenvalue(P: np.ndarray) -> float:
     return float(np.linalg.eigvalsh((P + P.T) / 2.0)[0] / np.abs(P).max()) if np.any(P) else 0.0
 
 
-def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCost) -> Section:
+def _flight_section(game: Game, critic: Critic, lost: FlightCost) -> Section:
     """Return the section on the critic's cost and margins in closed loop, compared with the exact
     ones."""
     learned = None
     if math.isfinite(lost.gain):
         with suppress(NoSolutionError):
             learned = disk_margin(game, critic.K)
-    best = disk_margin(game, exact.K)
+    best = _best_margin(game)
     rows = [
         ("% above the optimum, worst case", f"{lost.worst:.3g}", "0"),
         ("% above the optimum, mean over cases", f"{lost.mean:.3g}", "0"),
@@ -209,6 +210,12 @@ def _flight_section(game: Game, critic: Critic, exact: Solution, lost: FlightCos
     )
     table = Table(("linear loop with the worst disturbance", "learned", "exact"), rows)
     return Section((table,), data)
+
+
+@lru_cache
+def _best_margin(game: Game) -> DiskMargin:
+    """Return the disk margin of the exact gain."""
+    return disk_margin(game, solve_game(game).K)
 
 
 def _polynomial_section(critic: Critic) -> Section:
