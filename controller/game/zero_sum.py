@@ -98,7 +98,7 @@ class Game(ByValue, Reported):
 
     def __hash__(self) -> int:
         """Return a hash of a few numbers, equal for equal games."""
-        return hash((*map(np.sum, (self.A, self.B, self.Q, self.R)), self.delta))
+        return hash((*map(np.sum, (self.A, self.Q, self.R)), self.delta))
 
     def report(self) -> Report:
         """Return the report of the matrices, with the names of their rows and columns."""

@@ -28,11 +28,13 @@ class Answer(NamedTuple):
     exists: True or False where shown, None where rounding leaves it open
     reason: why no solution exists, or why it is open, or "" where one exists
     condition: the condition for a solution that fails or is open, if there are several
+    gain: no δ up to it has a solution
     """
 
     exists: bool | None
     reason: str = ""
     condition: str = ""
+    gain: float = 0.0
 
 
 class Bracket(NamedTuple):

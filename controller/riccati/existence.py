@@ -112,7 +112,7 @@ def _found_in(form: NormalForm, given: NormalForm | None = None) -> Found:
                 f"against every input the disturbance gains at least {gain:.6g},"
                 f" at {frequency:.4g} rad/s"
             )
-            return Found(Answer(False, reason), form, None)
+            return Found(Answer(False, reason, gain=gain), form, None)
         reason = failed[0].reason if failed else "rounding hides the stable subspace"
         return Found(Answer(None, reason), form, None)
     signs = subspace.basis[:n].T @ subspace.basis[n:]

@@ -145,7 +145,6 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     first = [*ends[order].tolist(), near]
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
-    level = highest
     looked = 0
     while pieces:
         looked += 1

@@ -118,8 +118,15 @@ def smallest_delta_of(form: NormalForm, progress: Progress | None = None) -> Del
         return DeltaMin(0.0, 0.0)
     begin = 2.0 * gain if math.isfinite(gain) else 1.0
 
+    highest = Answer(False)
+
     def ask(delta: float) -> Answer:
-        return existence(inside.with_delta(delta * size))
+        nonlocal highest
+        if delta * size <= highest.gain:
+            return highest
+        answer = existence(inside.with_delta(delta * size))
+        highest = max(highest, answer, key=lambda each: each.gain)
+        return answer
 
     value, refused, _ = smallest_delta(ask, begin, TOLERANCE, progress)
     return DeltaMin(value * size, refused * size)

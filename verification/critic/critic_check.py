@@ -25,10 +25,7 @@ from hfa_support.entry_points import CRITICS, PARTS, offered, part
 from hfa_support.errors import NoSolutionError, refuse_unless_positive
 from hfa_support.reporting.checks import Check, at_least, at_most, below
 from hfa_support.reporting.text import Table
-from verification.critic.critic_errors import (
-    balanced_box,
-    critic_errors,
-)
+from verification.critic.critic_errors import balanced_box, critic_errors
 from verification.critic.scope import LIMIT, Scope
 from verification.critic.verdict import Details, Section, Verdict, explained
 
