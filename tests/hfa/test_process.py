@@ -86,32 +86,31 @@ def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
     assert b"\x1b" not in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("commands", "unwanted"),
-    [
-        (
-            ["--help", "--version", "frobnicate"],
-            ["casadi", "control", "matplotlib", "numpy", "scipy"],
-        ),
-        (["trim --dihedral 15", "trim --dihedral abc"], ["control", "matplotlib", "scipy"]),
-        (
-            ["solve --dihedral 15", "verify --dihedral 15"],
-            ["control", "matplotlib", "scipy.optimize"],
-        ),
-    ],
-)
-def test_what_commands_do_not_import(commands: list[str], unwanted: list[str]) -> None:
+#: Command lines, and the heavy libraries that they and those before them do not import.
+LIGHT = [
+    (["--help", "--version", "frobnicate"], ["casadi", "control", "matplotlib", "numpy", "scipy"]),
+    (["trim --dihedral 15", "trim --dihedral abc"], ["control", "matplotlib", "scipy"]),
+    (["solve --dihedral 15", "verify --dihedral 15"], ["control", "matplotlib", "scipy.optimize"]),
+]
+#: Runs lists of command lines in one process, and prints what is imported after each list.
+IN_TURN = """
+import sys
+from hfa.main import main
+for commands in {lists}:
+    for words in commands:
+        main(words.split())
+    print("imported", *sorted(sys.modules))
+"""
+
+
+def test_what_commands_do_not_import() -> None:
     """Commands do not import the listed heavy libraries, also if they refuse their arguments."""
-    run = f"for words in {commands}: main(words.split())"
-    program = (
-        f"import sys\nfrom hfa.main import main\n{run}\nprint('imported', *sorted(sys.modules))"
-    )
+    program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True
     )
-    imported = done.stdout.splitlines()[-1].split()
-    assert imported[0] == "imported"
-    assert "hfa.main" in imported
-    assert [
-        name for name in imported if f"{name}.".startswith(tuple(f"{each}." for each in unwanted))
-    ] == []
+    imported = [line.split() for line in done.stdout.splitlines() if line.startswith("imported ")]
+    for names, (_, unwanted) in zip(imported, LIGHT, strict=True):
+        assert "hfa.main" in names
+        packages = tuple(f"{each}." for each in unwanted)
+        assert [name for name in names if f"{name}.".startswith(packages)] == []

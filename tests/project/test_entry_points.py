@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import runpy
 import shlex
 import shutil
@@ -70,30 +71,44 @@ def run_in_turn(site: Path, folder: Path, *commands: str) -> list[Result]:
     return [Result(*each) for each in json.loads(done.stdout.splitlines()[-1])]
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """Return a folder with the aircraft of docs/extending.md."""
-    write_package(tmp_path)
-    shutil.rmtree(tmp_path / "hfa_pointmass")
-    return tmp_path
+#: The commands of docs/extending.md, each with its exit code and output.
+OF_THE_PAGE = [
+    found
+    for block in blocks_of(PAGE.read_text("utf-8"))
+    if block.language == "console"
+    for found in COMMAND.finditer(block.text)
+]
+#: Further commands on the aircraft of that page, and on files beside it.
+OTHERS = (
+    "hfa trim --aircraft trainer.pm --at 55 --json",
+    "hfa --help",
+    "hfa level speed",
+    "hfa trim --help",
+    "hfa trim --aircraft none.pm",
+    "hfa trim --aircraft broken.pm",
+    "hfa trim --aircraft trainer.pm",
+    "hfa trim --aircraft heavier.pm",
+)
 
 
-def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> None:
+@pytest.fixture(scope="module")
+def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result]:
+    """Return the output of the commands of the page and of the others."""
+    folder = tmp_path_factory.mktemp("aircraft")
+    write_package(folder)
+    shutil.rmtree(folder / "hfa_pointmass")
+    (folder / "broken.pm").write_bytes(b"mass \xff")
+    heavier = (folder / "trainer.pm").read_text("utf-8").replace("1200", "1300")
+    (folder / "heavier.pm").write_text(heavier, encoding="utf-8")
+    return run_in_turn(site, folder, *(command[1] for command in OF_THE_PAGE), *OTHERS)
+
+
+def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None:
     """A package with entry points adds a file format of aircraft and a command of two words.
 
     Its faults, a missing and a broken file, are reported in one line.
     """
-    (folder / "broken.pm").write_bytes(b"mass \xff")
-    trimmed, overview, unknown, trim_help, missing, broken = run_in_turn(
-        site,
-        folder,
-        "hfa trim --aircraft trainer.pm --at 55 --json",
-        "hfa --help",
-        "hfa level speed",
-        "hfa trim --help",
-        "hfa trim --aircraft none.pm",
-        "hfa trim --aircraft broken.pm",
-    )
+    trimmed, overview, unknown, trim_help, missing, broken, *_ = results[len(OF_THE_PAGE) :]
     assert trimmed.code == 0, trimmed.err
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
     assert lift == pytest.approx(1200 * 9.80665 / (0.5 * 1.225 * 55**2 * 16.2))
@@ -107,29 +122,26 @@ def test_a_package_adds_an_aircraft_and_a_command(site: Path, folder: Path) -> N
     assert missing.err == "hfa: none.pm cannot be read (No such file or directory); give a file\n"
 
 
-def test_commands_of_the_page_run(site: Path, folder: Path) -> None:
+def test_commands_of_the_page_run(results: list[Result]) -> None:
     """Each command of docs/extending.md has its exit code and prints the output of the page."""
-    consoles = [
-        block for block in blocks_of(PAGE.read_text("utf-8")) if block.language == "console"
-    ]
-    commands = [found for block in consoles for found in COMMAND.finditer(block.text)]
-    assert len(commands) >= 5
-    results = run_in_turn(site, folder, *(command[1] for command in commands))
-    for command, done in zip(commands, results, strict=True):
+    assert len(OF_THE_PAGE) >= 5
+    for command, done in zip(OF_THE_PAGE, results, strict=False):
         assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
         assert not difference(command[3], done.out + done.err)
 
 
-def test_an_aircraft_of_a_package_is_nobody_elses(site: Path, folder: Path) -> None:
+def test_an_aircraft_of_a_package_is_nobody_elses(results: list[Result]) -> None:
     """If a reader leaves `source` empty, the footer names its file, and a changed file has another
     hash.
     """
-    text = run(site, folder, "trim", "--aircraft", "trainer.pm").out
-    assert "plant trainer.pm (SHA-256 " in text.splitlines()[-1]
-    assert "parameters identified" not in text
-    changed = (folder / "trainer.pm").read_text("utf-8").replace("1200", "1300")
-    (folder / "trainer.pm").write_text(changed, encoding="utf-8")
-    assert run(site, folder, "trim", "--aircraft", "trainer.pm").out != text
+    given, changed = (
+        re.search(r"plant (\w+).pm \(SHA-256 (\w+)\)$", each.out) for each in results[-2:]
+    )
+    assert given is not None
+    assert changed is not None
+    assert (given[1], changed[1]) == ("trainer", "heavier")
+    assert given[2] != changed[2]
+    assert "parameters identified" not in results[-2].out
 
 
 def test_a_command_without_a_request_is_refused(tmp_path: Path) -> None:
@@ -156,10 +168,9 @@ def metadata(site: Path, name: str, entries: str) -> None:
 def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
     """A package that cannot be loaded is named, and all other commands work."""
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
-    refused = run(tmp_path, tmp_path, "repair")
+    refused, overview = run_in_turn(tmp_path, tmp_path, "hfa repair", "hfa --help")
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
     assert "the package broken-one offers repair, which cannot be loaded" in refused.err
-    overview = run(tmp_path, tmp_path, "--help")
     assert (overview.code, "repair" in overview.out) == (0, False)
     assert "  fly " in overview.out
     assert "broken-one" in overview.err
@@ -168,11 +179,13 @@ def test_a_broken_package_is_named_alone(tmp_path: Path) -> None:
 def test_a_name_that_two_packages_offer_is_refused(tmp_path: Path) -> None:
     """A command that two packages offer is refused with their names. Other commands run."""
     metadata(tmp_path, "other-flights", "[hfa.commands]\nfly = other_flights:FLY\n")
-    refused = run(tmp_path, tmp_path, "fly", "--dihedral", "15")
+    refused, trimmed = run_in_turn(
+        tmp_path, tmp_path, "hfa fly --dihedral 15", "hfa trim --dihedral 10"
+    )
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
     assert "other-flights" in refused.err
     assert "both offer fly" in refused.err
-    assert run(tmp_path, tmp_path, "trim", "--dihedral", "10").code == 0
+    assert trimmed.code == 0
 
 
 #: Loads every command where the packages of the extras are missing.
