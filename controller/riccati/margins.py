@@ -273,7 +273,7 @@ def _osborne_scaling(M: np.ndarray) -> np.ndarray:
         column = scaled.sum(axis=-2)
         ratio = np.divide(column, row, out=np.ones_like(row), where=(row > 0.0) & (column > 0.0))
         log_D += 0.125 * np.log(np.where(ratio > 0.0, ratio, 1.0))
-    return log_D - log_D.mean(axis=-1, keepdims=True)
+    return log_D
 
 
 def disk_sizes(alpha: float) -> tuple[float, float]:

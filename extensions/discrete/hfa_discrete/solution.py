@@ -169,7 +169,7 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
     Raises NoSolutionError where none exists.
     """
-    form = StepForm.of_problem(problem)
+    form = StepForm.unbalanced(problem)
     X = unrefined(form.equivalent)
     _, feed = problem.without_cross_weights()
     return form.value(X), form.gain(X) + feed

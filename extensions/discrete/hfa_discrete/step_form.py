@@ -65,6 +65,15 @@ class StepForm(NormalForm):
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
         """Return the step form of a game of equal value, without discount and cross weights."""
+        form = cls.unbalanced(problem)
+        with suppress(NoSolutionError):  # said where the step is solved
+            game = form.with_delta(math.inf).equivalent
+            return form._scaled(1.0 / units_of(game.A, game.S, game.Q))
+        return form
+
+    @classmethod
+    def unbalanced(cls, problem: DiscreteGame) -> StepForm:
+        """Return `of_problem` in the units of the matrices of a step, for a search."""
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -72,7 +81,7 @@ class StepForm(NormalForm):
         A, low = product((step.A, problem.A_low), (root * one, rounded_off * one))
         form = NormalForm.of(replace(step, A=A, B=root * step.B, E=root * step.E))
         units = np.diag(form.T)
-        in_first_units = cls(
+        return cls(
             A=form.A,
             inputs=form.inputs,
             disturbance=form.disturbance,
@@ -83,10 +92,6 @@ class StepForm(NormalForm):
             R=form.R,
             low=low * units[:, None] / units,
         )
-        with suppress(NoSolutionError):  # said where the step is solved
-            game = in_first_units.with_delta(math.inf).equivalent
-            return in_first_units._scaled(1.0 / units_of(game.A, game.S, game.Q))
-        return in_first_units
 
     def _scaled(self, D: np.ndarray) -> Self:
         """Return the game in the coordinates D y, exactly. D: (n,), powers of two"""
