@@ -14,7 +14,7 @@ from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.reporting.report import Reported
 
 #: Games of one stack: enough to forget the cost of a call, few enough for the cache.
-TOGETHER = 128
+TOGETHER = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
