@@ -51,7 +51,8 @@ def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     """
     if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)
-    return BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}")
+    saved = ", or the file in which the policy is saved" if hasattr(value, "predict") else ""
+    return BadInputError(f"{name}: {parameter} is {_said(value)}; give {wanted}{saved}")
 
 
 def _said(value: Any) -> str:

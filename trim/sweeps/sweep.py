@@ -536,7 +536,7 @@ def sweep(
     >>> hfa.sweep(hfa.aircraft(), {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]}).A.shape
     (4, 6, 6)
     """
-    scheduled = {} if at is None else {model.schedule: at}
+    scheduled = {} if at is None else {model.schedule or "at": at}
     grid = {**(grid or {}), **scheduled, **columns}
     plan = SweepPlan(grid, model, condition, start=start, listed=listed)  # type: ignore[arg-type]
     return run_plan(plan, progress)

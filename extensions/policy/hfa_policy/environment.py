@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.turbulence import Turbulence
 from hfa_policy.deployment import Deployment
 from hfa_policy.episodes import SECONDS, Episodes
 from hfa_policy.trims import trims_of
-from hfa_support.arguments import checks_arguments
-from hfa_support.errors import BadInputError, refuse_unless_whole
+from hfa_support.arguments import ArrayLike, checks_arguments
+from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 
 if TYPE_CHECKING:
     import gymnasium
@@ -31,6 +33,8 @@ def environment(
     render_mode: str | None = None,
     turbulence: Turbulence | None = None,
     dt: float | None = None,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
 ) -> gymnasium.Env:
     """Return an environment of gymnasium: an aircraft about its trims.
 
@@ -45,6 +49,8 @@ def environment(
     turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
         warning
     dt: s, sample time of the default deployment, 0.02 unless given
+    Q, R: weights of its cost, as for `hfa.game`, but diagonal; default: 1/nominal². The reward is
+        the negative cost.
 
     Raises BadInputError if gymnasium is missing, a name is unknown, or an action has no box.
 
@@ -60,7 +66,7 @@ def environment(
     >>> observation.shape, flights.action_space.shape
     ((2,), (1,))
     """
-    deployed = _deployment(model, deployment, dt)
+    deployed = _deployment(model, deployment, dt, Q, R)
     episodes = _episodes(model, deployed, points, 1, seconds, turbulence)
     make = _made("gymnasium", "rl", "hfa_policy.gymnasium_environment", "AircraftEnvironment")
     made: gymnasium.Env = make(episodes, render_mode)
@@ -77,6 +83,8 @@ def vector_environment(
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
     dt: float | None = None,
+    Q: ArrayLike | Mapping[str, float] | None = None,
+    R: ArrayLike | Mapping[str, float] | None = None,
 ) -> VecEnv:
     """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
 
@@ -86,9 +94,8 @@ def vector_environment(
     >>> flights = hfa.vector_environment(model, card, count=16)  # doctest: +SKIP
     >>> PPO("MlpPolicy", flights).learn(100_000)  # doctest: +SKIP
     """
-    episodes = _episodes(
-        model, _deployment(model, deployment, dt), points, count, seconds, turbulence
-    )
+    deployed = _deployment(model, deployment, dt, Q, R)
+    episodes = _episodes(model, deployed, points, count, seconds, turbulence)
     module = "hfa_policy.vector_environment"
     make = _made("stable_baselines3", "training", module, "AircraftVectorEnvironment")
     made: VecEnv = make(episodes)
@@ -96,17 +103,45 @@ def vector_environment(
 
 
 def _deployment(
-    model: Model, given: Deployment | str | Path | None, dt: float | None
+    model: Model, given: Deployment | str | Path | None, dt: float | None, Q: Any, R: Any
 ) -> Deployment:
-    """Return the given deployment, or the default one of a model with a sample time dt, s.
+    """Return the given deployment, or the default one of a model.
 
-    Raises BadInputError where both are given.
+    dt: its sample time, s, or None
+    Q, R: weights of its cost, or None
+
+    Raises BadInputError where a deployment and one of these are given.
     """
+    if given is not None:
+        for name, value in (("dt", dt), ("Q", Q), ("R", R)):
+            if value is not None:
+                entry = "timing.dt" if name == "dt" else f"cost.{name}"
+                raise BadInputError(f"{name} is given twice; change {entry} of the deployment")
+        return Deployment.of(given)
+    usual = Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
+    if Q is None and R is None:
+        return usual
+    cost = {"Q": _weights("Q", model, Q, model.linear), "R": _weights("R", model, R, model.inputs)}
+    return usual.changed(cost=cost)
+
+
+def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dict[str, float]:
+    """Return name -> weight, by default 1/nominal².
+
+    given: the matrix, its diagonal, or name -> weight
+    """
+    if isinstance(given, Mapping):
+        return dict(given)
+    names = tuple(names)
     if given is None:
-        return Deployment.usual(model) if dt is None else Deployment.usual(model, dt)
-    if dt is not None:
-        raise BadInputError("dt is given twice; change timing.dt of the deployment")
-    return Deployment.of(given)
+        return {name: model.signals[name].nominal ** -2.0 for name in names}
+    weights = numbers_in(matrix, given)
+    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
+    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
+        raise BadInputError(
+            f"{matrix} is not diagonal; give a weight for each of {', '.join(names)}"
+        )
+    return dict(zip(names, diagonal.tolist(), strict=True))
 
 
 def _episodes(

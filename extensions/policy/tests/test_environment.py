@@ -294,3 +294,27 @@ def test_what_an_environment_leaves_out_is_a_warning() -> None:
             trims("ppo_gtm")[:1],
             turbulence=Turbulence("light", 150.0, span=2.0),
         )
+
+
+def test_weights_of_the_cost_are_those_of_a_game() -> None:
+    """Q and R as matrices, diagonals or by name give the reward of a deployment with this cost."""
+    model = aircraft("ppo_gtm")
+    n, m = len(model.linear), len(model.inputs)
+    Q = dict(zip(model.linear, np.arange(1.0, n + 1).tolist(), strict=True))
+    R = dict.fromkeys(model.inputs, 3.0)
+    rewards = []
+    for weights in (
+        {"Q": Q, "R": R},
+        {"Q": np.diag([*Q.values()]), "R": 3.0 * np.eye(m)},
+        {"Q": list(Q.values()), "R": np.full(m, 3.0)},
+    ):
+        env = environment(model, **weights)
+        env.reset(seed=1)
+        rewards.append(env.step(np.full(m, 0.1))[1])
+    env = environment(model, Deployment.usual(model).changed(cost={"Q": Q, "R": R}))
+    env.reset(seed=1)
+    assert rewards == [env.step(np.full(m, 0.1))[1]] * 3
+    with pytest.raises(BadInputError, match="Q is not diagonal; give a weight for each of"):
+        environment(model, Q=np.ones((n, n)))
+    with pytest.raises(BadInputError, match=r"R is given twice; change cost\.R"):
+        environment(model, card("ppo_gtm"), R=R)

@@ -386,3 +386,41 @@ def test_eigenvalues_are_a_method_too() -> None:
     assert repr(linear.eigenvalues).startswith("array(")
     with pytest.raises(AttributeError, match="did you mean Model"):
         hfa.model  # noqa: B018
+
+
+def test_errors_name_the_call_that_was_meant() -> None:
+    """A single loop, the closed loop of a solution, and the file of a trained policy."""
+    linear = _linear()
+    with pytest.raises(BadInputError, match="give inputs=NAME, outputs=NAME"):
+        linear.root_locus()
+    game = hfa.paper.published_game(linear)
+    solution = hfa.solve_game(game)
+    with pytest.raises(AttributeError, match=r"control.step_response\(solution.closed_loop\)"):
+        solution.step_response()
+
+    class Trained:
+        """An object with the method of Stable-Baselines3's policies."""
+
+        def predict(self, observation: np.ndarray) -> np.ndarray:
+            return observation
+
+    with pytest.raises(BadInputError, match="or the file in which the policy is saved"):
+        hfa.verify(game, Trained())
+
+
+def test_wrong_calls_are_one_line() -> None:
+    """Their errors do not come from inside."""
+    for wrong, said in (
+        (lambda: hfa.step(), "hfa.step is a method of results"),
+        (lambda: hfa.save(5, "x.npz"), r"write result\.save\(...\)$"),
+        (lambda: hfa.load("nofile.toml"), "nofile.toml"),
+        (lambda: hfa.verify(5, 6), "game is 5"),
+        (lambda: hfa.sweep(LinearModel([[0.0]], [[1.0]]).model, at=[1.0]), "cannot sweep 'at'"),
+        (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot draws names"),
+        (lambda: hfa.linearize(MODEL, None), "point is None"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            wrong()
+    with pytest.raises(AttributeError, match=r"write game\.solve\(\)\.K"):
+        hfa.paper.published_game(_linear()).K  # noqa: B018
+    assert linearize(MODEL, {"dihedral": 0.2}).point["dihedral"] == 0.2

@@ -86,6 +86,8 @@ def call_meant(
     if not any(_link(_classes(function, each)) for each in signature.parameters.values()):
         return None if words.keys() == named.keys() else (arguments, words)
     reading = _Reading(function, list(arguments), words)
+    if not reading.is_complete:
+        return None
     try:
         signature.bind(*reading.arguments, **reading.words)
     except TypeError:
@@ -129,6 +131,7 @@ class _Reading:
         self.words = words
         self.parameters = inspect.signature(function).parameters
         self.tests = {name: holds for _, name, holds, _ in argument_tests(function, 0)}
+        self.is_complete = True
         found: dict[str, Any] = {}
         for name, parameter in self.parameters.items():
             if parameter.kind is parameter.POSITIONAL_OR_KEYWORD:
@@ -168,6 +171,7 @@ class _Reading:
             made = self._derived(link, found)
             if made is not None:
                 found[name] = made
+            self.is_complete &= made is not None
 
     def _made(self, name: str, link: Any, value: Any, found: Mapping[str, Any]) -> Any:
         """Return the link that a value makes, or None."""
@@ -179,6 +183,8 @@ class _Reading:
             return release(usual_condition(model), hold=value)
         if link is OperatingPoint and isinstance(value, LinearModel):
             return value.point
+        if link is OperatingPoint and isinstance(value, Mapping) and isinstance(model, Model):
+            return import_module("hfa").find_operating_point(model, hold=value)
         if link is Game:
             return self._game(value, is_file)
         if link is LinearModel:

@@ -89,6 +89,8 @@ zeta: damping
 ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlines())
 #: Attributes that the analysis of a game adds to its solution.
 ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
+#: Attributes of the solution of a game, which a game lacks.
+_SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loop", "is_stable"}
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
@@ -151,10 +153,28 @@ def _by_key(value: Any, name: str) -> Any:
 
 
 def _analysed(value: Any, name: str) -> Any:
-    """Return what `hfa.solve` adds to a solution, and the smallest delta of a game."""
+    """Return what `hfa.solve` adds to a solution, and the smallest delta of a game.
+
+    Raises AttributeError for the other attributes of a solution on a game.
+    """
+    if isinstance(value, Game) and name in _SOLVED - {"delta_min"}:
+        raise AttributeError(f"Game has no attribute {name!r}; write game.solve().{name}")
     if type(value) is Solution and name in ANALYSED:
         return getattr(solve(value.game), name)
     return minimum_delta(value).value if isinstance(value, Game) and name == "delta_min" else None
+
+
+def _of_closed_loop(value: Any, name: str) -> None:
+    """Raise AttributeError for a function of python-control on a solution, whose loop it is.
+
+    The input of this loop is the disturbance, so that `solution.step` would be ambiguous.
+    """
+    if isinstance(value, Solution) and name in names_of_control():
+        kind = type(value).__name__
+        raise AttributeError(
+            f"{kind} has no attribute {name!r}; write control.{name}(solution.closed_loop), from "
+            "the disturbance to the states"
+        )
 
 
 def _in_degrees(value: Any, name: str) -> Any:
@@ -221,5 +241,6 @@ _SOURCES = (
     _in_degrees,
     _of_only_point,
     _method,
+    _of_closed_loop,
     _of_table,
 )

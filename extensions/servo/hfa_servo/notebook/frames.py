@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,6 +63,8 @@ def draw_curves(value: Any, *names: Any) -> np.ndarray:
     names: texts, or one list of them
     """
     shown = names[0] if len(names) == 1 and not isinstance(names[0], str) else names
+    if not isinstance(shown, Sequence) or not shown:
+        raise BadInputError('plot draws names; write plot("alpha", "pitch")')
     model = value.model
     is_sweep = isinstance(value, Sweep)
     table = sweep_frame(value) if is_sweep else {}

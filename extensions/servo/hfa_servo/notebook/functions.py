@@ -9,7 +9,8 @@ from typing import Any
 
 from controller.game.array_file import read_arrays
 from hfa_servo.notebook.calls import ANALYSED
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, file_faults
+from hfa_support.files import regular_file
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
@@ -47,15 +48,18 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     if name[0] == "_" or not _is_attribute(name, get):
         return None
 
-    def of_result(result: Any, *arguments: Any, **named: Any) -> Any:
+    def of_result(*arguments: Any, **named: Any) -> Any:
         """Return the value of the method of the first argument."""
+        result = arguments[0] if arguments else None
         if not isinstance(result, (Reported, Mode, ByName)):
+            import control
+
+            matrices = f", or control.{name}(...)" if hasattr(control, name) else ""
             raise BadInputError(
-                f"hfa.{name} is a method of results and models, not of a {type(result).__name__}; "
-                f"for matrices write control.{name}"
+                f"hfa.{name} is a method of results and models; write result.{name}(...){matrices}"
             )
         member = getattr(result, name)
-        return member(*arguments, **named) if callable(member) else member
+        return member(*arguments[1:], **named) if callable(member) else member
 
     of_result.__name__ = name
     return of_result
@@ -88,8 +92,10 @@ def load(path: str | Path, *more: Any, **named: Any) -> Any:
     hfa = import_module("hfa")
     text = str(path)
     suffix = Path(text).suffix.lower()
-    if suffix == ".toml" and "[observation" in Path(text).read_text("utf-8"):
-        return hfa.Deployment.load(path)
+    if suffix == ".toml":
+        with file_faults(text):
+            contents = regular_file(text).read_text("utf-8", "replace")
+        return hfa.Deployment.load(path) if "[observation" in contents else hfa.load_model(text)
     if suffix not in (".json", ".npz", ".mat"):
         return hfa.load_model(text)
     stored = read_arrays(path)

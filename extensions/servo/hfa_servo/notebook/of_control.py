@@ -45,9 +45,10 @@ def of_control(model: LinearModel, name: str) -> Any:
             try:
                 return function(*(matrices or [system]), *others, **more)
             except Exception as error:  # whatever python-control raises
-                raise BadInputError(
-                    f"python-control's {name}: {on_one_line(str(error))}"
-                ) from error
+                reason = on_one_line(str(error))
+                if len(system.input_labels) > 1 and inputs is None:
+                    reason += "; for a single loop give inputs=NAME, outputs=NAME"
+                raise BadInputError(f"python-control's {name}: {reason}") from error
 
         return call
     return getattr(system, name, None)
