@@ -26,6 +26,7 @@ from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
 from hfa_proof.arithmetic.balls import doubles, hull, is_positive_definite, matrix
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
+from hfa_support.native.bound import RowFunction
 
 #: More than every underflow of an operation.
 _TINY = 1e-290
@@ -121,7 +122,7 @@ class CostInequality(OnPiece):
         return self.taylor([ca.vec(second)]), taken
 
     @cached_property
-    def _centre(self) -> ca.Function:
+    def _centre(self) -> RowFunction:
         """Function (z, v) -> gradient and Hessian of g in v, and the gradient's slope in z, in
         doubles."""
         g = self._margin
@@ -129,7 +130,7 @@ class CostInequality(OnPiece):
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
         slope = ca.gradient(here, v)
         outputs = [slope, ca.vec(ca.jacobian(slope, v)), ca.vec(ca.jacobian(slope, z))]
-        return ca.Function("centre", [z, v], [ca.densify(each) for each in outputs])
+        return RowFunction(ca.Function("centre", [z, v], [ca.densify(each) for each in outputs]))
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return inputs (N, m) that nearly minimize g at z (N, n), and their slopes (N, m, n) in z.
@@ -162,7 +163,7 @@ class CostInequality(OnPiece):
         return v, slopes
 
     def _at_centre(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
-        b, H, cross = (np.array(each).T for each in self._centre(z.T, v.T))
+        b, H, cross = self._centre(z, v)
         shape = (len(z), self.m, self.m)
         by_column = cross.reshape(len(z), self.n, self.m).transpose(0, 2, 1)
         return b, H.reshape(shape), by_column

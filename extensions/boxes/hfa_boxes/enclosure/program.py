@@ -69,9 +69,11 @@ class Argument(NamedTuple):
     """Rows of the nodes of a group, in doubles.
 
     blocks: earlier group -> coefficients (rows, variables of the group); sparse where most are 0.
+    sizes: their magnitudes
     """
 
     blocks: Mapping[int, Any]
+    sizes: Mapping[int, Any]
 
 
 class Group(NamedTuple):
@@ -126,7 +128,8 @@ class Program:
                 if group not in blocks:
                     blocks[group] = np.zeros((len(rows), self.widths[group]))
                 blocks[group][index, column] = float(coefficient)
-        return Argument({group: _stored(block) for group, block in blocks.items()})
+        stored = {group: _stored(block) for group, block in blocks.items()}
+        return Argument(stored, {group: abs(block) for group, block in stored.items()})
 
 
 def _stored(block: np.ndarray) -> Any:

@@ -87,7 +87,7 @@ def _rows(argument: Argument, known: list[Jacobian]) -> Jacobian:
         terms = 4
         for group, block in argument.blocks.items():
             part = known[group][which]
-            weights = abs(block)
+            weights = argument.sizes[group]
             middle = middle + block @ part.middle
             radius = radius + weights @ part.radius
             size = size + weights @ (np.abs(part.middle) + part.radius)

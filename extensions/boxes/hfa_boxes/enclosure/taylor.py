@@ -248,7 +248,7 @@ class TaylorProgram:
             width, coefficients, boxes = models.c.shape
             flat = block @ models.c.reshape(width, coefficients * boxes)
             c = c + flat.reshape(-1, coefficients, boxes)
-            weights = abs(block)
+            weights = argument.sizes[group]
             radius = radius + weights @ models.radius
             size = size + weights @ sizes[group]
         if isinstance(c, float):  # a row without terms

@@ -12,6 +12,7 @@ import numpy as np
 from hfa_boxes.check.cost import solved_for
 from hfa_boxes.check.equilibrium import Equilibrium
 from hfa_boxes.check.plant import Plant
+from hfa_support.native.bound import RowFunction
 
 #: Newton steps for the inputs at a sample.
 _NEWTON = 8
@@ -47,11 +48,13 @@ class Inputs:
         slope = ca.gradient(price, v)
         second = ca.vec(ca.jacobian(slope, v))
         self._f = ca.Function("f", [z, v], [ca.densify(f)])
-        self._slopes = ca.Function("h", [z, v, p], [ca.densify(slope), ca.densify(second)])
+        self._rates = RowFunction(self._f)
+        slopes = [ca.densify(slope), ca.densify(second)]
+        self._slopes = RowFunction(ca.Function("h", [z, v, p], slopes))
 
     def rates(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return z' (N, n) at deviations z (N, n) with inputs v (N, m)."""
-        return np.array(self._f(z.T, v.T)).T
+        return self._rates(z, v)[0]
 
     def linear(self) -> np.ndarray:
         """Jacobian of the rates at the equilibrium, (n, n + m)."""
@@ -69,7 +72,7 @@ class Inputs:
         if not self.m:
             return v
         for _ in range(steps):
-            b, H = (np.array(each).T for each in self._slopes(z.T, v.T, p.T))
+            b, H = self._slopes(z, v, p)
             held_low = (v <= self._low) & (b > 0.0)
             held_high = (v >= self._high) & (b < 0.0)
             free = ~(held_low | held_high)
