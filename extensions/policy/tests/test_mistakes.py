@@ -336,7 +336,7 @@ def optimum_on_f16(times=1.0):
 def kinds_on_f16(deployment):
     """Return the changes that would fly better."""
     model = model_of(F16)
-    assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 24)
+    assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 12)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
 
 

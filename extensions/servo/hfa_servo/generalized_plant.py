@@ -612,6 +612,9 @@ def _response_difference(one: Controller, other: Controller) -> float:
     )
 
 
+_EQUATIONS = ("control Riccati equation", "filter Riccati equation")
+
+
 def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
     """Return whether the conditions for a controller hold, and the first that does not.
 
@@ -623,11 +626,14 @@ def conditions(plant: GeneralizedPlant, delta: float) -> Answer:
         return Answer(False if surely else None, reason, "feedthrough condition")
     plant = plant.apart
     forms = [side.form(delta) for side in plant.sides]
-    found = [value_found(form) for form in forms]
-    for exists in (False, None):
-        for which, each in zip(("control", "filter"), found, strict=False):
-            if each.answer.exists is exists:
-                return each.answer._replace(condition=f"{which} Riccati equation")
+    found = []
+    for form, equation in zip(forms, _EQUATIONS, strict=False):
+        found.append(value_found(form))
+        if found[-1].answer.exists is False:
+            return found[-1].answer._replace(condition=equation)
+    for each, equation in zip(found, _EQUATIONS, strict=False):
+        if each.answer.exists is None:
+            return each.answer._replace(condition=equation)
     if len(found) == 1 or math.isinf(delta):
         return Answer(True)
     by_signs = _coupling_by_signs(found[0], found[1], delta)
