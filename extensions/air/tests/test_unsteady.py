@@ -1,5 +1,6 @@
-"""The unsteady dynamics: `newton` without its effects, energies, Theodorsen, Wagner, Küssner, the
-steady limit."""
+"""The unsteady dynamics compared with `newton` without its effects, with energies, with Theodorsen,
+Wagner and Küssner, and with the steady limit.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ DEGREES = np.pi / 180
 
 
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """States with lag states, inputs, and winds, far wider than any trim."""
+    """Return states with lag states, inputs and winds, in wider ranges than any trim."""
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
     lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))
     winds = rng.uniform(-6, 6, (count, len(DISTURBANCES)))
@@ -80,7 +81,9 @@ def by_name(*vectors: Any) -> tuple[Any, ...]:
 
 @cache
 def by_energies() -> ca.Function:
-    """(x, u, p, w, x' in still air) -> x' by energies, dE/dt and the power, without wind."""
+    """Return the function (x, u, p, w, x' in still air) -> x' by energies, dE/dt and the power,
+    without wind.
+    """
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
     x, u, p, w = by_name(*vectors)
     derived = derived_unsteady(x, u, density(x.altitude), p, winds_named(tuple(DISTURBANCES), w))
@@ -98,7 +101,7 @@ def by_energies() -> ca.Function:
 
 
 def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
-    """Largest relative error of a rate, and of the power, of the equations as they are now."""
+    """Return the largest relative error of a rate, and of the power, of the present equations."""
     vectors = [*UNSTEADY.layout.symbols("x", "u", "p"), ca.SX.sym("w", len(DISTURBANCES))]
     rates_by_name = UNSTEADY.equations(*by_name(*vectors))[0]
     mine = ca.Function(
@@ -125,8 +128,9 @@ def worst(effects: np.ndarray | None = None) -> tuple[float, float]:
 
 
 def test_energies_give_same_rates_and_power_of_loads() -> None:
-    """Euler-Lagrange with the energy of the carried air, each effect on its own and several; dE/dt
-    = power."""
+    """The rates equal the Euler-Lagrange equations with the carried air, for each effect alone and
+    for several, and dE/dt equals the power.
+    """
     assert max(worst()) < 1e-11
     some = np.vstack([np.eye(6), np.random.default_rng(1).uniform(0, 1, (6, 6))])
     assert max(worst(some)) < 1e-11
@@ -150,7 +154,7 @@ def test_energies_see_a_planted_error(
 
 @cache
 def half_chords() -> tuple[np.ndarray, float]:
-    """A of the linear model at 10 deg, and V/b of the center wing, 1/s."""
+    """Return A of the linear model at 10 deg, and V/b of the center wing, 1/s."""
     point = find_operating_point(UNSTEADY, usual_condition(UNSTEADY).at(10 * DEGREES))
     model = linearize(
         UNSTEADY, point, full=True, outputs=("alpha_air_center",), disturbances=("updraft_center",)
@@ -163,8 +167,9 @@ def half_chords() -> tuple[np.ndarray, float]:
 
 
 def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
-    """Lift per angle of the center wing at reduced frequencies k, from the rows of its lag states
-    in A and E."""
+    """Return the lift per angle of the center wing at reduced frequencies k, from the rows of its
+    lag states in A and E.
+    """
     table, flow = half_chords()
     rows, column = ([0, 1], 4) if kind == "lag" else ([2, 3], 5)
     A = table[np.ix_(rows, rows)]
@@ -178,18 +183,18 @@ def response(kind: str, lag: Lag, k: np.ndarray) -> np.ndarray:
 
 
 def theodorsen(k: np.ndarray) -> np.ndarray:
-    """C(k) = H1 / (H1 + i H0), Hankel functions of the second kind."""
+    """Return C(k) = H1 / (H1 + i H0) with Hankel functions of the second kind."""
     return special.hankel2(1, k) / (special.hankel2(1, k) + 1j * special.hankel2(0, k))
 
 
 def sears(k: np.ndarray) -> np.ndarray:
-    """Sears's function with the gust's phase at the leading edge."""
+    """Return Sears's function with the phase of the gust at the leading edge."""
     of_the_middle = (special.j0(k) - 1j * special.j1(k)) * theodorsen(k) + 1j * special.j1(k)
     return of_the_middle * np.exp(-1j * k)
 
 
 def test_theodorsen() -> None:
-    """Jones's two lags are within 0.015 of C(k) from k = 0.05 to 2, 2.4 % of it."""
+    """Jones's two lags differ from C(k) by at most 0.015, which is 2.4 %, from k = 0.05 to 2."""
     k = np.linspace(0.05, 2.0, 400)
     error = np.abs(response("lag", WAGNER, k) - theodorsen(k))
     assert error.max() < 0.015
@@ -199,8 +204,9 @@ def test_theodorsen() -> None:
 
 
 def step(of: Callable[[np.ndarray], np.ndarray], end: float, s: np.ndarray) -> np.ndarray:
-    """end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 200, where f is within 0.03 of its
-    end."""
+    """Return end + (2/π) ∫ (Re f(k) - end) sin(k s) / k dk from 0 to 200, where f is within 0.03 of
+    its end.
+    """
     k = np.linspace(1e-6, 200.0, 100_001)
     parts = (of(k).real - end) / k
     return np.array(
@@ -229,8 +235,9 @@ def test_steps_in_motion_and_gust(
 
 @pytest.mark.parametrize("degrees", [0.0, 11.0, 20.0])
 def test_the_steady_limit(degrees: float) -> None:
-    """A trim is that of quasi-steady loads with finite span and downwash; every lag state has what
-    it follows."""
+    """A trim equals that of quasi-steady loads with finite span and downwash. Every lag state
+    equals the value that it follows.
+    """
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
     whole = find_operating_point(UNSTEADY, condition)
     slow = find_operating_point(
@@ -250,9 +257,11 @@ def test_the_steady_limit(degrees: float) -> None:
 
 
 def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
-    """Flat wings that turn: mass, coupling and inertia of Theodorsen's plate about its quarter
-    chord, m, m b/2 and 3/8 m b² (of a tail about that of the wing), and Glauert's moment of the
-    parabolic camber that a pitch rate is."""
+    """Flat turning wings have the apparent mass of Theodorsen's plate about its quarter chord.
+
+    Mass, coupling and inertia are m, m b/2 and 3/8 m b², for a tail about the quarter chord of the
+    wing. Glauert's moment of the parabolic camber due to the pitch rate also agrees.
+    """
     model = level_model(
         UNSTEADY.with_parameters(
             **{effect: float(effect == "apparent_mass") for effect in EFFECTS}
@@ -287,9 +296,12 @@ def test_apparent_mass_is_that_of_the_textbook(parameters: Parameters) -> None:
 
 @pytest.mark.parametrize(("across", "share"), [(0.0, 1.71), (2 / 3, 1.52)], ids=["center", "outer"])
 def test_downwash_beside_an_elliptic_lifting_line(across: float, share: float) -> None:
-    """2 C_L / (π Λ) is that of the far wake. A tail length behind the wing, in the plane of the
-    wake, Biot and Savart give more, for the bound vortex is near: a known deviation. Γ = sqrt(1 -
-    y²), y = cos t, lengths in half spans."""
+    """The downwash 2 C_L / (π Λ) is that of the far wake.
+
+    A tail length behind the wing, in the plane of the wake, Biot and Savart's law gives more,
+    because the bound vortex is near. This deviation is known. Γ = sqrt(1 - y²), y = cos t, with
+    lengths in half spans.
+    """
     ahead = UNSTEADY.parameters["boom_length"].start / (
         1.5 * UNSTEADY.parameters["panel_span"].start
     )

@@ -1,4 +1,6 @@
-"""One quick forgery for each clause of the checker of regions on boxes: each is refused by it."""
+"""One quick forgery for each clause of the checker of regions on boxes. Each is refused by its
+clause.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ Content = dict[str, Any]
 
 
 def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """The level rises by itself, and the valve drains it; the heat decays."""
+    """A tank whose level rises unless the valve drains it, and whose heat decays."""
     rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
     off = (x.level - 0.0625) ** 2 + (x.heat - 0.0625) ** 2
     return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * off}
@@ -47,7 +49,7 @@ TANK = Model(
 
 
 def tank() -> Content:
-    """The true certificate: level² + heat² <= 0.81."""
+    """Return the true certificate of level² + heat² <= 0.81."""
     limits = {
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
@@ -99,8 +101,11 @@ def test_other_policies_have_other_digests() -> None:
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
-    """The level rises above 0.4 by the sixth power of the command, and falls below: the hole is
-    0.25 wide, and a box that reaches 0.5 is not proved by it."""
+    """The hole, in which the Jacobian decides, is 0.25 wide, and a box that reaches 0.5 is not
+    proved by it.
+
+    The level increases above 0.4 by the sixth power of the command, and decreases below.
+    """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
     statement, witness = read_content(content, TANK, None)
@@ -112,7 +117,9 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
 
 
 def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
-    """The valve saturates at a level of 0.5: y turned by 45 deg is within 0.25."""
+    """In coordinates turned by 45 deg, the hole stays within 0.25, because the valve saturates at a
+    level of 0.5.
+    """
     statement, witness = read_content(tank(), TANK, None)
     side = 0.5**0.5
     turned = statement.piece._replace(M=np.array([[side, side], [-side, side]]))
@@ -122,7 +129,9 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
 
 
 def test_deviations_hold_those_of_the_exact_inverse() -> None:
-    """For y = (3 z_1, 7 z_2): thirds and sevenths are not doubles."""
+    """The deviations enclose the exact inverse of y = (3 z_1, 7 z_2), whose thirds and sevenths are
+    not doubles.
+    """
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
@@ -136,7 +145,7 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """V' < 0 holds from 0.25 to 0.5 about 0, and not about all points within 0.3 of it."""
+    """V' < 0 from 0.25 to 0.5 about 0 is refused if the equilibrium is known only within 0.3."""
     statement, witness = read_content(tank(), TANK, None)
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
     found = _decrease(statement, witness, equilibrium)
@@ -145,7 +154,9 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """2e-7 m is more than a millionth of 0.01 m."""
+    """A stated equilibrium 2e-7 m off is refused if the nominal value is 0.01 m, because the limit
+    of 1e-6 is relative.
+    """
     states = {**TANK.states, "level": Signal("m", 0.01)}
     content = tank()
     content["statement"]["equilibrium"]["level"] = 2e-7
@@ -155,7 +166,9 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
 def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
-    """The level moves by 0.91, about an equilibrium within 0.001."""
+    """Limits are checked about all equilibria within the radius 0.001, here for a level that moves
+    by 0.91.
+    """
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
     statement, witness = read_content(content, TANK, None)
@@ -166,7 +179,7 @@ def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
 
 
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
-    """A change of an entry of the statement; a function changes its value."""
+    """Return a change of an entry of the statement. A function changes its value."""
 
     def change(content: Content) -> None:
         holder: Any = content["statement"]
@@ -178,14 +191,16 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _through_the_faces(content: Content) -> None:
-    """V falls in all of the cube, and the set leaves it."""
+    """Return a certificate whose V decreases in all of the cube and whose set leaves it."""
     content["statement"]["piece"]["c"] = 1.5
     content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}
     content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
 
 
 def _about(level: float) -> Callable[[Content], None]:
-    """About another level with more inflow, so that the valve saturates on one side."""
+    """Return a certificate about another level with more inflow, so that the valve saturates on one
+    side.
+    """
 
     def change(content: Content) -> None:
         claim = content["statement"]

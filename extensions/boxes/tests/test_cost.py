@@ -1,4 +1,4 @@
-"""Lower bounds of the cost: proved, planted too large by little, forged."""
+"""Lower bounds of the cost: proved ones, slightly too large ones, and forged ones."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ PENDULUM = Model(
 
 
 def cart_bound(coefficient: float) -> CostStatement:
-    """W = k y² of x' = u with Q = R = 1, whose least cost is y²."""
+    """Return W = k y² for x' = u with Q = R = 1, whose least cost is y²."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
@@ -53,7 +53,9 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """The equilibrium of the cart is solved for in its input: its position is free."""
+    """A bound that fails or holds by 1e-13 is decided rightly. The equilibrium of the cart is
+    solved for in its input, because its position is free.
+    """
     witness = CostWitness(("speed",), (1000,))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
     with pytest.raises(NoSolutionError):
@@ -83,7 +85,7 @@ def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
 
 
 def test_no_flight_costs_less(proved: CostBound) -> None:
-    """Flights by inputs that vary at random, back to the trim: W falls by no more than is paid."""
+    """No flight with randomly varying inputs back to the trim costs less than the decrease of W."""
     rng = np.random.default_rng(0)
     z = np.array([0.4, 0.8]) * rng.uniform(-1.0, 1.0, (400, 2))
     begin = proved.statement.bound(z)
@@ -133,7 +135,7 @@ def constant(s: Any, w: Any) -> None:
 
 
 def inexact(s: Any, w: Any) -> None:
-    """3 times 0.1 is rounded."""
+    """Return a model with 3 times 0.1, which is rounded."""
     cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
     cubic[0] = 0.1
 
@@ -189,7 +191,9 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
 
 @pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
 def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: CostBound) -> None:
-    """A flight that enters {W <= c} from outside has paid a negative cost otherwise."""
+    """Indefinite weights are refused, because a flight that enters {W <= c} could have a negative
+    cost.
+    """
     content = content_of(proved)
     content["statement"][name] = weights
     with pytest.raises(NoSolutionError, match=f"{name}: not positive semidefinite"):
@@ -197,7 +201,9 @@ def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: Cost
 
 
 def test_a_limit_of_an_output_is_refused() -> None:
-    """The envelope of flights has limits of states alone."""
+    """A limit of an output is refused, because the envelope of flights has limits of states
+    only.
+    """
     outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}
 
     def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -229,7 +235,10 @@ WAGON = Model(
 
 
 def test_no_inputs_lose_more_than_the_bound() -> None:
-    """g is 2 k y (a + b + .9 a b) + y² + a² + b²; about guesses on every side of the best inputs."""
+    """The stated loss bounds the loss of guesses on every side of the best inputs.
+
+    Here g is 2 k y (a + b + .9 a b) + y² + a² + b².
+    """
     limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
     plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
     k = 0.75
@@ -268,8 +277,11 @@ SLED = Model(
 
 @pytest.mark.parametrize("ends", [(-10.0, 0.1), (-0.1, 10.0)])
 def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -> None:
-    """About the equilibrium g = y (u + u^3) + y^2 + u^2 is convex for small u, not for u = -10 and
-    y > 0, nor for u = 10 and y < 0."""
+    """A false bound is refused if the best input is far from the equilibrium.
+
+    g = y (u + u^3) + y^2 + u^2 is convex for small u. It is not for u = -10 and y > 0, nor for u =
+    10 and y < 0.
+    """
     low, high = ends
     ends_declared = {"speed": Signal("m/s", 1.0, low, high)}
     plant = Plant(
@@ -287,7 +299,9 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """2e-7 m is more than a millionth of 0.01 m."""
+    """A stated equilibrium 2e-7 m off is refused if the nominal value is 0.01 m, because the limit
+    of 1e-6 is relative.
+    """
     fine = replace(CART, states={"position": Signal("m", 0.01)})
     plant = Plant(fine, {}, {"position": 2e-7}, {"speed": 0.0}, {}, {})
     statement = replace(cart_bound(0.9), plant=plant)
@@ -305,7 +319,9 @@ def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -
 
 
 def test_boxes_across_a_limit_are_in_the_envelope() -> None:
-    """W' = 1.8 y + 80 y^3 is above 2 |y|, that of the least cost, between 0.05 and the limits."""
+    """A box across a limit is part of the envelope: W' = 1.8 y + 80 y^3 exceeds 2 |y|, the slope of
+    the least cost, only between 0.05 and the limits.
+    """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.9, (2,)), (20.0, (4,)))), 0.02)
     statement = CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
@@ -314,7 +330,9 @@ def test_boxes_across_a_limit_are_in_the_envelope() -> None:
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
-    """g = y (u + 2 y^2) + y^2 + u^2 is convex for y > 0 and negative at y = -0.4, u = 0.2."""
+    """The inequality must hold on both sides of the equilibrium: g = y (u + 2 y^2) + y^2 + u^2 is
+    convex for y > 0 and negative at y = -0.4, u = 0.2.
+    """
     hill = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed + 2 * x.position**2}, {})
     )
@@ -334,7 +352,9 @@ def test_a_bound_with_slope_at_trim_is_refused() -> None:
 
 
 def test_the_loss_covers_guesses_that_vary_over_box() -> None:
-    """The guess runs from -0.3 to -0.1, the best input is at the limit -0.3."""
+    """The loss covers a guess that varies from -0.3 to -0.1 over a box, with the best input at the
+    limit -0.3.
+    """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75
     equilibrium = Equilibrium(np.zeros(2), np.zeros(2))
@@ -351,7 +371,10 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
 
 
 def test_an_input_without_slope_may_be_used() -> None:
-    """x' = pull + 0.9 pull push: g has no slope in push at 0, and the best push is 0.14."""
+    """A bound is refused if an input without slope at 0 reduces the cost.
+
+    x' = pull + 0.9 pull push, and the best push is 0.14.
+    """
     twisted = replace(
         WAGON, equations=lambda x, u, p, w: ({"position": u.pull + 0.9 * u.pull * u.push}, {})
     )
@@ -368,8 +391,9 @@ def test_an_input_without_slope_may_be_used() -> None:
 
 
 def test_curvature_of_three_inputs_bounds_all_directions() -> None:
-    """For x' = a + b + c + 0.4 (a b + b c + c a) the second derivative along (1, 1, 1) is lowest
-    where the slope of W is negative."""
+    """The bound on the curvature covers all directions, also (1, 1, 1), in which the second
+    derivative of x' = a + b + c + 0.4 (a b + b c + c a) is lowest for a negative slope of W.
+    """
     names = ("a", "b", "c")
 
     def cubed(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -392,8 +416,9 @@ def test_curvature_of_three_inputs_bounds_all_directions() -> None:
 def _on_a_line(
     model: Model, k: float, radius: float = 0.0, ends: tuple[float, float] = (-1.0, 1.0)
 ) -> CostInequality:
-    """Return the inequality of W = k y² about an equilibrium known to within a radius in its
-    input."""
+    """Return the inequality of W = k y² about an equilibrium that is known to within a radius in
+    its input.
+    """
     plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": ends})
     equilibrium = Equilibrium(np.zeros(2), np.array([0.0, radius]))
     piece = Piece(ONE, Polynomial(1, ((k, (2,)),)), 1.0)
@@ -401,7 +426,7 @@ def _on_a_line(
 
 
 def test_inputs_reach_their_limits_from_all_equilibria() -> None:
-    """Where the equilibrium is known within 1e-3, the deviations reach 0.101."""
+    """With an equilibrium known within 1e-3, the input deviations reach 0.101."""
     low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
     assert low <= -0.101
     assert high >= 0.101
@@ -415,13 +440,17 @@ def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, and not for all |e| <= 0.3."""
+    """The error of the equilibrium counts: g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e
+    = 0, but not for all |e| <= 0.3.
+    """
     box = Boxes(np.array([[0.5]]), np.array([[10]]))
     assert _on_a_line(CART, 0.75, radius).edges(box).tolist() == [0 if radius > 0.0 else -1]
 
 
 def test_the_envelope_is_met_from_all_equilibria() -> None:
-    """y from 0.1875 to 0.3125 reaches a position of 0.1 about an equilibrium at -0.2."""
+    """A box y from 0.1875 to 0.3125 meets the envelope |position| <= 0.1 about an equilibrium at
+    -0.2.
+    """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
     box = Boxes(np.array([[0.25]]), np.array([[4]]))
@@ -447,7 +476,9 @@ def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> Cos
 
 
 def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
-    """The guess runs from -0.2 to 0.2 over a box in two states; the slope of g in it is 0.75."""
+    """The loss covers a guess that varies from -0.2 to 0.2 over a box in two states, with a slope
+    of g of 0.75.
+    """
     W = Polynomial(2, ((0.75, (2, 0)),))
     inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
     box = Boxes(np.array([[0.5, 0.0]]), np.array([[40, 40]]))
@@ -456,7 +487,9 @@ def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
 
 
 def test_the_envelope_is_met_in_turned_coordinates() -> None:
-    """y from 0.25 to 0.75 and from -0.25 to 0.25 holds z_1 = (y_1 - y_2) / 2 = 0."""
+    """A box of y from 0.25 to 0.75 and from -0.25 to 0.25 meets the envelope, because it contains
+    z_1 = (y_1 - y_2) / 2 = 0.
+    """
 
     def still(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"a": -x.a, "b": -x.b}, {}
@@ -474,7 +507,9 @@ def test_the_envelope_is_met_in_turned_coordinates() -> None:
 
 
 def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
-    """g = 2 k y u (1 - y) + y² + u²: at y = -0.5 the best u is 0.75 k, at y = 0.5 it is -0.25 k."""
+    """Slopes of both signs bound the best inputs: for g = 2 k y u (1 - y) + y² + u² the best u is
+    0.75 k at y = -0.5 and -0.25 k at y = 0.5.
+    """
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 - x.position)}, {})
     )
@@ -484,7 +519,9 @@ def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
 
 
 def test_the_hessian_covers_all_inputs_within_radii() -> None:
-    """g = y (u + u³) + y² + u² is convex near u = 0, and not at u = 1."""
+    """The Hessian covers all inputs in their radii: g = y (u + u³) + y² + u² is convex near u = 0
+    and not at u = 1.
+    """
     inequality = _on_a_line(SLED, 0.5)
     box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
     assert inequality._is_convex(box, np.array([1e-3]))
@@ -492,7 +529,9 @@ def test_the_hessian_covers_all_inputs_within_radii() -> None:
 
 
 def test_the_hessian_covers_both_ends_of_entries() -> None:
-    """g = 0.6 y u (1 + 3 y) + y² + u² has the mixed derivative 0.6 (1 + 6 y), from -1.2 to 2.4."""
+    """The Hessian covers both ends of its entries: the mixed derivative of g = 0.6 y u (1 + 3 y) +
+    y² + u² is 0.6 (1 + 6 y), from -1.2 to 2.4.
+    """
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 + 3.0 * x.position)}, {})
     )
@@ -501,7 +540,10 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 
 def test_the_edge_by_which_g_varies_most_is_halved() -> None:
-    """g = 1.5 y_1 u + y_1² + a y_2² + u²; boxes at a face are halved by W, 0.75 y_1²."""
+    """The edge along which g varies most is halved, and boxes at a face are halved along W.
+
+    Here g = 1.5 y_1 u + y_1² + a y_2² + u² and W = 0.75 y_1².
+    """
     W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
     boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))
     chosen = []

@@ -1,4 +1,6 @@
-"""The functions of both checkers on boxes, against their formulas in doubles at random places."""
+"""The functions of both checkers on boxes compared with their formulas in doubles at random
+points.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +50,9 @@ K = np.array([[0.5, 0.25], [-0.25, 0.5]])
 
 
 class Places(NamedTuple):
-    """Places of boxes: s (N, 2) in each, y and z there, and the error e (N, 4) of the
-    equilibrium."""
+    """Points of boxes: s (N, 2) in each box, y and z there, and the error e (N, 4) of the
+    equilibrium.
+    """
 
     boxes: Boxes
     s: np.ndarray
@@ -76,7 +79,7 @@ def _equilibrium(radius: float, size: int) -> Equilibrium:
 
 
 def _gradient(y: np.ndarray) -> np.ndarray:
-    """Slopes of W in y."""
+    """Return the gradient of W in y."""
     first, second = y.T
     return np.column_stack(
         [
@@ -112,7 +115,7 @@ def _g(places: Places, inputs: np.ndarray, share: float = 1.0) -> np.ndarray:
 
 
 def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
-    """Return the best inputs or inputs off them, which vary over the boxes."""
+    """Return the best inputs, or inputs near them that vary over the boxes."""
     rng = np.random.default_rng(3)
     v, _ = inequality.best_inputs(boxes.centres @ np.linalg.inv(M).T)
     return Guess(v + off * rng.normal(size=v.shape), off * rng.normal(size=(*v.shape, 2)))
@@ -121,7 +124,7 @@ def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> None:
-    """g of a guess is above its bound, and that of all inputs above the bound less the loss."""
+    """g of a guess is above its bound, and g of any input is above this bound minus the loss."""
     places = _places(radius, 5)
     inequality = _inequality(radius)
     guess = _guess(inequality, places.boxes, off)
@@ -179,7 +182,9 @@ def _decrease(radius: float) -> Decrease:
 
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
-    """-V', the room to the limits of an output, and that to the extents in the set."""
+    """-V', the distance to the limits of an output, and the distance to the extents in the set are
+    above their bounds.
+    """
     places = _places(radius, 11)
     decrease = _decrease(radius)
     bounds = lowest(decrease._functions.of(*decrease.symbols_on(places.boxes)), 2)
@@ -201,7 +206,7 @@ def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
 
 @pytest.mark.parametrize("share", [-1e-9, 1e-9])
 def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
-    """A box as small as any, where W is its level or a little less or more."""
+    """A very small box is beyond the set exactly if W exceeds its level there."""
     place = np.array([0.5, 0.25])
     piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
     small = Boxes(place[None], np.array([[40, 40]]))
@@ -210,5 +215,7 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
 
 
 def test_a_vaguer_equilibrium_has_a_smaller_hole() -> None:
-    """The policy saturates at a distance from the trim."""
+    """A less exact equilibrium has a smaller hole, because the policy saturates at a distance from
+    the trim.
+    """
     assert _decrease(0.0).hole < _decrease(0.2).hole

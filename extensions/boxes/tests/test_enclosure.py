@@ -1,4 +1,4 @@
-"""Enclosures hold every value, rounding included."""
+"""Enclosures contain every value, including rounding."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
 
 
 def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
-    """The linear part of y² is 0 at 0: of exp(y²) = 1 + y² + y⁴ / 2 + .. the rest counts."""
+    """Enclosures of functions of y² contain the ends of boxes, although the linear part of y² is 0
+    at 0.
+    """
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)
     models = program.over(np.zeros((1, 1)), np.full((1, 1), 0.1))
@@ -65,7 +67,9 @@ def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
 def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
-    """Inputs have errors, too: the last is known within 0.01 half widths."""
+    """Sharpened bounds contain every operation, also if the last input is known only within 0.01
+    half widths.
+    """
     generator = np.random.default_rng(0)
     function = every_operation()
     centres = generator.uniform(-0.5, 0.5, (100, 3))
@@ -89,7 +93,9 @@ def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
 
 
 def test_errors_of_two_paths_cancel() -> None:
-    """max(k + 9, 0) - k is 9 where k >= -9; the error of the kink k enters twice."""
+    """Errors of two paths cancel: max(k + 9, 0) - k is 9 for k >= -9, although the error of k
+    enters twice.
+    """
     y = ca.SX.sym("y", 2)
     k = ca.fmax(y[0] + 0.1 * y[1], 0.0)
     program = TaylorProgram(Program(ca.Function("f", [y], [ca.fmax(k + 9.0, 0.0) - k]), "f"), 2)
@@ -117,7 +123,7 @@ def _rounded(y: ca.SX) -> dict[str, ca.SX]:
 
 @pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
 def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
-    """Where no errors cancel, and rounding alone causes them."""
+    """Sharpened bounds contain rounding, also if rounding is the only error."""
     y = ca.SX.sym("y", 2)
     program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
     linear = np.zeros((2, 3, 1))
@@ -131,7 +137,9 @@ def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
 
 
 def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
-    """The kink of |y_0| is crossed along y_0 alone, whatever the slope along y_1."""
+    """The edge that lowers the bound is y_0, across which |y_0| has its kink, for any slope along
+    y_1.
+    """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
     program = TaylorProgram(Program(function, "f"), 2)
@@ -146,7 +154,9 @@ def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
 
 
 def test_squared_squares_hold_the_ends_of_boxes() -> None:
-    """The linear part of y² is 0 at the center of the first box, and the rest is all of it."""
+    """The enclosure of (y²)² contains the ends of boxes, although the linear part of y² is 0 at the
+    center of the first box.
+    """
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
     centres, half_widths = np.array([[0.0], [0.25], [0.5]]), np.array([[0.5], [0.25], [0.5]])
@@ -186,7 +196,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
-    """Curves, lines and slopes, over ranges that are narrow, wide and not about their centers."""
+    """Curves, lines and slopes enclose their function over narrow, wide and asymmetric ranges."""
     function, slope = FUNCTIONS[kind]
     generator = np.random.default_rng(3)
     is_positive = kind in ("inverse", "sqrt", "log")
@@ -227,7 +237,7 @@ def test_elementary_functions_are_as_near_as_stated() -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """(1 + y)² - 4 y + margin is (1 - y)² + margin: at y = 1 the margin alone is left."""
+    """A margin of 1e-13 is decided rightly: (1 + y)² - 4 y + margin equals the margin at y = 1."""
     y = ca.SX.sym("y")
     function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
     models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
@@ -239,8 +249,9 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_folded_constants_are_the_function(margin: float) -> None:
-    """5 (0.2 y) - y is simplified to 0, though the double 0.2 times 5 is not 1: the margin alone
-    decides."""
+    """5 (0.2 y) - y + margin is decided rightly, although CasADi simplifies it and the double 0.2
+    times 5 is not 1.
+    """
     y = ca.SX.sym("y")
     folded = 5 * (0.2 * y) - y + margin
     assert Fraction(0.2) * 5 != 1
@@ -252,7 +263,7 @@ def test_folded_constants_are_the_function(margin: float) -> None:
 
 
 def test_rounding_of_a_long_sum_is_covered() -> None:
-    """Σ 0.1 k y less its rational value: doubles lose digits that the radius holds."""
+    """The radius of a long sum of 0.1 k y covers the digits that doubles lose."""
     y = ca.SX.sym("y", 2)
     total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
     models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f"), 2).over(
@@ -277,7 +288,7 @@ def test_an_operation_without_enclosure_is_named() -> None:
 
 
 def test_doubles_are_values_of_the_program() -> None:
-    """At more points than are evaluated together."""
+    """Doubles equal the values of the program, also at more points than are evaluated together."""
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

@@ -1,4 +1,4 @@
-"""Each field of a statement on boxes is compared with the user's input, or shown."""
+"""Each field of a statement on boxes is compared with the user's input, or printed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ K = np.array([[1.25, 1.5]])
 
 @pytest.fixture(scope="module")
 def aircraft(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The text of --aircraft."""
+    """Return the text for --aircraft."""
     file = tmp_path_factory.mktemp("fields") / "cart.py"
     file.write_text(CART)
     return f"{file}:CART"
@@ -131,7 +131,7 @@ def piece(degree: int) -> Piece:
 
 
 def region(cart: Model, degree: int) -> BoxStatement:
-    """A claim, which nothing proves."""
+    """Return an unproved claim."""
     linear = linearize(cart, find_operating_point(cart))
     gain = Gain(K, {"force": ((-0.1, (3, 0)),)})
     loop = loop_of(linear, ProvedPolicy.of_gain(gain, ("force",), "a gain", None))
@@ -146,7 +146,7 @@ def assert_walked(
     changes: dict[str, list[Change]],
     text_of: Callable[[dict[str, Any]], str],
 ) -> None:
-    """Every change of every field differs from the input, is refused, or is shown."""
+    """Assert that every change of every field differs from the input, is refused, or is printed."""
     assert set(changes) == {name for name, _ in entries_of(content, table)} == set(table)
     original = text_of(content)
     walked = [(name, change) for name in changes for change in changes[name]]
@@ -165,7 +165,7 @@ def assert_walked(
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, cart: Model) -> None:
-    """Each field of a region is compared or shown."""
+    """Each field of a region is compared or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
         statement = BoxStatement.read(content, cart, None)
@@ -205,7 +205,7 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
 
 
 def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
-    """Each field of a bound is compared or shown."""
+    """Each field of a bound is compared or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
         statement = CostStatement.read(content, cart)

@@ -1,4 +1,6 @@
-"""The largest sets of the GTM without limits of its states that boxes proved, proved again."""
+"""The largest sets of the GTM without limits of its states that were proved on boxes, proved
+again.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,14 @@ CERTIFICATES = Path(__file__).parent / "certificates"
 
 
 def gtm_without_limits() -> Model:
-    """The GTM, its states unlimited."""
+    """Return the GTM without limits of its states."""
     gtm = load_model("examples/gtm.py:GTM")
     states = {name: signal._replace(min=-np.inf, max=np.inf) for name, signal in gtm.states.items()}
     return replace(gtm, states=states)
 
 
 def size_of(degree: int) -> float:
-    """Size of the set of a stored certificate, once it is proved."""
+    """Prove a stored certificate and return the size of its set."""
     model = gtm_without_limits()
     content = json.loads((CERTIFICATES / f"gtm_degree_{degree}.json").read_text())
     content["statement"].update(dynamics=model.name, source=model.extras.source[1])
@@ -38,5 +40,8 @@ def size_of(degree: int) -> float:
 
 @pytest.mark.slow
 def test_a_quartic_proves_more_than_a_quadratic() -> None:
-    """The GTM flies at 45 m/s with its LQR. A size is the n-th root of a volume."""
+    """For the GTM at 45 m/s with its LQR, a quartic V proves a larger set than a quadratic V.
+
+    The size of a set is the n-th root of its volume.
+    """
     assert size_of(4) > 1.15 * size_of(2)

@@ -1,4 +1,4 @@
-"""Certificates of a lower bound, changed at random: none that is false is accepted."""
+"""Certificates of a lower bound, changed at random. No false one is accepted."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, 
 
 
 def content() -> dict[str, Any]:
-    """Two pieces of x' = u with Q = R = 1, whose least cost is x²."""
+    """Return a certificate with two pieces for x' = u with Q = R = 1, whose least cost is x²."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     pieces = (
         Piece(ONE, Polynomial(1, ((1.0 - 1e-13, (2,)),)), 0.5),
@@ -45,8 +45,10 @@ def content() -> dict[str, Any]:
 
 
 def is_true(statement: CostStatement) -> bool:
-    """Return whether no piece is above sqrt(Q R) z², the least cost, on a fine grid; z: deviations
-    from the stated equilibrium, which may be 1e-6 off the trim."""
+    """Return whether no piece exceeds sqrt(Q R) z², the least cost, on a fine grid.
+
+    z are deviations from the stated equilibrium, which may be 1e-6 off the trim.
+    """
     z = np.linspace(-3.0, 3.0, 20_001)[:, None]
     least = np.sqrt(statement.Q[0, 0] * statement.R[0, 0]) * z[:, 0] ** 2
     bound = np.max([piece.bound(z) for piece in statement.pieces], axis=0)

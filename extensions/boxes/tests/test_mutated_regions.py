@@ -1,4 +1,4 @@
-"""Certificates of regions on boxes, changed at random: none that is false is accepted."""
+"""Certificates of regions on boxes, changed at random. No false one is accepted."""
 
 from __future__ import annotations
 
@@ -25,17 +25,20 @@ WEIGHTS = np.array([[1.5, -0.75], [-1.0, 2.0]])
 
 
 def network(z: Any, tanh: Callable[[Any], Any]) -> Any:
-    """Command of two hidden units at a deviation."""
+    """Return the command of two hidden units at a deviation."""
     return sum(out * tanh(weight * z) for weight, out in zip(*WEIGHTS.tolist(), strict=True))
 
 
 def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
-    """Command of a deployment at a deviation; level: of the trim, which is observed too."""
+    """Return the command of a deployment at a deviation.
+
+    level: that of the trim, which is also observed
+    """
     return 1.5 * clip(1.25 * (z + level)) - 1.5 * clip(1.25 * level)
 
 
 def policy_of(kind: str) -> ca.Function | None:
-    """The user's policy, or None for a gain, which the certificate contains."""
+    """Return the user's policy, or None for a gain, which the certificate contains."""
     z = ca.SX.sym("z")
     trim = ca.SX.sym("trim", 4)
     if kind == "network":
@@ -47,7 +50,7 @@ def policy_of(kind: str) -> ca.Function | None:
 
 
 def content(kind: str) -> dict[str, Any]:
-    """The true certificate of a kind: |level| <= 0.9."""
+    """Return the true certificate of a kind: |level| <= 0.9."""
     W, c = (QUARTIC, 0.81 + 0.25 * 0.6561) if kind == "quartic" else (SQUARE, 0.81)
     policy = policy_of(kind)
     gain = Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)})
@@ -65,7 +68,7 @@ def content(kind: str) -> dict[str, Any]:
 
 
 def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
-    """The policy's command at deviations from the trim (N,), in NumPy."""
+    """Return the policy's command at deviations from the trim (N,), computed with NumPy."""
     if kind == "network":
         return np.asarray(network(z, np.tanh))
     if kind == "deployment":
@@ -77,7 +80,7 @@ def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
 
 
 def is_true(statement: BoxStatement, kind: str) -> bool:
-    """Return whether the claim holds on a fine grid of the cube, but within 1e-4 of 0."""
+    """Return whether the claim holds on a fine grid of the cube, except within 1e-4 of 0."""
     loop = statement.loop
     y = np.linspace(-1.0, 1.0, 20_001)
     values = statement.piece.W.at(y[:, None])
@@ -100,7 +103,7 @@ def is_true(statement: BoxStatement, kind: str) -> bool:
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["quadratic", "quartic", "network", "deployment"])
 def test_no_false_region_is_accepted(kind: str, count: int) -> None:
-    """An accepted claim is another one that is true, as about a lower level or wider extents."""
+    """Every accepted changed claim is true, for example one with a lower level or wider extents."""
     rng = np.random.default_rng(0)
     original = content(kind)
     policy = policy_of(kind)

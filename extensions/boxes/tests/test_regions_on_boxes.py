@@ -1,4 +1,4 @@
-"""Regions of networks: proved, checked, forged, refused."""
+"""Regions of networks: proved, checked, forged, and refused."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ K = np.array([[1.97725, 0.97624]])
 
 @dataclass(frozen=True, eq=False)
 class Positive(Question):
-    """Functions of y are positive in the cube, the first but for |y_i| <= 2^-hole."""
+    """Functions of y that are positive in the cube, the first one except for |y_i| <= 2^-hole."""
 
     taylor: TaylorProgram
     hole: int | None
@@ -101,7 +101,9 @@ def test_what_may_be_zero_is_not_positive() -> None:
 
 
 def test_no_edge_is_halved_below_the_doubles() -> None:
-    """A zero at 0.3 halves the first edge again and again, the second never."""
+    """No edge is halved below the spacing of doubles, where a zero at 0.3 halves the first edge
+    repeatedly.
+    """
     depths = []
 
     class Deep(Positive):
@@ -120,7 +122,7 @@ def test_no_edge_is_halved_below_the_doubles() -> None:
 def proved(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[dict[str, Any], ca.Function, list[str]]:
-    """Content of a certificate, and the words of its check."""
+    """Return the content of a certificate, and the arguments of its check."""
     folder = tmp_path_factory.mktemp("boxes")
     network = imitation(folder / "network.npz", K, np.array([1.0, 4.0]), hidden=(8,))
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
@@ -177,7 +179,7 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
 
 
 def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, BoxWitness]:
-    """V = z'P z of the pendulum with a level that holds."""
+    """Return the statement V = z'P z of the pendulum with a true level."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
     names = ("angle", "rate")
     shape = Shape.of_matrix(P / rho, -np.eye(2), 2).in_cube()
@@ -211,7 +213,7 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
 
 
 def _same_policy(proved: Any) -> ca.Function:
-    """The policy as the command reads it, for the digest covers its instructions."""
+    """Return the policy as the command reads it, because the digest covers its instructions."""
     from controller.critic.critic_file import Reading, critic_in
     from controller.game.zero_sum import Game
 
@@ -229,14 +231,14 @@ def test_a_level_that_is_unstable_is_refused() -> None:
 
 
 def test_rest_at_no_decrease_is_refused() -> None:
-    """V' = 0 everywhere: an undamped loop keeps its energy."""
+    """An undamped loop, whose V' is 0 everywhere, is refused."""
     x = ca.SX.sym("x", 2)
     with pytest.raises(OpenBoxError):
         cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
 
 
 def test_the_hole_is_one_of_first_function_alone() -> None:
-    """The hole is one of the first function alone."""
+    """The hole applies to the first function only."""
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.05) ** 2 + y[1] ** 2
     assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1
@@ -249,7 +251,9 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
 def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
-    """The prover and the checker decide it at the same place."""
+    """A set is proved up to a limit and not beyond, and prover and checker decide it at the same
+    level.
+    """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.25)
     at = Equilibrium(np.zeros(1), np.zeros(1))
@@ -265,7 +269,7 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """For x' = -x every set {y² + a y⁴ <= 1} in the cube is proved where it meets no face."""
+    """For x' = -x a set {y² + a y⁴ <= 1} in the cube is proved unless it meets a face."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
@@ -280,8 +284,10 @@ def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
-    """For x' = -x (x - 1/2)² + u with the relu network u = -margin x, V' at x = 1/2 consists of the
-    margin alone."""
+    """A margin of 1e-13 is decided rightly for a network.
+
+    For x' = -x (x - 1/2)² + u with u = -margin x, V' at x = 1/2 consists of the margin alone.
+    """
     z = ca.SX.sym("z", 1)
     hidden = ca.fmax(ca.vertcat(z, -z), 0)
     network = ca.Function("u", [z], [ca.DM([[-margin, margin]]) @ hidden])
@@ -304,7 +310,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
 
 
 def test_an_interruption_keeps_what_is_proved() -> None:
-    """Ctrl-C, which `hfa` answers by its end, ends the search at its next step."""
+    """Ctrl-C ends the search at its next step and keeps the proved set."""
     saved = []
     before = signal.getsignal(signal.SIGINT)
 
@@ -323,7 +329,7 @@ def test_an_interruption_keeps_what_is_proved() -> None:
 
 
 def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
-    """x² + 1 has no zero, x² - 1 has one."""
+    """No equilibrium of x² + 1 is enclosed, and one of x² - 1 is."""
     x = ca.SX.sym("x")
     for constant in (1.0, -1.0):
         program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
@@ -336,7 +342,7 @@ def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
 
 
 def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
-    """(x - 1, y² + 1) has no zero, though its first entry has one."""
+    """No equilibrium of (x - 1, y² + 1) is enclosed, although its first entry has a zero."""
     x = ca.SX.sym("x", 2)
     program = Program(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]), "f")
     with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
@@ -344,7 +350,9 @@ def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
 
 
 def test_a_hole_is_proved_everywhere_in_it() -> None:
-    """x' = -x (x² - 0.04) (x² - 0.16) decreases |x| at 0 and beyond 0.4, and not between."""
+    """A hole is refused if V increases in a part of it: x' = -x (x² - 0.04) (x² - 0.16) increases
+    |x| between 0.2 and 0.4.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         square = x.angle**2
@@ -365,7 +373,9 @@ def test_a_hole_is_proved_everywhere_in_it() -> None:
 
 
 def test_a_kink_at_the_equilibrium_is_named() -> None:
-    """No quadratic V falls where the damping of an oscillator is negative on one side."""
+    """A kink at the equilibrium is named if it rules out a quadratic V, here a negative damping on
+    one side.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"angle": x.rate, "rate": 0.4 * ca.fabs(x.rate) - 0.2 * x.rate - x.angle}, {}
@@ -379,7 +389,7 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
 
 
 def test_a_set_beyond_a_limit_is_made_smaller() -> None:
-    """The search tries the part of a set that reaches a limit and does not pass it."""
+    """The search reduces a set that goes beyond a limit to the part that reaches it."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
     search = RegionSearch(loop, "", [], seconds=1.0)
@@ -391,7 +401,9 @@ def test_a_set_beyond_a_limit_is_made_smaller() -> None:
 
 
 def test_an_obstacle_in_a_slow_direction_is_found() -> None:
-    """V = |x|² grows beyond |a| = 0.5 only where the other, fast states are below a hundredth."""
+    """An increase of V = |x|² beyond |a| = 0.5 is found, although it occurs only where the fast
+    states are below 0.01.
+    """
     rates = {"a": -0.05, "b": -300.0, "c": -1000.0, "d": -3000.0}
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -408,7 +420,9 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
 
 
 def test_coinciding_modes_have_a_positive_decay() -> None:
-    """The decay of the modes of x' = diag(-1, -4) x is the mean of 2 and 8 for a unit ball."""
+    """Coinciding modes have a positive decay: for x' = diag(-1, -4) x and a unit ball it is the
+    mean of 2 and 8.
+    """
     ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
     assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)
     coinciding = np.array([[-1.0, 1.0], [0.0, -1.0]])
@@ -417,7 +431,7 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
 def test_a_set_grows_alike_from_any_v(weight: float) -> None:
-    """V of a linear loop within a limit grows to one size, whatever the decay of the first V."""
+    """Within a limit, V of a linear loop grows to one size, whatever the decay of the initial V."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}
@@ -440,7 +454,9 @@ def test_a_set_grows_alike_from_any_v(weight: float) -> None:
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
-    """There V is |y|² and V' a sum of multiples of squares, to second order."""
+    """A grown V is proved in the coordinates in which it is |y|² and V' is a sum of squares to
+    second order.
+    """
     generator = np.random.default_rng(0)
     J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
     first = Shape.of_matrix(solve_continuous_lyapunov(J.T, -np.eye(3)), J, degree)

@@ -1,4 +1,6 @@
-"""DAVE-ML files: check cases, formulas, tables, and aircraft against a table of derivatives."""
+"""DAVE-ML files: check cases, formulas, tables, and aircraft compared with a table of
+derivatives.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,9 @@ _ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></varia
 
 
 def changed(folder: Path, old: str, new: str) -> str:
-    """Return the path of the example with one text replaced, which must occur in it."""
+    """Replace one text of the example, which must occur in it, and return the path of the new
+    file.
+    """
     assert old in TEXT
     path = folder / "changed.dml"
     path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
@@ -37,7 +41,7 @@ def changed(folder: Path, old: str, new: str) -> str:
 
 
 def formula(text: str, x: float, folder: Path) -> float:
-    """y of a file with one formula, at x."""
+    """Return y at x of a file with one formula."""
     path = folder / "one.dml"
     path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
     values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
@@ -52,7 +56,7 @@ def test_the_example_passes_its_check_cases() -> None:
 
 @pytest.mark.parametrize("wrong", ["-0.36", "3.45", "0.5"])
 def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
-    """A coefficient, a table value or an input of a case that is changed makes an output differ."""
+    """A changed coefficient, table value or input makes a check case fail."""
     old = {
         "-0.36": "<cn>-0.36</cn>",
         "3.45": re.search(r"<dataTable>([-.\d]+)", TEXT)[1],
@@ -66,7 +70,7 @@ def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
 
 
 def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
-    """A check case may write m/s for the m_s of its variable."""
+    """m/s in a check case equals m_s of its variable."""
     path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
     assert checked_document(read_document(path)).ok
 
@@ -80,7 +84,9 @@ def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
 
 
 def test_the_aircraft_is_that_of_its_derivatives() -> None:
-    """Trim, A and B of examples/uav.dml, in ft and lbf, are those of examples/uav.toml in SI."""
+    """Trim, A and B of examples/uav.dml, in ft and lbf, equal those of examples/uav.toml, in SI
+    units.
+    """
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
     held = {"speed": 35.0, "altitude": 100.0}
@@ -101,7 +107,9 @@ def test_the_aircraft_is_that_of_its_derivatives() -> None:
 
 
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
-    """The mass in a separate file gives the same aircraft; without it the file is refused."""
+    """A file with the mass in a separate file gives the same aircraft. Without that file it is
+    refused.
+    """
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
     alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")
@@ -122,7 +130,7 @@ VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
 
 
 def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
-    """A function of a file whose y is an ungridded table over x and z."""
+    """Return a function of a file whose y is an ungridded table over x and z."""
     rows = "".join(
         f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
         for row, value in zip(points, values, strict=True)
@@ -144,7 +152,9 @@ def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function
 
 
 def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> None:
-    """Inside it equals SciPy's, with slopes; beyond it is the value at the nearest place inside."""
+    """Inside of its points an ungridded table equals SciPy's interpolation, with slopes. Outside it
+    has the value at the nearest point of the hull.
+    """
     found = surface(POINTS, VALUES, tmp_path)
     expected = LinearNDInterpolator(POINTS, VALUES)
     x, z = ca.SX.sym("x"), ca.SX.sym("z")

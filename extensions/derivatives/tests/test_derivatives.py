@@ -1,4 +1,6 @@
-"""Aircraft from tables of derivatives against published modes, other equations and bad tables."""
+"""Aircraft from tables of derivatives compared with published modes and other equations, and faulty
+tables.
+"""
 
 import math
 from pathlib import Path
@@ -211,7 +213,9 @@ def eigenvalue_near(linear, value):
 
 @pytest.mark.parametrize("mode", PRINTED)
 def test_the_navion_has_its_published_modes(mode):
-    """Within 1 % of the printed eigenvalues; the spiral, a small difference, within 10 %."""
+    """Eigenvalues of the Navion are within 1 % of the printed ones, and the spiral, a small
+    difference, within 10 %.
+    """
     printed = PRINTED[mode]
     found = eigenvalue_near(linear_model(NAVION), printed)
     assert abs(found - printed) < (0.1 if mode == "spiral" else 0.01) * abs(printed)
@@ -224,8 +228,11 @@ def test_the_747_is_at_its_published_density():
 
 @pytest.mark.parametrize("mode", PRINTED_747)
 def test_the_747_has_its_published_modes(mode):
-    """Within 0.3 % of the printed eigenvalues, whose derivatives have three or four digits, with the
-    gravity of the book. Other Cn_beta and Cm_q move every mode by more."""
+    """Eigenvalues of the 747 are within 0.3 % of the printed ones.
+
+    The printed derivatives have three or four digits, and the gravity is that of the book. Other
+    Cn_beta and Cm_q change every mode by more.
+    """
     printed = PRINTED_747[mode]
     found = eigenvalue_near(linear_model(B747, gravity=32.2), printed)
     assert abs(found - printed) < 0.003 * abs(printed)
@@ -237,8 +244,11 @@ def test_the_747_has_its_published_modes(mode):
 
 @pytest.mark.parametrize("mode", PRINTED_NT33A)
 def test_the_nt33a_has_its_published_modes(mode):
-    """Within 0.5 %; the derivatives have two or three digits. The same numbers in body axes give
-    other lateral modes."""
+    """Eigenvalues of the NT-33A are within 0.5 % of the printed ones, with derivatives of two or
+    three digits.
+
+    The same numbers in body axes give other lateral modes.
+    """
     printed = PRINTED_NT33A[mode]
     (root,) = roots_of([printed])
     found = eigenvalue_near(linear_model(NT33A), root)
@@ -251,9 +261,11 @@ def test_the_nt33a_has_its_published_modes(mode):
 
 @pytest.mark.parametrize("mode", PRINTED_JETSTAR)
 def test_the_thrust_line_acts_on_the_phugoid(mode):
-    """With one height of the thrust line, damping and frequency of both modes are within 0.5 % of
-    the printed ones. With the thrust through the center of gravity the frequency of the phugoid is
-    3 % low."""
+    """With the right height of the thrust line, damping and frequency of both modes are within 0.5
+    % of the printed ones.
+
+    With the thrust through the center of gravity, the frequency of the phugoid is 3 % too low.
+    """
     damping, frequency = PRINTED_JETSTAR[mode]
     (root,) = roots_of([(damping, frequency)])
     found = eigenvalue_near(linear_model(JETSTAR), root)
@@ -263,8 +275,9 @@ def test_the_thrust_line_acts_on_the_phugoid(mode):
 
 
 def half_a_digit(value):
-    """Half a unit of the last digit in which a number of a table is written, for a moment of
-    inertia of the third."""
+    """Return half a unit of the last digit of a number in a table, and of the third digit of a
+    moment of inertia.
+    """
     if abs(value) > 1000.0:
         return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
     decimals = len(repr(value).partition(".")[2].rstrip("0"))
@@ -272,7 +285,7 @@ def half_a_digit(value):
 
 
 def rounded_otherwise(table):
-    """The table with one of its derivatives, sizes and inertias half a digit larger, for each."""
+    """Return, for each derivative, size and inertia, the table with it half a digit larger."""
     for name, value in table.items():
         if isinstance(value, float):
             yield {**table, name: value + half_a_digit(value)}
@@ -282,7 +295,9 @@ def rounded_otherwise(table):
 
 
 def roots_of(printed):
-    """The eigenvalues of printed modes: themselves, rates, or damping and natural frequency."""
+    """Return the eigenvalues of printed modes, which are eigenvalues, rates, or damping and natural
+    frequency.
+    """
     for mode in printed:
         if not isinstance(mode, tuple):
             yield complex(mode)
@@ -300,8 +315,9 @@ def roots_of(printed):
     ids=["navion", "747", "nt33a"],
 )
 def test_modes_lie_within_the_digits_of_tables(table, printed, held):
-    """The change of each mode by half a digit of each derivative, size and moment of inertia, added,
-    is above its difference from the printed one."""
+    """The difference of each mode from the printed one is below its sum of changes by half a digit
+    of each derivative, size and moment of inertia.
+    """
     base = linear_model(table, **held)
     roots = list(roots_of(printed.values()))
     found = [eigenvalue_near(base, root) for root in roots]
@@ -313,7 +329,9 @@ def test_modes_lie_within_the_digits_of_tables(table, printed, held):
 
 
 def test_a_small_aircraft_has_its_published_short_period():
-    """Within 0.2 % of that of the printed matrix, whose entries have four digits."""
+    """The short period is within 0.2 % of that of the printed matrix, whose entries have four
+    digits.
+    """
     printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
     found = eigenvalue_near(linear_model(ULTRA_STICK), printed)
     assert abs(found - printed) < 0.002 * abs(printed)
@@ -323,8 +341,11 @@ def test_a_small_aircraft_has_its_published_short_period():
 
 @pytest.mark.parametrize("mode", PRINTED_F104)
 def test_the_f104_has_its_published_modes(mode):
-    """Longitudinal modes agree within 2 and 0.2 %, like those of the matrix derived by hand. A
-    wrong Cm_alpha is seen."""
+    """Longitudinal modes of the F-104 agree within 2 and 0.2 %, as do those of the matrix derived
+    by hand.
+
+    A wrong Cm_alpha is detected.
+    """
     damping, stiffness, tolerance = PRINTED_F104[mode]
     root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
     wrong = linear_model({**F104, "Cm_alpha": 1.1 * F104["Cm_alpha"]}, gravity=32.2)
@@ -336,7 +357,7 @@ def test_the_f104_has_its_published_modes(mode):
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
-    """In stability axes alone, with the moments of inertia turned by the angle of attack."""
+    """Moments of inertia turned by hand into stability axes give the same modes."""
     body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
     turn = rotation(0.0, math.radians(2.2), 0.0).full()
     turned = turn @ body @ turn.T
@@ -351,7 +372,7 @@ def test_inertias_turned_by_hand_give_the_same_modes():
 
 
 def test_equations_written_apart_agree():
-    """The example's small-angle equations of the Navion have nearly the same fast modes."""
+    """The example's small-angle equations of the Navion have nearly equal fast modes."""
     other = hfa.load_model("examples/navion.py:NAVION")
     theirs = linearize(other, find_operating_point(other))
     ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
@@ -361,7 +382,7 @@ def test_equations_written_apart_agree():
 
 
 def evaluated(model, x, u):
-    """Rates and outputs at numbers."""
+    """Return rates and outputs at numbers."""
     vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]
     vectors.append({name: signal.start for name, signal in model.parameters.items()})
     rates, outputs = model.equations(*(SimpleNamespace(**each) for each in vectors), None)
@@ -370,7 +391,9 @@ def evaluated(model, x, u):
 
 
 def load_factor(rates, x):
-    """-(w' + p v - q u - g cos(pitch) cos(roll)) / g, of the rates of speed, alpha and beta."""
+    """Return -(w' + p v - q u - g cos(pitch) cos(roll)) / g from the rates of speed, alpha and
+    beta.
+    """
     gravity = 9.80665 / 0.3048
     speed, alpha, beta, p, q, _, roll, pitch = x[:8]
     u = speed * math.cos(alpha) * math.cos(beta)
@@ -385,7 +408,7 @@ def load_factor(rates, x):
 
 
 def test_lift_by_rate_of_alpha_is_solved_for():
-    """The rate of alpha and the lift that it causes satisfy both equations between them."""
+    """The rate of alpha and the lift that it causes satisfy both equations."""
     x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
     u = [300.0, 0.05, 0.0, 0.0]
     rates, outputs = evaluated(from_derivatives({**NAVION, "CL_alphadot": 30.0}), x, u)
@@ -413,7 +436,9 @@ def test_units_do_not_change_the_aircraft():
 
 
 def test_a_spreadsheet_is_the_same_aircraft(folder):
-    """A CSV file has rows name, value, unit; here with derivatives per degree."""
+    """A CSV file with rows name, value, unit, and derivatives per degree, gives the same
+    aircraft.
+    """
     flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}
     for group in ("geometry", "mass", "condition"):
         flat |= NAVION[group]
@@ -464,7 +489,7 @@ def test_a_bad_row_is_named(folder):
 
 
 def test_another_mass_is_another_trim():
-    """Mass, inertias and derivatives are parameters."""
+    """Mass, inertias and derivatives are parameters, and another mass gives another trim."""
     light = linear_model("examples/uav.toml")
     heavy = linear_model("examples/uav.toml", mass=20.0)
     assert heavy.point.states.alpha > light.point.states.alpha + 0.02

@@ -1,4 +1,4 @@
-"""Linear models of matrices alone."""
+"""Linear models made of matrices alone."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ def test_matrices_alone_are_a_linear_model() -> None:
 
 
 def test_matrices_of_outputs_keep_their_place() -> None:
-    """The order of `control.ss(A, B, C, D)`; outputs are those of the model's own equations."""
+    """Matrices have the order of `control.ss(A, B, C, D)`, and outputs follow the model's own
+    equations.
+    """
     C = [[1.0, 2.0]]
     D = [[3.0]]
     linear = hfa.LinearModel(A, B, C, D, states=("q", "v"), inputs=("f",))
@@ -40,7 +42,7 @@ def test_matrices_of_outputs_keep_their_place() -> None:
 
 
 def test_lqr_of_matrices_is_that_of_the_game() -> None:
-    """lqr(A, B, Q, R) has the gain of the game and of python-control."""
+    """lqr(A, B, Q, R) returns the gain of the game, which is that of python-control."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (
         hfa.lqr(A, B, np.eye(2), np.eye(1)),
@@ -51,7 +53,7 @@ def test_lqr_of_matrices_is_that_of_the_game() -> None:
 
 
 def test_lqr_of_matrices_refuses_a_disturbance() -> None:
-    """A fifth number would make the regulator that of a game; B may not be left out."""
+    """lqr refuses a fifth number, which would define a game, and a missing B."""
     with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
         hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
     with pytest.raises(BadInputError, match="B is missing"):

@@ -25,7 +25,7 @@ DT = 0.01
 
 
 def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -> None:
-    """The exact discounted critic passes and planted mistakes are named."""
+    """The exact discounted critic passes, and planted mistakes are named."""
     exact = solve_discounted(game, DISCOUNT, DT)
     assert check_discounted(game, from_value(game, exact.P), DISCOUNT, DT).ok
     assert check_discounted(game, from_gain(game, exact.K), DISCOUNT, DT).ok
@@ -45,7 +45,9 @@ def test_exact_discounted_critic_passes_and_planted_mistakes_named(game: Game) -
 
 
 def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
-    """Under w = L x, from the worst start among many: the sum of 3000 steps."""
+    """The lost cost under w = L x from the worst of many initial states equals the sum over 3000
+    steps.
+    """
     exact = solve_discounted(game, DISCOUNT, DT)
     step = exact.game
     K = 1.1 * exact.K
@@ -67,7 +69,7 @@ def test_cost_lost_is_that_of_steps_summed_up(game: Game) -> None:
 
 
 def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> None:
-    """The command compares with the problem that is given and never guesses."""
+    """The command compares a critic with the given problem and assumes no other."""
     words = (
         "verify",
         *AT_15,
@@ -87,8 +89,11 @@ def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> No
 
 
 def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
-    """At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003, and its
-    product with the root is below 1."""
+    """An exact discounted critic that does not stabilize is called exact, and fails.
+
+    At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003. Times the
+    root of the discount it is below 1.
+    """
     game = game_at(20.0)
     exact = solve_discounted(game, 0.95, 0.005)
     verdict = check_discounted(game, from_value(game, exact.P), 0.95, 0.005)
@@ -103,7 +108,9 @@ def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
 
 
 def test_continuous_game_without_solution_not_end_discounted_verdict() -> None:
-    """Only the diagnosis uses the answer in continuous time."""
+    """A continuous-time game without a solution does not prevent a discounted verdict, because only
+    the diagnosis uses it.
+    """
     game = game_at(15.0).with_delta(110.0)
     exact = solve_discounted(game, 0.9, 0.01)
     assert not check_discounted(game, from_value(game, 1.1 * exact.P), 0.9, 0.01).ok

@@ -1,5 +1,6 @@
-"""The verdict on a game in discrete time does not change with the last bits of its numbers, the
-order, the units or the directions of its states."""
+"""The verdict on a game in discrete time does not depend on the last bits, or on the order, units
+or axes of the states.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +46,9 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Return the copies of a game at four δ with another verdict, or with a bracket of δ_min apart
-    from that of the game."""
+    """Return the copies of a game at four δ with another verdict, or with a bracket of δ_min that
+    does not meet that of the game.
+    """
     problem = _problem(kind, seed)
     smallest = minimum_delta_discrete(problem)
     changed = []

@@ -1,4 +1,4 @@
-"""The Monte Carlo and the cases that several test files fly."""
+"""Fixtures of the Monte Carlo and of the cases that several test files fly."""
 
 from flown_cases import at_15, newton
 from member_plans import plan

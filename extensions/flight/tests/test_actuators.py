@@ -1,5 +1,6 @@
-"""Actuators: lags that respect their limits, and the lag that the linear policy tolerates, as in
-docs/nonlinear.md."""
+"""Actuators: lags within their limits, and the lag that the linear policy tolerates, as stated in
+docs/nonlinear.md.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ LIMITED = ActuatorBank(Input(*[0.1] * M), Input(*[-0.5] * M), Input(*[0.4] * M),
 
 
 def flown(actuators: ActuatorBank, *command: float) -> Deviations:
-    """Two seconds of the printed model at 15 degrees under a constant command."""
+    """Fly the printed model at 15 degrees for two seconds under a constant command."""
     model = published_models()[0]
     law = OpenLoop("none", held=np.array([command]))
     scenario = Scenario(2.0, tick=0.1, initial=np.zeros(N), actuators=actuators)
@@ -96,7 +97,7 @@ WEIGHTS = ("the paper's weights", "R x 100")
 
 @cache
 def gain(weights: str) -> np.ndarray:
-    """The exact gain at 15 degrees."""
+    """Return the exact gain at 15 degrees."""
     game = game_at(15.0, "newton")
     return solve_game(
         game if weights == WEIGHTS[0] else replace(game, R=100.0 * game.R, delta=2000.0)
@@ -104,14 +105,16 @@ def gain(weights: str) -> np.ndarray:
 
 
 def abscissa(model: LinearModel, K: np.ndarray, lag: float) -> float:
-    """Return the abscissa of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
+    """Return the spectral abscissa of x' = A x + B a, a' = (-K x - a) / lag, 1/s."""
     loop = np.block([[model.A, model.B], [-K / lag, -np.eye(len(K)) / lag]])
     return float(np.linalg.eigvals(loop).real.max())
 
 
 def lost(weights: str, lag: float) -> bool:
-    """Return whether a dihedral command of one degree for 200 s leaves the envelope, behind
-    actuators of this lag (s); the surfaces move at most 60 deg/s."""
+    """Return whether a dihedral command of one degree for 200 s leaves the envelope.
+
+    The actuators have this lag (s) and move at most 60 deg/s.
+    """
     aircraft = hfa.aircraft("newton")
     point = model_at(15.0, "newton").point
     fastest = float(np.radians(60.0))
@@ -137,7 +140,7 @@ def lost(weights: str, lag: float) -> bool:
 
 
 def stated(row: str) -> tuple[float, ...]:
-    """The two lags of the row of docs/nonlinear.md that begins so, s."""
+    """Return the two lags, s, in the row of docs/nonlinear.md that begins with this text."""
     text = DOCUMENT.read_text(encoding="utf-8")
     found = re.findall(
         rf"^\| {re.escape(row)}[^|]* \| ([\d.]+) s \| ([\d.]+) s \|$", text, re.MULTILINE
@@ -148,7 +151,7 @@ def stated(row: str) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("degrees", [15.0, 16.0])
 def test_the_lags_of_document_are_where_eigenvalues_turn(degrees: float) -> None:
-    """The lags of the document are where the eigenvalues turn."""
+    """The lags of the document are those at which the loop becomes unstable."""
     for weights, limit in zip(
         WEIGHTS, stated(f"lag of all actuators, eigenvalues at {degrees:g} deg"), strict=True
     ):
@@ -165,6 +168,7 @@ def test_flights_of_200_s_confirm_the_largest_lag(
     weights: str,
 ) -> None:
     """Flights of 200 s stay inside the envelope at the stated lag and leave it at a slightly larger
-    one."""
+    lag.
+    """
     limit = stated("lag of all actuators, simulated 200 s")[WEIGHTS.index(weights)]
     assert (lost(weights, limit), lost(weights, limit + 0.002)) == (False, True)

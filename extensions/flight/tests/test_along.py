@@ -1,4 +1,6 @@
-"""Linear models along a flight against the difference of two flights and python-control's."""
+"""Linear models along a flight compared with the difference of two flights and with
+python-control.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,9 @@ from hfa_flight.along import models_along
 
 
 def test_along_a_flight_small_deviations_follow_linear_model() -> None:
-    """The Navion after a step of elevator and rudder: two flights differ by δx of δx' = A(t) δx, to
-    second order."""
+    """Two flights of the Navion after a step of elevator and rudder differ by δx of δx' = A(t) δx,
+    to second order.
+    """
     point = trimmed(NAVION)
     u = np.array(point.inputs) + np.array([0.0, -0.05, 0.0, 0.05])
     function = NAVION.functions(())
@@ -36,7 +39,7 @@ def test_along_a_flight_small_deviations_follow_linear_model() -> None:
     np.testing.assert_allclose(along.rates, [rates(0.0, x) for x in states], rtol=1e-12, atol=1e-12)
 
     def predicted(A: np.ndarray) -> np.ndarray:
-        """δx(3 s) by steps of the matrix exponential at the middle of each."""
+        """Return δx(3 s) by steps of the matrix exponential at the middle of each step."""
         deviation = start
         for before, after in pairwise(A):
             deviation = expm((before + after) / 2 * 3.0 / (len(A) - 1)) @ deviation

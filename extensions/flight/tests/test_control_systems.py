@@ -1,4 +1,4 @@
-"""Models to and from nonlinear systems of python-control."""
+"""Conversion of models to and from nonlinear systems of python-control."""
 
 import math
 
@@ -28,8 +28,9 @@ def system(update, **more):
 
 
 def test_a_system_of_python_control_is_traced() -> None:
-    """The model has its names, parameters and outputs; its linear model is that of python-control's
-    differences."""
+    """A traced system keeps its names, parameters and outputs. Its linear model agrees with
+    python-control's differences.
+    """
     nlsys = system(pendulum)
     model = from_control(
         nlsys, {"angle": "rad", "rate": "rad/s", "height": "m"}, trim={"angle": 0.5}

@@ -14,8 +14,11 @@ from hfa_identify.parameter_spread import ParameterSpread
 
 
 def test_the_figure_shows_differences_of_drawn_flights() -> None:
-    """Each line ends with the difference of its aircraft from the aircraft itself, also where the
-    aircraft leaves its limits before the end. States that do not move have no row."""
+    """Each line ends with the difference of its aircraft from the original, also if the aircraft
+    leaves its limits before the end.
+
+    States that do not move have no row.
+    """
     model = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     point = hfa.find_operating_point(model)
     names = ("CL_alpha", "Cm_alpha")

@@ -1,4 +1,4 @@
-"""`hfa export`: its files, and the requests that it refuses."""
+"""`hfa export`: its files and refused requests."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from hfa_support.native.machine_code import c_compiler
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Each test runs in a new empty folder."""
+    """Run each test in a new empty folder."""
 
 
 def constants(source: Path, name: str) -> np.ndarray:
-    """The numbers of a table in a C file."""
+    """Return the numbers of a table in a C file."""
     line = next(
         line
         for line in source.read_text("utf-8").splitlines()
@@ -35,7 +35,7 @@ def constants(source: Path, name: str) -> np.ndarray:
 
 
 def test_the_c_files_have_the_numbers_of_commands(tmp_path: Path) -> None:
-    """The c files have the numbers of the commands."""
+    """The C files contain the numbers of the commands."""
     result = hfa(
         "export", "-o", str(tmp_path / "c"), "--dihedral", "10", "--delta", "300", "--json"
     )
@@ -139,7 +139,7 @@ def test_an_fmu_without_a_compiler_is_one_line(
 
 @pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler")
 def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
-    """A grid of trims is an fmu with the swept variables as inputs."""
+    """A grid of trims is exported as an FMU whose inputs include the swept variables."""
     path = tmp_path / "models.fmu"
     words = ("sweep", "--dihedral", "5,15", "--hold", "speed=64,68")
     assert hfa(*words, "-o", str(path)).code == 0
@@ -154,7 +154,7 @@ def test_grid_of_trims_fmu_with_swept_variables_inputs(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_fmu_of_first_day_of_all_clocks_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A ZIP archive begins in 1980."""
+    """An FMU is written if the clock is before 1980, where ZIP archives begin."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert hfa("export", "--dihedral", "15", "-o", "a.fmu").code == 0
     with zipfile.ZipFile("a.fmu") as archive:

@@ -15,7 +15,9 @@ ONE = np.eye(1)
 
 @pytest.mark.parametrize(("is_held", "cost"), [(True, 6.0), (False, 28.5)])
 def test_held_inputs_cost_what_they_hold(is_held: bool, cost: float) -> None:
-    """2² for 1 s and 1² for 2 s; linear between the rows, trapezoids of 2.5 and 26."""
+    """Held inputs cost 2² for 1 s and 1² for 2 s. Inputs linear between the rows cost trapezoids of
+    2.5 and 26.
+    """
     assert cost_of_flight(TIMES, ZEROS, INPUTS, ONE, ONE, is_held) == cost
 
 

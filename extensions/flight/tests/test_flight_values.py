@@ -1,4 +1,4 @@
-"""`hfa.fly` and `hfa.Flight`, as scripts and notebooks use them."""
+"""`hfa.fly` and `hfa.Flight` in scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ def test_steps_of_an_input_give_the_step_response() -> None:
 
 @pytest.mark.parametrize("kind", ["gain", "solution", "critic", "function", "mapping"])
 def test_every_kind_of_policy_flies(kind: str) -> None:
-    """A gain as an array, a solution, a critic and two Python functions fly the same loop; the
-    functions are evaluated once a tick."""
+    """A gain as an array, a solution, a critic and two Python functions fly the same loop.
+
+    The functions are evaluated once a tick.
+    """
     game = hfa.game(hfa.linearize(CART, POINT), Q=np.eye(2), R=np.eye(1))
     solution = hfa.solve_game(game)
     K = solution.K

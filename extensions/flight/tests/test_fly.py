@@ -27,7 +27,7 @@ from studies.servo.simvfa import reference_servo
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Each test runs in a new empty folder."""
+    """Run each test in a new empty folder."""
 
 
 FLY = ("fly", "--dihedral", "15", "--law", "exact")
@@ -75,7 +75,9 @@ def test_command_says_that_flight_held_and_writes_it() -> None:
 
 
 def test_a_flight_without_a_law_has_a_cost() -> None:
-    """With Q and R: the integral over its rows, which another rule of SciPy gives to 1e-3."""
+    """With Q and R a flight without a law has a cost over its rows, which agrees with SciPy's rule
+    to 1e-3.
+    """
     words = (
         "fly",
         "--dihedral",
@@ -97,8 +99,9 @@ def test_a_flight_without_a_law_has_a_cost() -> None:
 
 
 def test_the_command_flies_gain_and_critic_of_user(game: Game) -> None:
-    """The exact gain, P and W from a file fly as --law exact does; another R changes the policy of
-    P alone."""
+    """The exact gain, P and W from a file fly as --law exact does. Another R changes only the
+    policy of P.
+    """
     exact = solve_game(game)
     stored("K.json", K=exact.K)
     stored("P.npz", P=exact.P)
@@ -225,7 +228,7 @@ def test_members_follow_commands_behind_failing_actuators() -> None:
 
 
 def network_of(K: np.ndarray) -> str:
-    """The file of a network that is u = -K z: relu(z) - relu(-z) = z."""
+    """Write a network that is u = -K z, with relu(z) - relu(-z) = z, and return its file."""
     twice = np.vstack([np.eye(6), -np.eye(6)])
     layers = {
         "0.weight": twice,
@@ -237,7 +240,7 @@ def network_of(K: np.ndarray) -> str:
 
 
 def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
-    """A network flies as the gain that it is within the control limits."""
+    """A network that equals a gain flies as this gain, within the control limits."""
     path = network_of(solve_game(game).K)
     network = ("--weights", path, "--set", "activation=relu")
     words = ("fly", "--dihedral", "15", "--duration", "0.5", "-o", "a.json")
@@ -259,7 +262,7 @@ def test_network_flies_as_gain_it_within_control_limits(game: Game) -> None:
 
 @needs_gcc
 def test_network_is_exported_as_c_and_as_fmu(game: Game) -> None:
-    """A network is exported as c and as an fmu."""
+    """A network is exported as C and as an FMU."""
     K = solve_game(game).K
     network = ("--weights", network_of(K), "--set", "activation=relu", "--dihedral", "15")
     assert hfa("export", "-o", "c", *network).code == 0
@@ -323,8 +326,9 @@ SCHEDULE = ("fly", "--dihedral", "5", "--command", "dihedral=1:6", "--duration",
 
 @pytest.mark.slow
 def test_gains_of_file_flown_along_trims_of_command() -> None:
-    """Gains as a table, as a MATLAB stack and as a controller of `hfa design` give one flight; a
-    single gain for all angles gives another."""
+    """Gains as a table, as a MATLAB stack and as a controller of `hfa design` give one flight. A
+    single gain for all angles gives another one.
+    """
     made = hfa("design", "--design", "paper", "--dihedral", "5,10,15", "-o", "paper.npz", "--json")
     assert made.code == 0, made.err
     K = -np.array(json.loads(made.out)["D"])
@@ -348,7 +352,7 @@ def test_gains_of_file_flown_along_trims_of_command() -> None:
 
 
 def test_a_flight_in_metres_is_flight_in_feet() -> None:
-    """A flight in meters is the flight in feet."""
+    """A flight in meters is the converted flight in feet."""
     foot = 0.3048
     words = (*FLY, "--duration", "0.5", "--gust")
     feet = answer(*words, "200:5")["final"]

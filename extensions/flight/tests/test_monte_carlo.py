@@ -1,5 +1,6 @@
-"""A Monte Carlo: each member is the flight that it claims to be; the same bits in any order; what
-the report says."""
+"""A Monte Carlo: each member is the stated flight, any order gives the same bits, and the report is
+true.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +40,10 @@ SEEN = [STATES.index(name) for name in LINEAR_STATES]
 
 
 def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[str, object]:
-    """The row of a member under u = -K z, by a Runge-Kutta loop in NumPy on the history of every
-    step and the equations of motion in plain numbers, without any compiled function."""
+    """Return the row of a member under u = -K z, by a Runge-Kutta loop in NumPy.
+
+    It evaluates the equations of motion in plain numbers, without compiled functions.
+    """
     assert member.samples is not None
     h = member.step
     lowest = np.array(plan.envelope.lowest)
@@ -70,8 +73,10 @@ def flown_plainly(plan: MonteCarlo, member: Scenario, p: Parameters) -> Mapping[
         return rate
 
     def limited(t: float, x: np.ndarray, tick: int) -> np.ndarray:
-        """X with the angle of attack through the air, from the velocity of the air in north and
-        down, for alpha."""
+        """Return X with alpha replaced by the angle of attack through the air.
+
+        It follows from the velocity of the air north and down.
+        """
         X = State(*(x + X0))
         wind = winds(t, tick)
         path = X.pitch - X.alpha
@@ -155,8 +160,9 @@ def test_a_member_that_leaves_its_envelope_ends_there(plan: MonteCarlo) -> None:
 
 
 def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
-    """A sharp gust turns the air before it turns the path; turbulence may do so at the start
-    already."""
+    """The envelope limits the angle through the air, which a sharp gust changes before the path,
+    and turbulence possibly at the start.
+    """
     alpha = plan.point.states.alpha
     near = np.radians(0.5)
     narrow = flight_envelope(plan.model, plan.point, {"alpha": (alpha - near, alpha + near)})
@@ -198,7 +204,7 @@ def test_the_flight_test_sees_a_wrong_parameter(plan: MonteCarlo) -> None:
 
 
 def test_plans_are_equal_when_they_give_same_results(plan: MonteCarlo, gain: np.ndarray) -> None:
-    """Plans are equal when they give the same results."""
+    """Plans are equal if and only if they give the same results."""
     assert replace(plan) == plan
     assert hash(replace(plan)) == hash(plan)
     others = [
@@ -267,8 +273,11 @@ def test_chunks_workers_and_their_order_do_not_matter(
 def test_members_beyond_control_limits_counted_and_input_named(
     plan: MonteCarlo,
 ) -> None:
-    """A start half a foot per second off asks the outer elevator for more than 30 degrees; nothing
-    leaves."""
+    """Members that exceed a control limit are counted, and the input is named.
+
+    An initial error of 0.5 ft/s needs more than 30 degrees of the outer elevator. No member leaves
+    the envelope.
+    """
     start = np.zeros(7)
     start[0] = 0.35
     pushed = replace(with_scenario(plan, initial=start, uncertainty=Uncertainty()), members=2)
@@ -282,7 +291,7 @@ def test_members_beyond_control_limits_counted_and_input_named(
 
 
 def test_a_member_costs_more_than_its_steps(plan: MonteCarlo) -> None:
-    """Before, 10,000 flights of 0.02 s were one chunk: progress was 0 % for 22 s, then 100 %."""
+    """Many short members are divided into several chunks, so that progress is reported."""
     short = replace(plan.scenario, duration=0.02)
     many = replace(plan, scenario=short, members=10_000)
     assert 8 <= many.members / chunk_of(many) <= 100

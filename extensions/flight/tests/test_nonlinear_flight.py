@@ -1,5 +1,7 @@
-"""Flights of the nonlinear aircraft: the effect of a scenario, the end of a flight; the linear
-model agrees to second order and an adaptive integrator to 1e-6."""
+"""Flights of the nonlinear aircraft: effects of a scenario, and ends of a flight.
+
+The linear model agrees to second order, and an adaptive integrator to 1e-6.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ N = len(LINEAR_STATES)
 
 
 def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None:
-    """The heavier aircraft is out of trim and sinks; the prediction, of the design, stays."""
+    """Parameter errors change the flown aircraft and not the prediction: a heavier aircraft sinks,
+    and the prediction stays in trim.
+    """
     result = flown(newton, Scenario(duration=2.0, errors={"panel_mass": 1.05}))
     assert result.predicted is not None
     assert np.abs(result.predicted.states).max() < 1e-12
@@ -44,8 +48,9 @@ def test_errors_are_those_of_the_flown_aircraft_alone(newton: FlownCase) -> None
 def test_the_envelope_limits_the_angle_through_the_air(
     newton: FlownCase,
 ) -> None:
-    """In rising air the path climbs: alpha over ground falls to -1.5 deg, alpha through the air
-    stays near 2.8."""
+    """In rising air alpha over ground falls to -1.5 deg, but the envelope limits alpha through the
+    air, which stays near 2.8 deg.
+    """
     gust = Scenario(duration=6.0, gust=OneMinusCosine(400.0, 5.0, 68.0))
     alpha = STATES.index("alpha")
     for lowest, held in ((2.0, True), (2.7, False)):
@@ -80,7 +85,7 @@ def test_the_envelope_limits_the_angle_through_the_air(
 
 
 def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
-    """The envelope is about the trim and can be changed."""
+    """The envelope is centered at the trim and can be changed."""
     p = newton.aircraft
     point = newton.point
     at = point.states
@@ -106,7 +111,7 @@ def test_envelope_is_about_trim_and_can_be_changed(newton: FlownCase) -> None:
 
 
 def test_gains_several_ticks_follow_each_other_last_stays(newton: FlownCase) -> None:
-    """Gains of several ticks follow each other and the last stays."""
+    """Gains for several ticks are applied one after the other, and the last one stays."""
     gains = np.random.default_rng(1).normal(size=(3, 5, 6))
     law = GainPolicy("several", gains)
     np.testing.assert_array_equal(law.gains, gains)
@@ -120,10 +125,10 @@ DIRECTION = np.array([1.0, 0.017, 10.0, 0.017, 0.017, 0.017, 0.017])
 
 
 def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarray:
-    """d log |x_nonlinear - x_linear| / d log size of the closed loop released from SIZES x
-    DIRECTION, by state, (7,).
+    """Return d log |x_nonlinear - x_linear| / d log size by state, (7,).
 
-    2 where the linear model is the derivative (Taylor), 1 where it is not.
+    The closed loop is released from SIZES x DIRECTION. The slope is 2 if the linear model is the
+    derivative, and 1 if not.
     """
     scenario = Scenario(2.0, 0.001, 0.05, DIRECTION)
     loops = [CompiledLoop(ClosedLoop(each, law, scenario)) for each in (plant, linear)]
@@ -139,8 +144,9 @@ def slopes(plant: NonlinearPlant, linear: LinearPlant, law: Policy) -> np.ndarra
 def test_linear_prediction_is_wrong_to_second_order_only(
     newton: FlownCase, at_15: FlownCase
 ) -> None:
-    """The error is of second order in the deviation; that of a model half a degree away is of first
-    order."""
+    """The error of the linear model is of second order in the deviation. That of a model half a
+    degree away is of first order.
+    """
     for case, off in ((at_15, 0.0), (newton, 0.5)):
         other = find_operating_point(case.aircraft, level_flight(float(np.radians(15.0 + off))))
         linear = LinearPlant.at(case.aircraft, other)
@@ -226,7 +232,9 @@ def adaptive_states(result: Flight) -> np.ndarray:
 
 
 def difference(fixed: np.ndarray, adaptive: np.ndarray) -> float:
-    """max |fixed - adaptive| / max |adaptive| over the states' deviations from trim."""
+    """Return max |fixed - adaptive| / max |adaptive| over the deviations of the states from
+    trim.
+    """
     size = np.maximum(np.abs(adaptive).max(axis=0), 1e-3 * np.array(STATE_SCALES))
     return float((np.abs(fixed - adaptive).max(axis=0) / size).max())
 

@@ -27,7 +27,7 @@ def _there(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_doublet_without_law_is_written_and_drawn() -> None:
-    """A doublet without a law is written and drawn."""
+    """A flight with a doublet and without a law is written and drawn."""
     doublet = ("--law", "none", "--command", "elevator=1:2,2:-2,3:0", "--duration", "4")
     result = hfa(
         "fly", "--aircraft", NAVION, *doublet, "-o", "flight.json", "--picture", "flight.png"
@@ -47,7 +47,7 @@ def test_a_doublet_without_law_is_written_and_drawn() -> None:
 
 
 def test_gain_flies_with_offsets_actuators_faults_and_delay() -> None:
-    """A gain flies with offsets actuators faults and a delay."""
+    """A gain flies with offsets, actuators, faults and a delay."""
     words = (
         "--law",
         "exact",
@@ -77,7 +77,7 @@ def test_members_are_drawn_by_workers() -> None:
 
 
 def test_members_are_drawn_and_changed_file_is_noticed() -> None:
-    """Members are drawn and a changed file is noticed."""
+    """Members are drawn, and a changed aircraft file is noticed."""
     assert hfa(*MEMBERS).code == 0
     assert open_store(Path("a.zarr"))["final"].values.shape == (4, 8)
     xcg = ("--error", "xcg=0.02", "-o", "f16.zarr")
@@ -92,7 +92,7 @@ def test_members_are_drawn_and_changed_file_is_noticed() -> None:
 
 
 def test_gains_over_the_speed_follow_command_of_it() -> None:
-    """Gains over the speed follow a command of it."""
+    """Gains scheduled over the speed follow a command of the speed."""
     gain = json.loads(hfa("solve", "--aircraft", NAVION, "--json").out)["K"]
     np.savez("gains.npz", speed=np.array([170.0, 200.0]), K=np.array([gain, gain]))
     words = ("fly", "--aircraft", NAVION, "--controller", "gains.npz", "--command", "speed=1:14")
@@ -125,7 +125,7 @@ IMPLICIT = tank(lambda level, pump: ROOT(1.0, pump) - level)
 
 
 def test_exports_have_disturbances_and_name_inexpressible_operations() -> None:
-    """Exports have the model's own disturbances and name what c cannot express."""
+    """Exports contain the model's own disturbances, and name operations that C cannot express."""
     Path("tanks.py").write_text(TANKS, "utf-8")
     for place in ("c", "a.fmu"):
         assert hfa("export", "--aircraft", "tanks.py:PLAIN", "-o", place).code == 0

@@ -1,4 +1,4 @@
-"""A Monte Carlo on several threads of one process: the bits of one member after the other."""
+"""A Monte Carlo on several threads of one process has the bits of one member after the other."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_monte_carlo() -> None:
 
 
 def test_memory_that_threads_share_is_noticed() -> None:
-    """`cached_per_thread` prevents a fault, which is planted here."""
+    """Memory that threads share changes the results. `cached_per_thread` prevents this."""
 
     def chunk_with(memory_of: Callable[[], NDArray]) -> Callable[[int], Rows]:
         def chunk(number: int) -> Rows:

@@ -1,4 +1,4 @@
-"""External ends of a Monte Carlo: Ctrl-C, SIGTERM, a lost cluster; and its continuation."""
+"""Monte Carlos that are ended by Ctrl-C, SIGTERM or a lost cluster, and their continuation."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 @proc
 @pytest.mark.slow
 def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
-    """Ended at random moments and continued it comes to the same bits."""
+    """A run that is ended at random moments and continued has the same bits."""
     comes_to_the_same_bits(tmp_path, (*EXACT, "--samples", "1500", "--duration", "1", *STORED))
 
 
@@ -52,7 +52,7 @@ WORDS = (*EXACT, "--samples", "4000", "--duration", "1", "-o", "a.zarr")
 
 @contextmanager
 def running(*words: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Yield a process; its standard error is in log-N."""
+    """Yield a process whose standard error is in log-N."""
     with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
         process = subprocess.Popen(
             words, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, text=True

@@ -1,5 +1,6 @@
-"""Random scenarios: the requested distributions, determined by the seed and the member; gusts and
-turbulence as defined; and refused scenarios."""
+"""Random scenarios: distributions, seeds, gusts and turbulence as defined, and refused
+scenarios.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +38,10 @@ def drawn(plan: MonteCarlo, members: int) -> np.ndarray:
 
 
 def complaints_about_draws(plan: MonteCarlo, members: int = 2000) -> list[str]:
-    """Return the faults of the drawn errors: equal members, or not the log-normal distribution with
-    mean 1."""
+    """Return the faults of the drawn errors: equal members, or a wrong distribution.
+
+    The distribution must be log-normal with mean 1.
+    """
     from scipy.stats import kstest
 
     factors = drawn(plan, members)
@@ -121,7 +124,7 @@ def test_seed_and_member_decide_everything(plan: MonteCarlo) -> None:
 
 
 def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
-    """Noise and turbulence have the requested strength."""
+    """Noise and turbulence have the requested intensity."""
     members = [plan.member(number) for number in range(200)]
     noise = np.stack([each.samples for each in members])
     deviation = noise.std(axis=(0, 1))
@@ -178,7 +181,7 @@ def test_what_cannot_be_flown_is_refused(make: Callable[[], object], said: str) 
 
 
 def test_one_minus_cosine_has_its_length_and_peak() -> None:
-    """One minus cosine has its length and its peak."""
+    """A one-minus-cosine gust has the given length and peak."""
     gust = OneMinusCosine(length=400.0, peak=-10.0, speed=80.0, begin=2.0)
     times = np.linspace(0.0, 10.0, 1001)
     values = np.array([float(gust.updraft(t)) for t in times])

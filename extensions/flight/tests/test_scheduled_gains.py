@@ -1,5 +1,6 @@
-"""Gains over the scheduling variable in flight: about each trim the policy is its gain; a slow
-change is flown along its trims."""
+"""Scheduled gains in flight: about each trim the policy is its gain, and a slow change follows the
+trims.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +27,13 @@ DIHEDRAL = LINEAR_STATES.index("dihedral")
 
 
 def exact_gains(*degrees: float) -> GainSchedule:
-    """The exact gains at these dihedral angles."""
+    """Return the exact gains at these dihedral angles."""
     gains = np.array([exact_gain(angle) for angle in degrees])
     return GainSchedule(np.radians(degrees), gains, model_at(degrees[0]).point.model)
 
 
 def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGainPolicy:
-    """From the trim at `start` degrees, with `end` commanded from 1 s on."""
+    """Return the policy from the trim at `start` degrees, with `end` commanded from 1 s on."""
     steps = CommandSteps(("dihedral",), np.array([1.0]), np.radians([[end - start]]))
     return scheduled_gains("gains", schedule, model_at(start).point, steps, level_flight)
 
@@ -41,7 +42,7 @@ def policy_from(schedule: GainSchedule, start: float, end: float) -> ScheduledGa
 
 
 def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, np.ndarray]:
-    """u and ∂u/∂z for a constant command of an angle, (5,) and (5, 6)."""
+    """Return u and ∂u/∂z for a constant command of an angle, (5,) and (5, 6)."""
     commands = CommandSteps(
         ("dihedral",), np.zeros(1), np.radians([[degrees]]) - policy.path.base.states.dihedral
     )
@@ -56,8 +57,9 @@ def slope_at(policy: ScheduledGainPolicy, degrees: float) -> tuple[np.ndarray, n
 
 @pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0])
 def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
-    """No hidden coupling: the derivative with respect to the measured dihedral is the gain's own
-    column."""
+    """At a breakpoint the policy equals its gain and trim, without hidden coupling: the derivative
+    with respect to the measured dihedral is the gain's own column.
+    """
     policy = policy_from(exact_gains(5.0, 10.0, 15.0), 5.0, 15.0)
     u, slope = slope_at(policy, degrees)
     trims = (np.array(model_at(angle).point.inputs) for angle in (degrees, 5.0))
@@ -66,7 +68,7 @@ def test_about_breakpoint_policy_is_its_gain_and_trim(degrees: float) -> None:
 
 
 class _TrimOfTheMeasuredDihedral(ScheduledGainPolicy):
-    """The mistake that hidden coupling is made of."""
+    """A policy with hidden coupling: its trim follows the measured dihedral."""
 
     def control(self, t: Any, measurements: Measurements, memory: Any, held: Any) -> Any:
         measured = self.path.base.states.dihedral + measurements.states[DIHEDRAL]
@@ -114,7 +116,9 @@ def test_a_schedule_flies_the_change(start: float, end: float) -> None:
 
 @pytest.mark.slow  # the schedule flies a smaller change above
 def test_scheduling_gain_needed_from_0_to_20_degrees() -> None:
-    """The gain of 0 degrees, kept, loses the aircraft on the way; the schedule does not."""
+    """From 0 to 20 degrees the scheduled gain stays in the envelope, and the constant gain of 0
+    degrees leaves it.
+    """
     wide = exact_gains(0.0, 5.0, 10.0, 15.0, 20.0)
     assert flown(wide, 0.0, 20.0).departure is None
     kept = replace(wide, gains=np.array([wide.gains[0]] * 5))

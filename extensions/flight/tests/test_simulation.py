@@ -1,5 +1,6 @@
-"""The loop: its order, fast modes, its ends; any model without a law, with a delay, in its own
-disturbances; limit cycles."""
+"""The simulation: its order, fast modes and ends, models without a law, delays, disturbances, and
+limit cycles.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +53,9 @@ SPEED = STATES.index("speed")
 
 
 class Falling(Plant):
-    """speed' = -1, alpha' = sqrt(0.0105 + speed): not a number from the step on that passes 0.0105
-    s."""
+    """speed' = -1, alpha' = sqrt(0.0105 + speed), which is nan from the step on that passes 0.0105
+    s.
+    """
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point
@@ -70,7 +72,7 @@ class Falling(Plant):
 def test_a_flight_ends_with_its_tick(
     point: OperatingPoint, slowest: float, state: str, time: float, end: float
 ) -> None:
-    """0.05 s in steps of 1 ms and ticks of 10."""
+    """A flight of 0.05 s in steps of 1 ms and ticks of 10 ms ends with a tick."""
     limits = dict.fromkeys(STATES, (-1e9, 1e9))
     limits["speed"] = (point.states.speed + slowest, 1e9)
     envelope = Limits.of(point.model, STATES, limits)
@@ -98,7 +100,7 @@ class Pendulum(LinearPlant):
 def pendulum(
     fast: float, step: float, *, duration: float = 6.0, observed: float = 0.0
 ) -> CompiledLoop:
-    """Pushed by the held input, which jumps at 3.7 s."""
+    """Return the pendulum driven by the held input, which jumps at 3.7 s."""
     plant = Pendulum(np.zeros((3, 3)), np.zeros((3, 1)), fast=fast)
     pushes = np.repeat([[0.5], [-1.0]], [37, 1], axis=0)
     law = OpenLoop("pushed", held=pushes, fastest=fast)
@@ -108,14 +110,16 @@ def pendulum(
 
 
 def test_method_of_order_4_where_constants_jump_too() -> None:
-    """The method is of order 4 where the constants jump too."""
+    """The method is of order 4, also if the constants jump."""
     found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
     coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
     assert 12.0 < coarse / fine < 20.0
 
 
 def test_a_fast_mode_of_the_law_divides_steps() -> None:
-    """The observer follows, and the pendulum is the one without it: 1e5 1/s at a step of 0.02 s."""
+    """A mode of the law at 1e5 1/s divides a step of 0.02 s: the observer follows, and the pendulum
+    is unchanged.
+    """
     fast = 1e5
     flight = pendulum(fast, 0.02, observed=1.0).fly()
     np.testing.assert_allclose(flight.times, 0.02 * np.arange(301))
@@ -131,7 +135,7 @@ def test_a_fast_mode_of_the_law_divides_steps() -> None:
 
 
 def test_run_ends_with_tick_in_it_to_stop() -> None:
-    """A run ends with the tick in which it is to stop."""
+    """A run ends with the tick in which it is stopped."""
     loop = pendulum(4.0, 0.02, duration=30.0)
     whole = loop.fly()
     stopped = loop.fly(stop=lambda rows: rows.times > 24.11)
@@ -140,7 +144,7 @@ def test_run_ends_with_tick_in_it_to_stop() -> None:
 
 
 def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[str]) -> None:
-    """A loop that blows up says when and nothing else."""
+    """The error of a loop that overflows reports the time and nothing else."""
 
     class Blown(LinearPlant):
         def rate(self, x: Any, u: Any, d: Any, winds: Any, p: Any) -> Any:
@@ -155,7 +159,7 @@ def test_loop_blows_up_says_when_and_nothing_else(capfd: pytest.CaptureFixture[s
 
 
 def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
-    """Without a law: each input stepped by so much from 1 s on."""
+    """Fly without a law, with each input stepped by this amount from 1 s on."""
     commands = CommandSteps(tuple(steps), np.array([1.0]), np.array([list(steps.values())]))
     law = open_loop(commands, tuple(model.inputs), scenario.tick, scenario.ticks)
     point = find_operating_point(model, usual_condition(model))
@@ -163,7 +167,7 @@ def stepped(model: Model, scenario: Scenario, **steps: float) -> Flight:
 
 
 def test_step_without_law_is_what_another_integrator_says() -> None:
-    """A step without a law is what another integrator says."""
+    """A step of an input without a law agrees with another integrator."""
     result = stepped(NAVION, Scenario(duration=3.0), elevator=0.02, rudder=0.01)
     x0 = np.array(result.point.states)
     u0 = np.array(result.point.inputs)
@@ -181,7 +185,7 @@ def test_step_without_law_is_what_another_integrator_says() -> None:
 
 
 def test_plans_of_models_that_differ_in_equations_differ() -> None:
-    """Plans of models that differ in their equations differ."""
+    """Plans of models that differ only in their equations are different."""
 
     def plan(factor: float) -> MonteCarlo:
         def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -202,8 +206,7 @@ def test_plans_of_models_that_differ_in_equations_differ() -> None:
 
 
 def test_disturbances_are_those_of_the_model() -> None:
-    """x' = -x + u + w: a constant w and a wave, written out; a gust needs a disturbance
-    `updraft`."""
+    """A constant w and a wave act in x' = -x + u + w. A gust needs a disturbance `updraft`."""
     model = Model(
         "tank",
         states={"level": Declared("ft")},
@@ -231,8 +234,10 @@ def test_disturbances_are_those_of_the_model() -> None:
 
 @pytest.mark.parametrize("delay", [1.0, 0.25])
 def test_a_delay_is_a_delay(delay: float) -> None:
-    """x' = -x(t - D), x(0) = 1, no command before 0; by the method of steps x = 1 + Σ_k (-1)^k (t -
-    k D)_+^k / k!."""
+    """x' = -x(t - D) with x(0) = 1 and no command before 0 has its solution by the method of steps.
+
+    It is x = 1 + Σ_k (-1)^k (t - k D)_+^k / k!.
+    """
     tick = 0.005
     scenario = Scenario(3.0, tick / 5, tick, np.ones(1), delay=delay)
     plant = LinearPlant(np.zeros((1, 1)), np.ones((1, 1)))
@@ -250,8 +255,9 @@ def test_a_delay_is_a_delay(delay: float) -> None:
 
 
 def test_a_slow_decay_is_no_limit_cycle() -> None:
-    """0.5 % in a second is a decay, reported with its time to half; an approach to a limit cycle is
-    not a decay."""
+    """A decay of 0.5 % in a second is reported with its time to half, and not as a limit cycle. An
+    approach to a limit cycle is not a decay.
+    """
     t = np.arange(0.0, 20.0005, 0.001)
     wave = np.sin(5.477 * t + 0.7)[:, None]
     none = np.zeros((len(t), 1))
@@ -280,8 +286,9 @@ def test_a_slow_decay_is_no_limit_cycle() -> None:
 
 
 def test_what_still_oscillates_is_a_limit_cycle() -> None:
-    """Planted: a sine that lasts, one that decays, one that something drives, one that is too small
-    to be seen."""
+    """A lasting sine is a limit cycle. One that decays, is driven, or is too small to be seen is
+    not.
+    """
     t = np.arange(0.0, 20.0, 0.01)
     columns = len(NAVION.states)
     zeros = np.zeros((len(t), columns))
@@ -308,8 +315,9 @@ def test_what_still_oscillates_is_a_limit_cycle() -> None:
 
 
 def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
-    """Rate-limited surfaces bound the growth that the delay causes: not within limits; without the
-    delay it settles."""
+    """A loop that a delay destabilizes ends in a limit cycle bounded by the rate limits. Without
+    the delay it settles.
+    """
     point = find_operating_point(NAVION, usual_condition(NAVION))
     model = linearize(NAVION, point)
     Q, R = (
@@ -339,7 +347,9 @@ def test_loop_that_delay_destabilizes_ends_in_limit_cycle() -> None:
 
 
 def test_cycles_of_the_aircraft_are_found_without_law() -> None:
-    """Van der Pol's oscillator with μ = 0.5: a cycle of amplitude 2.00, period 6.381 s."""
+    """The limit cycle of Van der Pol's oscillator (μ = 0.5) is found: amplitude 2.00, period 6.381
+    s.
+    """
     oscillator = Model(
         name="van der Pol",
         states={"x": Declared("m", min=-10.0, max=10.0), "v": Declared("m/s", min=-10.0, max=10.0)},

@@ -29,7 +29,7 @@ def test_a_flight_costs_what_its_value_says():
 
 @pytest.mark.usefixtures("folder")
 def test_the_command_flies_game_s_policy_and_critics():
-    """The command flies the game's policy and critics."""
+    """The command flies the policy of the game and critics."""
     parts = {name: getattr(STEP, name) for name in ("A", "B", "Q", "R")}
     continuous = stored("continuous.json", **parts)
     plant = stored("plant.json", **parts, time="discrete", discount=0.97, N=PROBLEM.N)

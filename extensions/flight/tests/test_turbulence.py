@@ -1,4 +1,4 @@
-"""Turbulence of MIL-F-8785C: spectra, scales, and what equations take of it."""
+"""Turbulence of MIL-F-8785C: spectra, scales, and its effect in the equations."""
 
 import itertools
 from dataclasses import replace
@@ -22,7 +22,7 @@ EVERY = {name: {name: 1.0} for name in "uvwpqr"}
 
 
 def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
-    """Moderate turbulence at 150 ft/s."""
+    """Return moderate turbulence at 150 ft/s."""
     given = Turbulence("moderate", altitude, SPAN, spectrum)
     scales = scales_and_intensities("moderate", altitude, spectrum)
     air = TurbulentAir(given, *scales, altitude, 1.0, V, 0.02, 10, 1, EVERY)
@@ -30,7 +30,7 @@ def air_of(spectrum: str, altitude: float = 500.0, **changes) -> TurbulentAir:
 
 
 def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray:
-    """(6, N) one-sided power per rad/s: MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5."""
+    """Return the (6, N) one-sided power per rad/s of MIL-F-8785C, 3.7.1.1, 3.7.1.2 and 3.7.5."""
     (L_u, L_v, L_w), (s_u, s_v, s_w) = air.lengths, air.intensities
     Omega = omega / V
     if spectrum == "dryden":
@@ -60,7 +60,9 @@ def specified(spectrum: str, air: TurbulentAir, omega: np.ndarray) -> np.ndarray
 @pytest.mark.parametrize(("spectrum", "error"), [("dryden", SAME_FORMULA), ("karman", 0.017)])
 @pytest.mark.parametrize("altitude", [60.0, 500.0, 1500.0, 20e3])
 def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
-    """Dryden exactly, von Karman within 1.7 % up to ωL/V = 1000."""
+    """Dryden filters have the exact spectra, and von Karman filters agree within 1.7 % up to ωL/V =
+    1000.
+    """
     air = air_of(spectrum, altitude)
     made = AirFilter.of(air)
     longest = max(air.lengths) / V
@@ -73,9 +75,11 @@ def test_filters_have_the_specified_spectra(spectrum, error, altitude) -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
-    """The intensities squared of u, v, w; the integrals of the specification for p, q, r.
+    """Variances are the squared intensities for u, v, w, and integrals of the specification for p,
+    q, r.
 
-    Those of von Karman's filter are up to 1.5 % (u, v, w) and 2.5 % (q, r) away."""
+    Those of von Karman's filter differ by up to 1.5 % (u, v, w) and 2.5 % (q, r).
+    """
     air = air_of(spectrum)
     made = AirFilter.of(air)
     variances = np.diag(made.C @ made.covariance @ made.C.T)
@@ -91,8 +95,9 @@ def test_variances_are_integrals_of_the_spectra(spectrum) -> None:
 
 
 def test_drawn_turbulence_has_the_spectrum() -> None:
-    """1.3 hours at 50 Hz: variances within 4 standard errors, power within 10 % in bands, with the
-    sampled spectrum folded at 25 Hz."""
+    """Turbulence of 1.3 hours at 50 Hz has variances within 4 standard errors, and power within 10
+    % in bands, with the spectrum folded at 25 Hz.
+    """
     air = air_of("dryden", 500.0, ticks=240_000)
     components = AirFilter.of(air).drawn(air.ticks, seed=7)
     made = AirFilter.of(air)
@@ -110,7 +115,7 @@ def test_drawn_turbulence_has_the_spectrum() -> None:
 
 @pytest.mark.parametrize("spectrum", ["dryden", "karman"])
 def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
-    """q = w (s/V) / (1 + 4b/(πV) s) and r = -v (s/V) / (1 + 3b/(πV) s), with their phase."""
+    """q = w (s/V) / (1 + 4b/(πV) s) and r = -v (s/V) / (1 + 3b/(πV) s) in size and phase."""
     made = AirFilter.of(air_of(spectrum))
     for w in (0.1, 3.0, 100.0):
         H = made.C @ np.linalg.solve(1j * w * np.eye(len(made.A)) - made.A, made.B)
@@ -122,8 +127,9 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 
 
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
-    """Low altitude by its formulas (30 kn at 20 ft), high ones by Figure 7, between them
-    linearly."""
+    """Scales and intensities follow the formulas at low altitude (30 kn at 20 ft) and Figure 7 at
+    high altitude, and are linear between.
+    """
     low = scales_and_intensities("moderate", 500.0, "dryden")
     assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)
     assert low.intensities == pytest.approx((6.2596, 6.2596, 5.0634), rel=1e-4)
@@ -138,8 +144,11 @@ def test_scales_and_intensities_are_those_of_the_specification() -> None:
 
 
 def test_a_steady_gust_is_a_change_of_frame() -> None:
-    """In a wind (u, v, w) that moves with it, an aircraft has the rates of still air at the velocity
-    through the air: its velocity over the ground changes by the same vector."""
+    """In a wind (u, v, w) fixed to the aircraft, it has the rates of still air at the velocity
+    through the air.
+
+    Its velocity over ground changes by the same vector.
+    """
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
     x = np.array([33.0, 0.05, 0.03, 0.1, -0.2, 0.15, 0.3, 0.1, 0.0, 100.0])
@@ -163,7 +172,7 @@ def test_a_steady_gust_is_a_change_of_frame() -> None:
 
 
 def _rates(model, x, u, w):
-    """X' at numbers."""
+    """Return X' at numbers."""
     import casadi as ca
 
     vectors = [[ca.SX(value) for value in vector] for vector in (x, u, model.p)]
@@ -171,14 +180,14 @@ def _rates(model, x, u, w):
 
 
 def _velocity(x):
-    """Velocity in body axes of a state."""
+    """Return the velocity of a state in body axes."""
     alpha, beta = x[1], x[2]
     along = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
     return x[0] * np.array(along)
 
 
 def _rotation(x):
-    """Body to level axes."""
+    """Return the rotation from body to level axes."""
     roll, pitch = x[6], x[7]
     c, s = np.cos(roll), np.sin(roll)
     by_roll = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
@@ -187,7 +196,7 @@ def _rotation(x):
 
 
 def test_rates_of_the_air_act_as_damping() -> None:
-    """p, q, r change the moments as the aircraft's own rates do, and turn nothing."""
+    """p, q, r of the air change the moments as the aircraft's own rates do, and turn nothing."""
     model = load_model("examples/uav.toml")
     gusty = in_gusts(model)
     point = hfa.find_operating_point(model)
@@ -207,7 +216,9 @@ def test_rates_of_the_air_act_as_damping() -> None:
 
 
 def test_flight_meets_what_was_drawn() -> None:
-    """The disturbances of a flight at its ticks, in the model's units, and the linear aircraft."""
+    """A flight, also of the linear aircraft, has the drawn disturbances at its ticks, in the
+    model's units.
+    """
     model = load_model("examples/gtm.py:GTM")
     point = hfa.find_operating_point(model)
     scenario = Scenario(
@@ -245,7 +256,9 @@ def test_turbulence_without_meaning_is_refused(typed, said, capsys) -> None:
 
 
 def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
-    """In the units of an aircraft in meters; p, q and r follow from the span."""
+    """A given intensity applies to u, v and w in the units of the aircraft. p, q and r follow from
+    the span.
+    """
     typed = "fly --aircraft examples/uav.toml --turbulence own:2:300:2.9 --duration 0.1"
     main(typed.split())
     said = capsys.readouterr().out
@@ -260,7 +273,7 @@ def test_own_intensity_is_of_u_v_and_w(capsys) -> None:
 
 
 def test_a_held_altitude_is_that_of_the_turbulence(capsys) -> None:
-    """--hold altitude, and the one typed, are in the report."""
+    """The turbulence has the altitude of --hold, and the report shows it."""
     typed = "fly --aircraft examples/uav.toml --hold altitude=60 --turbulence karman-light::3"
     short = ("--law", "none", "--duration", "0.1")
     main([*typed.split(), *short])

@@ -1,4 +1,4 @@
-"""The published formats: valid, complete, and the document says the same."""
+"""The published formats are valid and complete, and the document describes them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_planted_faults_are_seen(change: dict[str, Any], said: str, trim: dict[s
 def test_a_controller_and_attributes_of_store_are_published(
     tmp_path: Path, published_aircraft: Model
 ) -> None:
-    """A controller and the attributes of a store are published."""
+    """The formats of a controller and of the attributes of a store are published."""
     servo.save_controller(tmp_path / "a.npz", controllers.small_controller(published_aircraft))
     kept = jsonable(dict(np.load(tmp_path / "a.npz")))
     assert complaints_about(kept) == []

@@ -1,4 +1,4 @@
-"""`--draws N`: what follows from the bands of an identified aircraft."""
+"""`--draws N`: consequences of the bands of an identified aircraft."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
 
 
 def written(deviation=0.02, name="found.toml"):
-    """An aircraft whose parameters deviate by so much of their values, correlated by half."""
+    """Write an aircraft whose parameters deviate by these fractions, with a correlation of 0.5."""
     model = hfa.load_model(UAV)
     values = np.array([model.parameters[each].start for each in NAMES])
     correlation = 0.5 * np.eye(3) + 0.5
@@ -33,7 +33,9 @@ def written(deviation=0.02, name="found.toml"):
 
 
 def answer(capsys, *words):
-    """The exit code, and the entry `draws` of the JSON, which the published format declares."""
+    """Return the exit code, and the entry `draws` of the JSON, which the published format
+    declares.
+    """
     code = main([*words, "--json"])
     data = json.loads(capsys.readouterr().out)
     assert complaints_about(data) == []
@@ -49,7 +51,7 @@ def test_drawn_values_have_the_covariance():
 
 
 def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
-    """The elevator of the trim balances Cm_alpha times alpha."""
+    """The spread of the trimmed elevator is that of Cm_alpha times alpha."""
     code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
     assert code == 0
     line = "trimmed: 300 of 300 drawn aircraft; stable without control: "
@@ -81,7 +83,9 @@ def test_modes_spread_and_held_parameters_stay(folder, capsys):
 
 
 def test_unstable_aircraft_show_in_the_modes():
-    """Planted: a third of the aircraft is statically unstable, and has no short period."""
+    """The modes report that one third of the drawn aircraft is statically unstable, without a short
+    period.
+    """
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     unstable = model.with_parameters(Cm_alpha=0.3)
@@ -95,7 +99,9 @@ def test_unstable_aircraft_show_in_the_modes():
 
 
 def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
-    """`solve` judges the exact gain, `verify` that of a file; the wider band costs more."""
+    """`hfa solve` judges the exact gain on drawn aircraft, and `hfa verify` that of a file. A wider
+    band costs more.
+    """
     narrow, wide = written(), written(0.2, "wide.toml")
     code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "10", "-o", "K.npz")
     assert code == 0
@@ -115,8 +121,9 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
 
 
 def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
-    """Planted: a gain that no drawn aircraft needs, of the wrong sign. The report is printed, and
-    the exit code is 1."""
+    """A planted gain of the wrong sign stabilizes no drawn aircraft: the report is printed, and the
+    exit code is 1.
+    """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     game = hfa.game(linear, np.ones(8), np.ones(4), delta=np.inf)
@@ -129,7 +136,7 @@ def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
 
 
 def test_aircraft_without_a_trim_count():
-    """Planted: among the drawn aircraft one without lift."""
+    """Drawn aircraft without a trim, here one without lift, are counted."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     dead = model.with_parameters(CL_alpha=0.0, CL_0=0.0)
@@ -139,7 +146,7 @@ def test_aircraft_without_a_trim_count():
 
 
 def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
-    """With its trim values frozen; a sampled gain that is gentle enough."""
+    """A deployed sampled gain is judged on drawn aircraft with its trim values frozen."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
@@ -197,7 +204,7 @@ def test_a_wrong_band_is_refused(entries, message, folder, capsys):
 
 
 def test_aircraft_without_a_game_solution_count():
-    """Planted: a delta just above the least one of the aircraft, and below that of the other."""
+    """Drawn aircraft whose smallest delta exceeds the given delta are counted."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     game = hfa.game(hfa.linearize(model, point), np.ones(8), np.ones(4), delta=np.inf)
@@ -221,8 +228,10 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
 
 
 def test_drawn_aircraft_are_flown(folder, capsys):
-    """A member is the flight of its aircraft, from the trim of the model itself; the exit code is 1
-    where one leaves its limits, which aircraft drawn far too widely do."""
+    """Each member is the flight of a drawn aircraft from the trim of the model itself.
+
+    The exit code is 1 if one leaves its limits, as aircraft drawn far too widely do.
+    """
     words = ("fly", "--law", "none", "--draws", "3", "--json", "--duration")
     assert main([*words, "2", "--aircraft", written()]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -250,8 +259,10 @@ def test_drawn_aircraft_are_flown(folder, capsys):
 
 
 def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
-    """Planted: a gain of the wrong sign, whose flights of 0.1 s stay within limits. A network with
-    this slope is judged alike; a delay is not part of a linear loop, and has no such line."""
+    """Unstable loops of drawn aircraft fail, although their flights of 0.1 s stay within limits.
+
+    A network with this slope is judged in the same way. With a delay the linear loop is not judged.
+    """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     K = -hfa.lqr(linear, np.ones(8), np.ones(4)).K

@@ -1,4 +1,6 @@
-"""Parameters from records that SciPy's integrator flew, and records with planted faults."""
+"""Parameters identified from records flown by SciPy's integrator, and from records with planted
+faults.
+"""
 
 import math
 from dataclasses import replace
@@ -33,7 +35,7 @@ STEP = 0.04
 
 
 def doublets(time):
-    """A 3-2-1-1 of the elevator: 2 deg, 0.4 s a unit, from 0.5 s on."""
+    """Return a 3-2-1-1 of the elevator: 2 deg, 0.4 s a unit, from 0.5 s on."""
     edges = 0.5 + 0.4 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     levels = np.radians(2.0) * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     place = np.searchsorted(edges, time, side="right") - 1
@@ -42,7 +44,7 @@ def doublets(time):
 
 @cache
 def flown(model=LONGITUDINAL):
-    """Time, inputs and states of the true aircraft, by SciPy."""
+    """Return time, inputs and states of the true aircraft, by SciPy."""
     point = hfa.find_operating_point(model)
     time = np.arange(0.0, SECONDS, STEP)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
@@ -61,7 +63,7 @@ def flown(model=LONGITUDINAL):
 
 
 def record(seed=0, coloured=False, first=0.0, model=LONGITUDINAL):
-    """A record with noise of the sensors."""
+    """Return a record with sensor noise."""
     time, inputs, states = flown(model)
     generator = np.random.default_rng(seed)
     columns = {"time": time + first}
@@ -76,7 +78,7 @@ def record(seed=0, coloured=False, first=0.0, model=LONGITUDINAL):
 
 
 def begun(factor=1.5):
-    """The aircraft with every free parameter off by a factor."""
+    """Return the aircraft with every free parameter multiplied by a factor."""
     return LONGITUDINAL.with_parameters(**{name: factor * true_value(name) for name in FREE})
 
 
@@ -90,8 +92,11 @@ def true_value(name):
 
 
 def test_the_true_parameters_lie_within_the_bands():
-    """From 50 % off, with the covariance that the noise allows: (θ - true)' C⁻¹ (θ - true) is a
-    chi-square of 7, above 24.3 once in 1000."""
+    """From initial values 50 % off, the estimate agrees with the true parameters within its
+    covariance.
+
+    (θ - true)' C⁻¹ (θ - true) is a chi-square of 7, above 24.3 once in 1000.
+    """
     result = found()
     assert result.ok
     assert result.first_line == "PASS: 7 parameters of 1 record; assumed 0: bias_elevator"
@@ -102,7 +107,9 @@ def test_the_true_parameters_lie_within_the_bands():
 
 
 def test_tables_of_pandas_and_flights_are_records():
-    """A column's unit is read from its name, and residuals are those of the fit."""
+    """Tables of pandas and flights are records. A column's unit is read from its name, and
+    residuals are those of the fit.
+    """
     pandas = pytest.importorskip("pandas")
     columns = record()
     table = pandas.DataFrame(columns).rename(columns={"alpha": "alpha [deg]", "time": "time [s]"})
@@ -136,7 +143,9 @@ def test_coloured_residuals_widen_the_bands():
 
 
 def test_variance_of_noise_is_corrected_for_fitted_unknowns():
-    """Noise of variance 1 and a pole of 0.9, whose slow part four slow sensitivities absorb."""
+    """The variance of noise is corrected for fitted unknowns: the slow part of noise with a pole of
+    0.9 is absorbed by four slow sensitivities.
+    """
     generator = np.random.default_rng(0)
     S = lfilter([1.0], [1.0, -0.95], generator.standard_normal((200, 4)), axis=0)
     variances = []
@@ -162,7 +171,9 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 
 
 def test_slow_noise_beside_white_noise_is_seen():
-    """Noise with the autocorrelation 0.2 0.98^lag, whose sum over all lags is 20.6."""
+    """Slow noise beside white noise is included: the autocorrelation 0.2 0.98^lag has a sum of 20.6
+    over all lags.
+    """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
     noise = generator.standard_normal(4000) + 0.5 * slow
@@ -171,8 +182,9 @@ def test_slow_noise_beside_white_noise_is_seen():
 
 
 def test_sensitivities_agree_with_differences():
-    """Sensitivities of outputs with respect to parameters and initial conditions, with several
-    steps between samples."""
+    """Sensitivities of outputs to parameters and initial conditions agree with differences, with
+    several steps between samples.
+    """
     model = LONGITUDINAL
     coarse = {name: values[::8] for name, values in record().items()}
     read = record_of(model, coarse, {})
@@ -214,7 +226,9 @@ def test_what_the_record_does_not_move_is_named():
 
 
 def test_a_moving_state_without_sensor_moved():
-    """The elevator moves the pitch rate, which no sensor measures, and not the yaw rate."""
+    """A state without a sensor counts as moved if an input moves it: the elevator moves the pitch
+    rate and not the yaw rate.
+    """
     time, inputs, states = flown(AIRCRAFT)
     model = AIRCRAFT
     pitch = list(model.states).index("pitch")
@@ -226,13 +240,18 @@ def test_a_moving_state_without_sensor_moved():
 
 
 def flown_in_steps(moves, seconds):
-    """A record with noise of the sensors whose inputs are steps. moves: as `hfa.fly` takes them."""
+    """Return a record with sensor noise whose inputs are steps.
+
+    moves: as `hfa.fly` accepts them
+    """
     flight = hfa.fly(LONGITUDINAL, hfa.find_operating_point(LONGITUDINAL), moves, seconds=seconds)
     return noisy_columns(LONGITUDINAL, flight, 20, seed=0)
 
 
 def test_windows_are_fitted_again_after_divergence():
-    """From 12 lateral coefficients 70 % off, the first windows take the roll rate for noise."""
+    """From 12 lateral coefficients 70 % off, windows are fitted again after the first ones took the
+    roll rate for noise.
+    """
     model = AIRCRAFT
     free = [name for name in model.parameters if name.startswith(("CY", "Cl_", "Cn_"))]
     moves = {
@@ -291,7 +310,7 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """The fault is named also where free parameters could absorb it."""
+    """A planted fault of the record is named, also if free parameters could absorb it."""
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
@@ -300,8 +319,10 @@ def test_a_planted_fault_is_named(column, fault, named):
 
 
 def test_bias_of_an_input_is_named_where_trim_is_given():
-    """Two biases that explain the record alike are both named. A free Cm_0 absorbs that of
-    the elevator: then the first line names the assumption instead."""
+    """Two biases that explain the record equally well are both named.
+
+    A free Cm_0 absorbs that of the elevator. Then the first line names the assumption instead.
+    """
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
     free = [name for name in FREE if name != "Cm_0"]
@@ -318,7 +339,9 @@ def test_bias_of_an_input_is_named_where_trim_is_given():
     ],
 )
 def test_a_given_value_that_the_record_contradicts(name, factor, named):
-    """It is named also where the error of a column explains the record alike."""
+    """A given value that the record contradicts is named, also if a sensor error explains the
+    record equally well.
+    """
     free = [each for each in FREE if each != name]
     given = {name: factor * true_value(name)}
     assert identify(begun(1.2), record(seed=21), free, given=given).first_line.startswith(named)
@@ -334,7 +357,9 @@ def test_exchanged_columns_are_named():
 
 @pytest.mark.slow
 def test_a_unit_that_a_parameter_absorbs_is_named():
-    """A free drag makes up for a thrust in lbf: the remaining error of scale occurs in no sensor."""
+    """A thrust in lbf is named although a free drag compensates it, because no sensor has the
+    remaining error of scale.
+    """
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
     columns = flown_in_steps(moves, 10)
     assert identify(begun(1.2), columns, FREE, inputs="steps").ok
@@ -343,8 +368,9 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
 
 
 def test_delays_below_the_noise_have_bands():
-    """With this noise a delay of two samples of the speed, 0.08 s, cannot be determined, and the
-    report states so."""
+    """A delay of two samples of the speed, 0.08 s, cannot be determined with this noise, and the
+    report states it.
+    """
     wrong = record(seed=1)
     wrong["speed"] = late(wrong["speed"])
     errors = identify(begun(1.2), wrong, FREE).column_errors
@@ -355,7 +381,9 @@ def test_delays_below_the_noise_have_bands():
 
 
 def test_biases_that_nothing_tells_are_stated():
-    """One degree of alpha is made up for by CL_0 and Cm_0: the report says by how much."""
+    """The report states how far a bias of one degree of alpha, which no sensor shows, changes CL_0
+    and Cm_0.
+    """
     wrong = record(seed=1)
     wrong["alpha"] = wrong["alpha"] + math.radians(1.0)
     result = identify(begun(1.2), wrong, FREE)
@@ -370,8 +398,9 @@ def test_biases_that_nothing_tells_are_stated():
 
 
 def lag(rates, start):
-    """A model of one state, its rate from (u, k, x), and the state after a pulse of 2 s for the
-    rate u - x."""
+    """Return a model of one state with its rate from (u, k, x), and the state after a pulse of 2 s
+    for the rate u - x.
+    """
     model = hfa.Model(
         name="lag",
         states={"x": hfa.Signal("1", nominal=1.0)},
@@ -389,7 +418,9 @@ def lag(rates, start):
 
 
 def test_signs_that_explain_alike_are_both_named():
-    """In a linear model the signs of the input and of the state cannot be distinguished."""
+    """In a linear model the signs of the input and of the state cannot be distinguished, and both
+    are named.
+    """
     model, columns = lag(lambda u, k, x: u - k * x, 1.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     wrong = columns | {"x": columns["x"] + 0.02 * noise, "u": -columns["u"]}
@@ -402,8 +433,9 @@ SECOND = "FAIL: a second estimate explains the record as well: k = {:.4g} (or {:
 
 
 def test_a_second_minimum_is_named():
-    """Planted: a rate that depends on the square of its parameter, begun so far off that the
-    opposite side of the estimate has the other sign."""
+    """A second minimum with the opposite sign of a parameter, of which the rate has the square, is
+    named.
+    """
     model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
@@ -414,8 +446,9 @@ def test_a_second_minimum_is_named():
 
 
 def test_a_mirrored_minimum_is_named():
-    """Planted: the sign of the parameter has no effect, and the search begins near one minimum. A
-    limit at 0 leaves one."""
+    """A parameter whose sign has no effect has a mirrored minimum, which is named. A limit at 0
+    excludes it.
+    """
     model, columns = lag(lambda u, k, x: u - k**2 * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     columns["x"] = columns["x"] + 0.01 * noise
@@ -429,7 +462,9 @@ def test_a_mirrored_minimum_is_named():
 
 
 def test_a_minimum_elsewhere_is_named():
-    """Planted: the rate depends on (k - 1) (3 - k), which is alike at 1.5 and at 2.5."""
+    """A second minimum is named if the rate depends on (k - 1) (3 - k), which is equal at 1.5 and
+    at 2.5.
+    """
     model, columns = lag(lambda u, k, x: u - (k - 1) * (3 - k) / 0.75 * x, 1.4)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
@@ -439,7 +474,7 @@ def test_a_minimum_elsewhere_is_named():
 
 @pytest.mark.parametrize(("coloured", "moved"), [(False, 0.0), (True, 0.0), (False, 1e-5)])
 def test_a_record_without_motion_is_named(coloured, moved):
-    """Planted: the noise of sensors alone, also with an input that moves too little."""
+    """A record of sensor noise alone, also with an input that moves too little, is named."""
     columns = record(seed=3, coloured=coloured)
     time, inputs, states = flown()
     model = LONGITUDINAL
@@ -453,7 +488,9 @@ def test_a_record_without_motion_is_named(coloured, moved):
 
 
 def test_noise_slower_than_the_manoeuvre_fails():
-    """Noise of about a second, as of turbulence: the bands cannot be corrected for it."""
+    """Noise with a time constant of about a second, as of turbulence, fails, because bands cannot
+    be corrected for it.
+    """
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(2000)
     slow = lfilter([1.0], [1.0, -0.985], noise)[-len(columns["x"]) :]
@@ -463,7 +500,7 @@ def test_noise_slower_than_the_manoeuvre_fails():
 
 
 def test_errors_of_sensors_are_estimated():
-    """Bias, scale and delay of columns, planted and free, lie within their bands."""
+    """Planted biases, scales and delays of columns are within the bands of their estimates."""
     wrong = record(seed=5)
     wrong["pitch"] = late(wrong["pitch"]) + 0.02
     wrong["pitch_rate"] = 1.1 * wrong["pitch_rate"]
@@ -480,7 +517,7 @@ def test_errors_of_sensors_are_estimated():
 
 
 def test_steps_of_inputs_are_told_from_slopes():
-    """Inputs that a computer holds, read as if they were linear between samples."""
+    """A record with held inputs that is read as linear between samples is named."""
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
     columns = flown_in_steps({"elevator": moves}, 5)
     rows = np.sort(np.random.default_rng(5).permutation(len(columns["time"]))[:180])
@@ -492,7 +529,7 @@ def test_steps_of_inputs_are_told_from_slopes():
 
 
 def test_records_that_disagree_are_named():
-    """Two aircraft cannot be one: the other has a quarter more damping."""
+    """Records of two aircraft that differ in damping by 25 % are named."""
     other = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     result = identify(begun(1.2), [record(1), record(2, model=other)], FREE)
     assert not result.ok
@@ -500,7 +537,7 @@ def test_records_that_disagree_are_named():
 
 
 def test_drawn_aircraft_trim():
-    """Each draw is an aircraft; their spread is that of the covariance."""
+    """Each drawn aircraft trims, and the spread of the draws is that of the covariance."""
     result = found()
     drawn = result.draws(200, seed=1)
     values = np.array([model.parameters["Cm_alpha"].start for model in drawn])
@@ -537,7 +574,9 @@ def test_a_faulty_record_is_refused(change, message):
 
 
 def test_a_steady_second_is_no_frozen_sensor():
-    """A simulated record without noise repeats all of its columns until the first input."""
+    """Columns of a simulation without noise that are constant until the first input are not
+    reported as frozen.
+    """
     columns = record()
     for values in columns.values():
         if values is not columns["time"]:
@@ -559,7 +598,7 @@ def test_wrong_names_are_refused():
 
 
 def written(path, columns, units):
-    """Write a CSV file, with angles in degrees where `units` states it."""
+    """Write a CSV file, with angles in degrees if `units` states it."""
     heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
     table = np.column_stack(
         [values * (180.0 / math.pi if name in units else 1.0) for name, values in columns.items()]
@@ -569,7 +608,9 @@ def written(path, columns, units):
 
 
 def test_the_command_writes_an_aircraft(folder, capsys):
-    """From a CSV file in degrees to an aircraft that trims; the same estimates as in Python."""
+    """From a CSV file in degrees the command writes an aircraft that trims, with the estimates of
+    Python.
+    """
     written(
         "flight.csv",
         record(model=AIRCRAFT),
@@ -595,7 +636,7 @@ def test_a_wrong_unit_is_refused(folder, capsys):
 
 
 def test_a_file_of_a_flight_is_a_record(folder):
-    """The last column of a file of `hfa fly`, its provenance, is left out."""
+    """A file of `hfa fly` is a record. Its last column, the provenance, is ignored."""
     model = hfa.load_model(UAV)
     written("flight.csv", record(model=AIRCRAFT), {})
     head, first, *rows = Path("flight.csv").read_text().splitlines()

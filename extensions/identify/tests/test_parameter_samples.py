@@ -1,5 +1,6 @@
-"""Sampled aircraft: as wide as the standard errors say, entry by entry, and narrow where the print
-is."""
+"""Sampled aircraft spread by the standard errors, entry by entry, and little where the print is
+exact.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +34,9 @@ def at_angle(
 def coverage(
     samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each entry that a parameter moves: samples within 1.96 standard errors, and
-    deviation in standard errors."""
+    """Return, for each entry that a parameter moves, the share of samples within 1.96 standard
+    errors and their deviation in standard errors.
+    """
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
     flights = trim_points(hfa.aircraft(), ("dihedral", *Parameters._fields), values)

@@ -1,4 +1,4 @@
-"""The next maneuver: flown, it narrows the band as it was predicted."""
+"""The planned next maneuver narrows the band as predicted when it is flown."""
 
 from functools import cache
 
@@ -31,7 +31,7 @@ def planned():
 
 
 def flown(model, manoeuvre):
-    """A record of a doublet or 3-2-1-1, every 40 ms, with noise."""
+    """Return a record of a doublet or 3-2-1-1, every 40 ms, with noise."""
     point = hfa.find_operating_point(model)
     lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
     edges = 0.5 + manoeuvre.seconds * np.concatenate([[0], np.cumsum(lengths)])

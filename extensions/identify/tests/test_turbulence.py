@@ -1,4 +1,4 @@
-"""Filter error: parameters from records of moving air, by a linear model of the short period."""
+"""Filter error: parameters from records in moving air, by a linear model of the short period."""
 
 from functools import cache
 
@@ -40,8 +40,9 @@ def model(factor=1.0):
 
 @cache
 def record(samples=300, seed=0, lag=100.0):
-    """Columns of an exact discrete simulation with white noise on the rate of alpha, which turns
-    the air after a lag (s)."""
+    """Return the columns of an exact discrete simulation with white noise on the rate of alpha,
+    which turns the air after a lag (s).
+    """
     A = np.array(
         [
             [TRUE["Z_alpha"], 1.0, 0.0],
@@ -69,9 +70,11 @@ def record(samples=300, seed=0, lag=100.0):
 
 
 def test_slopes_of_the_likelihood_are_exact():
-    """The right-hand sides of the normal equations against differences of L, by turbulence with its
-    rotation, noise, parameters, a bias and the state at the start; with missing samples and several
-    steps of integration between samples."""
+    """The right-hand sides of the normal equations equal differences of the likelihood L.
+
+    The unknowns are turbulence with its rotation, noise, parameters, a bias and the initial state,
+    with missing samples and several integration steps between samples.
+    """
     columns = {name: values[:200:5] for name, values in record().items()}
     columns["alpha"] = np.where(np.arange(40) % 7 == 3, np.nan, columns["alpha"])
     read = record_of(model(), columns, {})
@@ -98,8 +101,10 @@ def test_slopes_of_the_likelihood_are_exact():
 
 @pytest.mark.parametrize("lag", [100.0, 0.1])
 def test_turbulence_is_estimated_with_the_parameters(lag):
-    """(θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000; in air that turns
-    and in air that does not."""
+    """Turbulence and parameters are estimated together, in air that turns and in air that does not.
+
+    (θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000.
+    """
     found = identify(model(1.3), record(lag=lag), list(TRUE), inputs="steps", turbulence=True)
     assert found.ok
     misses = [each.value - TRUE[name] for name, each in found.parameters.items()]

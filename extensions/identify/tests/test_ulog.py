@@ -26,12 +26,15 @@ elevator = { field = "actuator_servos.control[1]", scale = 0.4, offset = -0.1 }
 
 
 def message(kind, content):
-    """A message: the size of its content, its kind, the content."""
+    """Return a message: the size of its content, its kind, and the content."""
     return struct.pack("<HB", len(content), ord(kind)) + content
 
 
 def log(path, topics, begin=5_000_000):
-    """Write a log. topics: name -> format, and rows of a time in microseconds and floats."""
+    """Write a log.
+
+    topics: name -> format, and rows of a time in microseconds and floats
+    """
     parts = [b"\x55\x4c\x6f\x67\x01\x12\x35\x01" + struct.pack("<Q", begin)]
     parts.append(message("B", bytes(40)))
     parts += [message("F", f"{name}:{form}".encode()) for name, (form, _) in topics.items()]
@@ -47,7 +50,7 @@ def log(path, topics, begin=5_000_000):
 
 
 def flown(path="flight.ulg", table=TABLE):
-    """A log of 4 s: rates at 50 Hz, attitude at 10 Hz, two steps of the servo."""
+    """Return a log of 4 s with rates at 50 Hz, attitude at 10 Hz, and two steps of the servo."""
     stamps = 5_000_000 + 20_000 * np.arange(200)
     rates = [(stamp, 0.0, 0.01 * place, 0.0) for place, stamp in enumerate(stamps)]
     half = 0.5 * 0.2
@@ -63,7 +66,7 @@ def flown(path="flight.ulg", table=TABLE):
 
 
 def test_columns_of_a_log(folder):
-    """Times are those of the rates; the attitude is at the nearest, the servo held."""
+    """Columns have the times of the rates, with the nearest attitude and the held servo."""
     columns = ulog_columns(*flown(), hfa.load_model(UAV))
     np.testing.assert_allclose(columns["time"], 0.02 * np.arange(200), atol=1e-9)
     np.testing.assert_allclose(columns["pitch_rate"], 0.01 * np.arange(200), rtol=1e-6)
@@ -98,7 +101,7 @@ def test_a_wrong_table_is_refused(table, text, folder):
 
 
 def test_the_command_reads_a_log(folder, capsys):
-    """From a flight that hfa flew, logged at 50 Hz and 25 Hz with noise, to the true parameter."""
+    """The command finds the true parameter from a log of a flight at 50 Hz and 25 Hz with noise."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     moves = [(0.5, 0.04), (1.5, -0.04), (2.2, 0.04), (2.6, -0.04), (3.0, 0.0)]
@@ -141,7 +144,7 @@ def test_another_file_is_no_log(folder):
 
 
 def test_columns_without_a_log_are_refused(folder, capsys):
-    """Planted: a table of columns for a CSV file, whose columns have names of their own."""
+    """A table of columns is refused with a CSV file, whose columns have their own names."""
     Path("flight.csv").write_text("time,alpha\n")
     Path("columns.toml").write_text("")
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]

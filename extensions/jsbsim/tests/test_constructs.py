@@ -1,4 +1,6 @@
-"""Small jets of one construct each: they agree with JSBSim, or are refused, or named in a note."""
+"""Small jets with one construct each: they agree with JSBSim, are refused, or are named in a
+note.
+"""
 
 import importlib.util
 import json
@@ -60,7 +62,7 @@ QUICK = (
 
 @needs_jsbsim
 def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
-    """Constructs that were dropped in silence agree or are named."""
+    """Constructs that a reader could ignore silently agree with JSBSim or are named."""
     verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
     assert verdicts == {
         "plain": "agrees",
@@ -125,7 +127,7 @@ def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
 
 
 def read_without_its_construct(folder):
-    """The plain jet, whatever its file holds: a reader that drops the construct."""
+    """Return the plain jet whatever its file contains, as a reader that ignores the construct."""
     from hfa_jsbsim.reader import read_model
 
     path = folder / "aircraft" / "other" / "other.xml"
@@ -135,7 +137,7 @@ def read_without_its_construct(folder):
 
 
 def test_every_slot_of_jet_is_filled_by_construct():
-    """Every slot of the jet is filled by a construct."""
+    """Every slot of the jet is used by a construct."""
     assert not unused_slots()
 
 

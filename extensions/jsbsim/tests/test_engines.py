@@ -1,4 +1,4 @@
-"""Lags of engines as states: against JSBSim, at rest, and named where they are left out."""
+"""Lags of engines as states compared with JSBSim, in trim, and named if they are omitted."""
 
 import importlib.util
 
@@ -28,9 +28,12 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
     ],
 )
 def test_jsbsims_flights_converge_to_ours_with_its_step(name):
-    """The difference falls four times with a quarter of JSBSim's step, and JSBSim's flights
-    extrapolated to a step of 0 (Richardson) are ten times closer: how large the error of its step
-    is depends on the aircraft (its roll is .3 deg off at 1/480 s for the DHC6)."""
+    """JSBSim's flights converge to ours with its step: the difference falls by four with a quarter
+    of the step.
+
+    Its flights extrapolated to a step of 0 (Richardson) are ten times closer. The error of its step
+    depends on the aircraft: the roll of the DHC6 is .3 deg off at 1/480 s.
+    """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     (flight,) = drawn(point, 1, seed=3)
     flight["flight"] = 12
@@ -57,7 +60,7 @@ def trim_of(path):
 
 
 def test_a_spool_is_at_its_throttle_in_trim(path):
-    """A spool is at its throttle in a trim."""
+    """In a trim a spool is at its throttle setting."""
     model, point = trim_of(f"{path}?engines=states")
     assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
     linear = linearize(model, point)
@@ -66,7 +69,7 @@ def test_a_spool_is_at_its_throttle_in_trim(path):
 
 
 def test_a_spool_function_of_the_file_limits_rate(path):
-    """A spool function of the file limits the rate."""
+    """A spool function in the file limits the rate of the spool."""
     model, point = trim_of(f"{path}?engines=states")
     inputs = point.inputs._asdict() | {"throttle": 1.0}
     rates = model.rates_at(list(point.states), list(inputs.values()))

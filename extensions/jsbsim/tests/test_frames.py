@@ -1,4 +1,4 @@
-"""Flights in JSBSim's frames against JSBSim itself."""
+"""Flights in JSBSim's frames compared with JSBSim itself."""
 
 import importlib.util
 import json
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.mark.parametrize("name", ["737", "c172p"])
 def test_frames_are_those_of_jsbsim(name):
-    """Over JSBSim's own earth states agree to rounding: to 1e-9 of usual sizes, measured 1e-11."""
+    """Over JSBSim's own earth the states agree to 1e-9 of usual sizes, which is rounding."""
     miss, state = frames.largest(name, count=1, seconds=5)
     assert miss < 1e-9, state
 
@@ -32,7 +32,9 @@ def test_frames_are_those_of_jsbsim(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A320", "f15", "T38", "c310", "pc7", "DHC6"])
 def test_other_frames_are_those_of_jsbsim(name):
-    """Afterburner, governor, limiter of torque, kinematics and autopilot: 30 s to 1e-8."""
+    """Afterburner, governor, torque limiter, kinematics and autopilot agree with JSBSim to 1e-8 for
+    30 s.
+    """
     miss, state = frames.largest(name, count=1)
     assert miss < 1e-8, state
 
@@ -68,7 +70,7 @@ def played(source):
 
 
 def test_frame_of_another_step_differs():
-    """Frames of twice the step move otherwise, by more than what agreement allows."""
+    """Frames of twice the step differ by more than the limit of agreement."""
     model = read_model("jsbsim:737")
     coarse = _pulled(model, 1.0 / 60.0)
     fine = _pulled(model, 1.0 / 120.0)
@@ -76,7 +78,7 @@ def test_frame_of_another_step_differs():
 
 
 def _pulled(model, step):
-    """The pitch after a step of the elevator, once a frame, for a second."""
+    """Return the pitch after a step of the elevator in each frame of one second."""
     point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
     command = {"elevator": [(0.0, 0.1)]}
     flight = hfa.fly(model, point, command, 1.0, method="jsbsim", step=step, predict=False)
@@ -84,7 +86,7 @@ def _pulled(model, step):
 
 
 def test_command_flies_frames(capsys):
-    """`--method jsbsim` names itself in the first line and in the data."""
+    """`--method jsbsim` is named in the first line and in the data."""
     words = "fly --aircraft jsbsim:c172p --hold kcas=90 --law none --duration 1 --json"
     assert main([*words.split(), "--method", "jsbsim", "--step", "1/120"]) == 0
     data = json.loads(capsys.readouterr().out)
@@ -93,7 +95,7 @@ def test_command_flies_frames(capsys):
 
 
 def test_other_aircraft_are_refused(capsys):
-    """Frames are of JSBSim's aircraft alone, in their own units, without actuators."""
+    """Frames are refused for other aircraft than JSBSim's, for other units, and with actuators."""
     assert main(["fly", "--method", "jsbsim"]) == 2
     assert "use --method runge-kutta" in capsys.readouterr().err
     assert main(["fly", "--step", "0.01"]) == 2
@@ -104,9 +106,9 @@ def test_other_aircraft_are_refused(capsys):
 
 
 def test_unsettled_begin_is_reported(monkeypatch):
-    """The propeller and filters of a c172p do not settle in 0.1 s.
-
-    Patched: no aircraft of JSBSim needs longer than the 60 s of the product."""
+    """An initial state that does not settle in the allowed time, here 0.1 s for a c172p, is
+    reported.
+    """
     monkeypatch.setattr(frame, "_LONGEST", 0.1)
     model = read_model("jsbsim:c172p")
     point = hfa.find_operating_point(model, hold={"kcas": 90.0, "altitude": 3000.0})
@@ -116,7 +118,7 @@ def test_unsettled_begin_is_reported(monkeypatch):
 
 
 def test_disturbances_are_refused():
-    """A sine on the rate of a state, 0 at the begin, is refused and not left out."""
+    """A sine on the rate of a state is refused, although it is 0 at the begin."""
     model = read_model("jsbsim:737")
     point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
     amplitude = np.full(len(model.linear), 1e-3)
@@ -128,6 +130,6 @@ def test_disturbances_are_refused():
 
 
 def test_surfaces_as_inputs_are_refused():
-    """The stick of an f16 acts through an integrator: its frames are not flown."""
+    """Frames of an aircraft with surfaces as inputs, such as the f16, are refused."""
     with pytest.raises(BadInputError, match="is a surface"):
         read_model("jsbsim:f16").equations.jsbsim_steps(1.0 / 120.0)

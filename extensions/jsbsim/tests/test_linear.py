@@ -1,4 +1,4 @@
-"""Linear models of jets against JSBSim's `FGLinearization`."""
+"""Linear models of jets compared with JSBSim's `FGLinearization`."""
 
 import importlib.util
 
@@ -28,7 +28,7 @@ FAULTS = {("Vt", "Phi")}
 
 
 def differences(name, kcas):
-    """Largest relative difference of A, of its column of beta, and of B."""
+    """Return the largest relative difference of A, of its column of beta, and of B."""
     altitude = 15000.0
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
@@ -81,7 +81,7 @@ def differences(name, kcas):
     ],
 )
 def test_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
-    """A jet is linearized as by jsbsims finite differences."""
+    """The linear model of a jet agrees with JSBSim's finite differences."""
     worst = differences(name, kcas)
     assert worst["A"] < 1e-8
     assert worst["beta"] < 5e-5

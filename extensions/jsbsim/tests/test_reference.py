@@ -44,7 +44,7 @@ ALL = (
 
 
 def random_points(model, count, seed=1):
-    """States and commands, as `measured` takes them."""
+    """Return states and commands, as `measured` accepts them."""
     rng = np.random.default_rng(seed)
     usual = model.states["speed"].start
     points = []
@@ -67,7 +67,7 @@ def random_points(model, count, seed=1):
 
 
 def ours_at(model, point, answer):
-    """Rates and outputs of the model at the state and the commands of a point of JSBSim."""
+    """Return rates and outputs of the model at the state and the commands of a point of JSBSim."""
     state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
     commands = dict(point["commands"])
     for name, signal in model.inputs.items():
@@ -82,7 +82,9 @@ def ours_at(model, point, answer):
 
 
 def misses(name, count):
-    """Largest differences of accelerations (of 1 g, 1 rad/s^2), thrust, and rates of propellers."""
+    """Return the largest differences of accelerations (of 1 g, 1 rad/s^2), thrust, and propeller
+    rates.
+    """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, count)
     worst = np.zeros(4)
@@ -123,7 +125,7 @@ def misses(name, count):
     "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
 )
 def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
-    """A jet propellers and a glider accelerate as in jsbsim."""
+    """A jet, propeller aircraft and a glider accelerate as in JSBSim."""
     linear, rotation, thrust, turning = misses(name, 2)
     assert linear < 1e-12
     assert rotation < 1e-12
@@ -144,7 +146,7 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
-    """Where the surface is the input forces are those at jsbsims surfaces."""
+    """If the surface is the input, forces equal those at JSBSim's surfaces."""
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:
@@ -156,7 +158,7 @@ def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
 
 
 def test_reading_an_aircraft_loads_no_scipy():
-    """scipy.optimize alone takes half the time of `hfa trim --aircraft jsbsim:737`."""
+    """Reading an aircraft does not import scipy.optimize, which would double the time of a trim."""
     code = (
         "import sys; from hfa_jsbsim.reader import read_model; read_model('jsbsim:737');"
         " print('scipy' in sys.modules)"

@@ -1,13 +1,15 @@
-"""The `unsteady` dynamics derived a second time: the kinetic energy of the air that the wings and
-tails carry, and the work of the loads on them; positions are written down, velocities and rates
-follow by differentiation.
+"""The `unsteady` dynamics derived a second time, from the kinetic energy of the air that wings and
+tails carry and from the work of the loads. Positions are written down, and the rest is
+differentiated.
 
-    T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span,  w: of the mid-chord,
-across the plate
+    T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span
 
-Its Euler-Lagrange equations are Kirchhoff's, with the moment -v × (m w n) of a plate without
-circulation. The lift at the quarter chord has that moment already; it is taken off here, with
-Theodorsen's -m u (b/2) ω_y."""
+w is the velocity of the mid-chord across the plate.
+
+The Euler-Lagrange equations of T_a are Kirchhoff's, with the moment -v × (m w n) of a plate without
+circulation. The lift at the quarter chord already has that moment. It is subtracted here, with
+Theodorsen's -m u (b/2) ω_y.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,11 @@ GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
 class Derived(NamedTuple):
-    """Rates of the seven states and of the lag states by name; energy of aircraft and carried air,
-    ft lbf, and the power of everything that is not in it, ft lbf/s."""
+    """Rates of the seven states and of the lag states by name, and the energy balance.
+
+    The energy of aircraft and carried air is in ft lbf, and the power of all other loads in ft
+    lbf/s.
+    """
 
     rates: State
     lag_rates: dict[str, ca.SX]
@@ -45,8 +50,11 @@ class Derived(NamedTuple):
 
 
 def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
-    """At a state and input by name (SX), as `hfa_air.unsteady.UNSTEADY` has them; the drag takes the speed
-    through the air."""
+    """Return the derived equations at a state and input by name (SX), as in
+    `hfa_air.unsteady.UNSTEADY`.
+
+    The drag depends on the speed through the air.
+    """
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
@@ -111,8 +119,9 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
 
 
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
-    """Strip, control angle, chord, downwash, and how far its three-quarter chord is behind, of wing
-    and tail."""
+    """Return strip, control angle, chord, downwash and three-quarter chord position of wing and
+    tail.
+    """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     aileron = getattr(u, f"aileron_{name}") * p.aileron_lift / p.lift_slope
     elevator = getattr(u, f"elevator_{name}")
@@ -124,7 +133,7 @@ def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, A
 
 
 def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Through the air, in panel axes, of a place in panel axes."""
+    """Return the velocity through the air, in panel axes, of a place in panel axes."""
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
 
@@ -145,8 +154,10 @@ def _along_the_span(
     side: int,
     lag_rates: dict[str, Any],
 ) -> ca.SX:
-    """The work of a lift that grows from the middle of an outer panel to its tip; Gauss's rule over
-    the span."""
+    """Return the work of a lift that grows from the middle of an outer panel to its tip.
+
+    The integral over the span uses Gauss's rule.
+    """
     flow = _flow(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
     tip = angle
@@ -167,8 +178,9 @@ def _along_the_span(
 def _carried(
     panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any
 ) -> tuple[ca.SX, ca.SX]:
-    """Kinetic energy of the air that wing and tail carry; the moments, in panel axes, in place of
-    Kirchhoff's."""
+    """Return the kinetic energy of the air that wing and tail carry, and the moments, in panel
+    axes, that replace Kirchhoff's.
+    """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     energy = ca.SX(0)
     moment = ca.SX(3, 1)

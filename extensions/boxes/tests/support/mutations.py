@@ -10,7 +10,7 @@ import numpy as np
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Paths of all entries, those of lists and objects too."""
+    """Return the paths of all entries, including lists and objects."""
     if path:
         yield path
     if isinstance(value, dict):
@@ -22,7 +22,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
-    """Change, remove or repeat one entry of the statement or the witness."""
+    """Change, remove or repeat one entry of the statement or the witness at random."""
     claims = {name: certificate[name] for name in ("statement", "witness")}
     paths = list(leaves(claims))
     *parents, last = paths[rng.integers(len(paths))]

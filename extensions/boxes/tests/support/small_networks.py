@@ -1,4 +1,4 @@
-"""Networks that imitate a gain, made by least squares: small files that a proof reads."""
+"""Small networks that imitate a gain by least squares, for proofs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def imitation(
     activation: str = "tanh",
     seed: int = 0,
 ) -> Path:
-    """A state dict of u(z) near -K z for |z_i| <= reach_i, with u(0) = 0.
+    """Write a state dict of u(z) near -K z for |z_i| <= reach_i, with u(0) = 0.
 
     path: .npz
     K: (m, n)

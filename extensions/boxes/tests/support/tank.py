@@ -1,4 +1,4 @@
-"""A tank that fills itself, with a saturated valve; its proved sets are known."""
+"""A tank that fills itself, with a saturated valve, whose proved sets are known."""
 
 from __future__ import annotations
 

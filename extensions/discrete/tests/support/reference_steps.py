@@ -1,4 +1,4 @@
-"""A 60-digit answer to a game in discrete time, by value iteration in `decimal`."""
+"""A 60-digit solution of a game in discrete time by value iteration in `decimal`."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from hfa_discrete.discrete_game import DiscreteGame
 
 
 def reference_step_value(problem: DiscreteGame) -> np.ndarray:
-    """P of a game in discrete time, (n, n), by value iteration to 90 digits, rounded to double.
+    """Return P of a game in discrete time, (n, n), by value iteration to 90 digits, rounded to
+    double.
 
-    Each pass doubles the horizon: A <- A M A, G <- G + A M G A', H <- H + A'H M A with M = (I + G
-    H)⁻¹, from A, G = B R⁻¹B' - E E'/δ² and H = Q (Chu, Fan, Lin and Wang, Int. J. Control 77,
-    2004). For games that have a value, of which every state costs something."""
+    The game must have a value, and every state must have a cost. Each pass doubles the horizon:
+
+        A <- A M A, G <- G + A M G A', H <- H + A'H M A,   M = (I + G H)⁻¹
+
+    It starts at A, G = B R⁻¹B' - E E'/δ² and H = Q. Source: Chu, Fan, Lin and Wang, Int. J. Control
+    77, 2004.
+    """
     step = problem.step
     with localcontext() as context:
         context.prec = DIGITS + GUARD

@@ -1,5 +1,6 @@
-"""Exported C of aircraft and of controllers: no warning, our numbers, a static footprint; its
-example loops fly."""
+"""Exported C of aircraft and controllers compiles without warnings, gives equal numbers, has a
+static footprint, and its example loops run.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +96,7 @@ def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
     "aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True
 )
 def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
-    """The loop of 100 hz flies and has a static footprint."""
+    """The example loop at 100 Hz flies and has a static footprint."""
     assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
     text, data, bss, asked = footprint(folder, SOURCE)
     assert asked <= {
@@ -122,7 +123,9 @@ def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
     "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
 )
 def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
-    """Tables, parameters or none, another number of states; the rates of both at random states."""
+    """C of other aircraft, with tables, with or without parameters, gives equal rates at random
+    states and flies.
+    """
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
     linear = linearize(model, point)
@@ -146,7 +149,7 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
 
 
 def test_operation_that_c_does_not_have_is_named() -> None:
-    """An operation that c does not have is named."""
+    """An operation that does not exist in C is named."""
     x = ca.SX.sym("x")
     with pytest.raises(
         BadInputError,
@@ -163,8 +166,10 @@ Z = "vertical_acceleration_short_period"
 
 @pytest.fixture(scope="module")
 def controller(published_aircraft: Model) -> ScheduledController:
-    """Two inputs, four states, three measured numbers of which one is an actuator's, two commands,
-    random matrices."""
+    """Return a controller with random matrices.
+
+    It has two inputs, four states, two commands, and three measurements, one of an actuator.
+    """
     random = np.random.default_rng(3)
     shapes = {
         "A": (STATES, STATES),
@@ -209,8 +214,11 @@ def answered(
 
 
 def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoint) -> ca.Function:
-    """(t, x, a, memory) -> y, commands, u and memory' of the law that `fly` flies, with steps of
-    both commands."""
+    """Return the function (t, x, a, memory) -> y, commands, u and memory' of the law that `fly`
+    flies.
+
+    Both commands are steps.
+    """
     commands = CommandSteps(
         commandable(controller), np.array([0.0, 2.0]), np.array([[0.05, 0.3], [-0.05, 2.0]])
     )
@@ -259,8 +267,7 @@ def test_it_is_the_flown_controller_at_1000_states(
 
 
 def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: Path) -> None:
-    """With nothing measured and u within its limits, x' = A x: the filter and the states after 10
-    ms."""
+    """Without measurements and limits, filter and states after 10 ms are those of x' = A x."""
     from scipy.linalg import expm
 
     dihedral = float(np.radians(8.0))
@@ -279,7 +286,7 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
 
 
 def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
-    """The footprint is static and the names are there."""
+    """The footprint is static, and all names are present."""
     text, data, bss, asked = footprint(law_folder, LAW_SOURCE)
     assert asked <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
     assert text < 16_000
@@ -300,7 +307,7 @@ SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)),
 def flown_states(
     controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> np.ndarray:
-    """The states after the same time where the controller is continuous."""
+    """Return the states at the same time with a continuous controller."""
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     if controller.commands:
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
@@ -323,7 +330,7 @@ def with_memory(aircraft: Model) -> ScheduledController:
 
 
 def without_memory_and_commands(aircraft: Model) -> ScheduledController:
-    """C has no empty arrays."""
+    """Return a controller without memory and commands. C has no empty arrays."""
     shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
     stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {
         "D": np.full((3, 1, 1), -0.1)
@@ -340,8 +347,11 @@ def test_it_flies_what_we_fly_and_says_time(
     point: OperatingPoint,
     tmp_path: Path,
 ) -> None:
-    """Holding the inputs for a tick costs an error in proportion to the tick; without it the two
-    are one."""
+    """The exported loop flies our flight and prints its time.
+
+    Holding the inputs for a tick causes an error proportional to the tick. Without it both are
+    equal.
+    """
     controller = made(published_aircraft)
     states = []
     known = flown_states(controller, published_aircraft, point)

@@ -1,5 +1,4 @@
-"""The FMU in FMPy: its validator, its simulation compared with ours, and inputs that the library
-refuses."""
+"""The FMU in FMPy: its validator, its simulation compared with ours, and inputs that it refuses."""
 
 from __future__ import annotations
 
@@ -49,7 +48,7 @@ ACTUATORS = ActuatorBank(
 
 
 class Unit(NamedTuple):
-    """An exported unit, and our flight of it: states every 0.1 s, (601, 7)."""
+    """An exported unit, and our flight of it with states every 0.1 s, (601, 7)."""
 
     kind: str
     path: Path
@@ -119,7 +118,7 @@ def test_60_seconds_are_ours(unit: Unit) -> None:
 
 
 def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Path) -> None:
-    """The validator is content and sees a planted unit."""
+    """The validator accepts the FMU and reports a planted wrong unit."""
     path = unit.path
     assert fmpy.validation.validate_fmu(str(path)) == []
     read = fmpy.read_model_description(str(path))
@@ -140,7 +139,7 @@ def test_the_validator_is_content_and_sees_planted_unit(unit: Unit, tmp_path: Pa
 
 
 def test_a_state_is_kept_and_wrong_guid_refused(unit: Unit, tmp_path: Path) -> None:
-    """A state is kept and a wrong guid refused."""
+    """A saved state of the FMU is restored, and a wrong GUID is refused."""
     path = unit.path
     states = len(unit.loop.states)
     count = 2 * states + len(unit.loop.outputs) + len(unit.loop.inputs)
@@ -180,8 +179,10 @@ def test_the_sources_have_no_warning(unit: Unit, tmp_path: Path) -> None:
 
 
 def test_a_model_interpolated_over_two_variables_is_fmu(tmp_path: Path) -> None:
-    """Between the points of the grid, against another integrator with NumPy's A and B there; and of
-    any model."""
+    """A model interpolated over two variables is exported as an FMU.
+
+    Between the grid points it agrees with another integrator with NumPy's A and B.
+    """
     between = InterpolatedModel(
         sweep(NAVION, {"speed": [170.0, 180.0, 190.0], "gamma": [0.0, 0.02]})
     )

@@ -1,4 +1,4 @@
-"""GNU Octave reads our .mat files by the function that is shipped, and we read its own."""
+"""GNU Octave reads our .mat files with the shipped function, and we read its own files."""
 
 from __future__ import annotations
 

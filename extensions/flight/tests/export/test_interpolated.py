@@ -1,4 +1,4 @@
-"""Interpolated models against exact ones."""
+"""Interpolated models compared with exact ones."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def test_it_is_exact_at_points_and_bilinear_between(model: InterpolatedModel) ->
 
 @needs_gcc
 def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
-    """At random places, at the points, and beyond an end, where the last value holds."""
+    """C gives the same model at random values, at the grid points, and beyond an end, where the
+    last value holds.
+    """
     model.to_casadi().generate("models.c")
     subprocess.run(
         [str(COMPILER), "-shared", "-fPIC", "-o", "models.so", "models.c", "-lm"], check=True
@@ -64,7 +66,7 @@ def test_the_same_in_c(model: InterpolatedModel, folder: Path) -> None:
 
 
 def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> None:
-    """At the middles of the cells, where exact models are made anew."""
+    """The error at the middles of the cells decreases with the square of the step."""
     finer = {name: np.linspace(axis[0], axis[-1], 2 * len(axis) - 1) for name, axis in GRID.items()}
     errors = []
     for between in (model, InterpolatedModel(sweep(hfa.aircraft(), finer))):

@@ -1,5 +1,6 @@
-"""Cases of flights that several test files use, made once: a trim with its game, gain and
-envelope."""
+"""Cases of flights, each with a trim, its game, gain and envelope, built once for several test
+files.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +48,7 @@ def flown(on: FlownCase, scenario: Scenario) -> Flight:
 
 
 def seen(z: ca.SX) -> Measurements:
-    """An error z from a constant reference, no actuators."""
+    """Return an error z from a constant reference, without actuators."""
     return Measurements(z, z, ca.SX(0, 1), ca.SX(0, 1))
 
 
@@ -57,7 +58,7 @@ def signal(**values: float) -> Waveform:
 
 @pytest.fixture(scope="session", params=["published", "newton"])
 def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """The exact gain at 15 degrees, on each set of equations."""
+    """Return the exact gain at 15 degrees for each set of equations."""
     return case_at(parameters, request.param, 15.0)
 
 

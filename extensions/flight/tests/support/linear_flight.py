@@ -1,5 +1,4 @@
-"""A flight of the linear model under given policies, with the cost of the game integrated
-alongside."""
+"""Flights of the linear model under given policies, with the cost of the game integrated."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ Feedback = Callable[[float, np.ndarray], np.ndarray]
 
 
 class LinearFlight(NamedTuple):
-    """times (N,), states (N, n), controls (N, m), disturbances (N, k), running cost (N,)."""
+    """times (N,), states (N, n), controls (N, m), disturbances (N, k), and running cost (N,)."""
 
     times: np.ndarray
     states: np.ndarray
@@ -34,8 +33,10 @@ def simulate(
     times: np.ndarray,
     forcing: Callable[[float], np.ndarray] | None = None,
 ) -> LinearFlight:
-    """z' = A z + B u + E d + r(t),  J' = z'Qz + u'Ru - δ² d'd, integrated by LSODA to 1e-13;
-    forcing r: t -> (n,)."""
+    """Integrate z' = A z + B u + E d + r(t) and J' = z'Qz + u'Ru - δ² d'd by LSODA to 1e-13.
+
+    forcing: r: t -> (n,)
+    """
     price = (
         0.0 if math.isinf(game.delta) else game.delta**2
     )  # no disturbance, no pay-off: inf * 0 is 0

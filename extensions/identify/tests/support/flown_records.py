@@ -41,8 +41,10 @@ _INPUTS = ("thrust", "elevator")
 
 
 def longitudinal(aircraft: Model) -> Model:
-    """Return the motion of a rigid aircraft in its plane of symmetry at constant altitude, which
-    is simulated in a fraction of the time."""
+    """Return the motion of a rigid aircraft in its plane of symmetry at constant altitude.
+
+    It is simulated in a fraction of the time of the full model.
+    """
     states, inputs = list(aircraft.states), list(aircraft.inputs)
     held = {name: aircraft.trim.get(name, 0.0) for name in (*states, *inputs)}
 

@@ -17,8 +17,10 @@ CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 
 
 def force(axis: str, *terms: str, length: str = "") -> str:
-    """An axis whose force is dynamic pressure times area times the sum of the terms; a moment with
-    a length."""
+    """Return an axis whose force is dynamic pressure times area times the sum of the terms.
+
+    A moment also has a length.
+    """
     return f'<axis name="{axis}"> {coefficient(*terms, length=length)} </axis>'
 
 
@@ -35,7 +37,7 @@ REST += "".join(f'<axis name="{name}"> {AIR[name]} </axis>' for name in ("SIDE",
 
 
 def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = "") -> str:
-    """The text of a glider's file."""
+    """Return the text of a glider's file."""
     return (
         f'<?xml version="1.0"?>\n<fdm_config name="glider" version="2.0">\n{METRICS}\n{more}\n'
         f"{control}\n<aerodynamics>\n{aerodynamics}\n</aerodynamics>\n</fdm_config>\n"
@@ -43,7 +45,7 @@ def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = 
 
 
 def written(folder: Path, text: str, name: str = "glider") -> str:
-    """The path of an aircraft's file with this text."""
+    """Write an aircraft's file with this text and return its path."""
     path = folder / "aircraft" / name / f"{name}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
