@@ -13,7 +13,7 @@ from hfa_networks.files.activations import ACTIVATIONS
 
 @pytest.mark.parametrize("name", ["tanh", "sigmoid", "softplus", "gelu"])
 def test_smooth_activations_derivatives_at_zero_and_far_away(name: str) -> None:
-    """Smooth activations have their derivatives at zero and far away."""
+    """Smooth activations have their derivatives at zero and at large arguments."""
     x = ca.SX.sym("x")
     y = ACTIVATIONS[name](np.array([x], dtype=object))[0]
     f = ca.Function("f", [x], [ca.gradient(y, x), ca.gradient(ca.gradient(y, x), x)])

@@ -69,7 +69,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
-    """Exact networks of v its slopes and u pass."""
+    """Exact networks of V, of its slopes, and of u pass."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     for outputs in (
@@ -87,7 +87,9 @@ def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
 
 
 def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
-    """u = -1e-3 tanh(1e3 K x): K is exact, and from (0.01, 0) the loop diverges."""
+    """A policy that is exact only at the origin fails: with u = -1e-3 tanh(1e3 K x) the loop
+    diverges from (0.01, 0).
+    """
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
     verdict = check_discrete(problem, critic_of(problem, policy=u), scope=SCOPE)
@@ -127,7 +129,7 @@ def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
 
 
 def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
-    """Weights beyond the quadratic ones count in discrete time."""
+    """In discrete time weights beyond the quadratic ones are judged."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
@@ -140,7 +142,9 @@ def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
 
 
 def test_implied_policy_best_of_one_step_value_behind() -> None:
-    """Compared with a grid of u, at the worst w of each, on a value that is not quadratic."""
+    """The policy of a value that is not quadratic equals the best u of a grid, at the worst w of
+    each.
+    """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step
     P = exact_of(problem).P
@@ -165,7 +169,7 @@ def test_implied_policy_best_of_one_step_value_behind() -> None:
 
 
 def test_policy_that_is_not_found_is_no_number() -> None:
-    """The slope of V jumps where the next state has x1 = 0, and the saddle lies on the jump."""
+    """A policy that is not found is nan, here because the slope of V jumps at the saddle."""
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
     slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
@@ -174,7 +178,7 @@ def test_policy_that_is_not_found_is_no_number() -> None:
 
 
 def test_cost_in_flight_linear_loop_where_network_linear() -> None:
-    """The cost in flight is that of the linear loop where the network is linear."""
+    """Where the network is linear, the cost in flight is that of the linear loop."""
     problem = problem_of(discount=0.97)
     exact = exact_of(problem)
     K = 1.2 * exact.K
@@ -194,7 +198,9 @@ def test_cost_in_flight_linear_loop_where_network_linear() -> None:
 
 @pytest.mark.slow
 def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
-    """Exact weights in a state dict pass; the same behind a tanh that saturates do not."""
+    """Exact weights of a discounted game in a state dict pass, and the same behind a saturating
+    tanh do not.
+    """
     from hfa_discrete import solve_discounted
 
     K = solve_discounted(game, 0.99, 0.01).K
@@ -229,7 +235,7 @@ def test_command_says_how_network_read_on_discrete_plant() -> None:
 
 
 def test_linear_critic_in_discrete_time_judged_as_before() -> None:
-    """A linear critic in discrete time is judged as before."""
+    """A linear critic in discrete time is judged as without the extension."""
     problem = problem_of()
     exact = exact_of(problem)
     for critic in (

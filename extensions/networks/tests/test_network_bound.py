@@ -1,4 +1,4 @@
-"""Proved statements about a network hold, and false statements are not proved."""
+"""Proved statements about a network are true, and false statements are not proved."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
 
 
 def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
-    """Return a function of four inputs with two layers of 8, and a linear and a quadratic part, as
-    in an error."""
+    """Return a random function of four inputs with two layers of 8, a linear and a quadratic
+    part.
+    """
     rng = np.random.default_rng(seed)
     y = ca.SX.sym("y", 4)
     h = y
@@ -58,7 +59,9 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
-    """Boxes from the whole one to 1e-4 of it, where nothing but rounding would be left."""
+    """No sample exceeds the bound of its box, for boxes down to 1e-4 of the whole, where rounding
+    dominates.
+    """
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps
     rng = np.random.default_rng(7)
@@ -80,8 +83,9 @@ def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool)
 
 
 def test_rounding_is_in_the_bound() -> None:
-    """1e8 (a + 1/3 b) - 1e8 (...) of relu units, evaluated in rationals, is below the bound
-    although doubles give 0."""
+    """The bound includes rounding: 1e8 (a + 1/3 b) - 1e8 (...) of relu units in rational numbers is
+    below it, although doubles give 0.
+    """
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(16, 3)) * 1e8
     y = ca.SX.sym("y", 3)
@@ -113,7 +117,9 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 @pytest.mark.parametrize("kind", LINES)
 def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
-    """At both ends, at 0 and between; half of them come within 10 % of a line."""
+    """Every node lies between its lines at both ends, at 0 and between. Half of them come within 10
+    % of one.
+    """
     of = {
         "tanh": np.tanh,
         "relu": lambda t: np.maximum(t, 0.0),
@@ -162,7 +168,9 @@ def linear(game: Game, z: ca.SX) -> ca.SX:
 
 
 def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
-    """K z = K max(W z, 0) / W - K max(-W z, 0) / W, W no matrix of a state each."""
+    """K z = K max(W z, 0) / W - K max(-W z, 0) / W is proved for matrices W with rows of several
+    states.
+    """
     W = np.random.default_rng(3).normal(size=(6, 6))
     back = ca.DM(solve_game(game).K @ np.linalg.inv(W))
 
@@ -192,7 +200,9 @@ def test_other_operations_are_searched_alone(game: Game) -> None:
 
 
 def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
-    """1 at y = at, 0 where any |y_i - at_i| >= half_width: relu units in two layers."""
+    """Return relu units in two layers that are 1 at y = at, and 0 where any |y_i - at_i| >=
+    half_width.
+    """
     t = (y - ca.DM(at)) / half_width
     hats = ca.fmax(t + 1.0, 0.0) - 2.0 * ca.fmax(t, 0.0) + ca.fmax(t - 1.0, 0.0)
     return ca.fmax(ca.sum1(hats) - (y.numel() - 1.0), 0.0)
@@ -200,7 +210,7 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
-    """The first input off by 300 % at one place, in 0.05 of the width of the box."""
+    """The proof finds an error of 300 % of the first input in a bump 0.05 of the box wide."""
     rng = np.random.default_rng(seed)
     at = rng.uniform(-0.9, 0.9, 6)
     exact = solve_game(game)
@@ -221,7 +231,9 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
 
 
 def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
-    """CasADi makes 0 of 1e20 (0.1 (10 x) - x), which floating point makes 1e3."""
+    """The report names the proved expression: CasADi makes 0 of 1e20 (0.1 (10 x) - x), which is 1e3
+    in floating point.
+    """
     verdict = judged(
         game,
         lambda z: linear(game, z) + ca.vertcat(1e20 * (0.1 * (10.0 * z[0]) - z[0]), *[0.0] * 4),
@@ -231,7 +243,9 @@ def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
 
 
 def test_a_fraction_ends_before_the_first_error() -> None:
-    """1.25 at (1, 1) and an error above 0.5 from |y| = 0.8 on, bounded by no line."""
+    """The proved fraction of the box ends before the first error: 1.25 at (1, 1), and above 0.5
+    from |y| = 0.8 on.
+    """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fmax(5.0 * ca.tanh(y[0]) - 3.0, 0.0) + 0.2 * y[1] ** 2])
     largest = float(function([0.6, 0.6]))
@@ -246,7 +260,9 @@ def test_a_fraction_ends_before_the_first_error() -> None:
 
 
 def test_where_there_is_no_bound_nothing_is_proved() -> None:
-    """An error that is 1 at 0 and the limit, and one beyond all doubles."""
+    """Nothing is proved of an error without a bound: one that is 1 at 0, and one beyond all
+    doubles.
+    """
     y = ca.SX.sym("y", 2)
     squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
     proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.1)
@@ -261,7 +277,9 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
 
 @pytest.mark.slow
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
-    """The stored policy of 6-32-32-5 has its equilibrium off the trim: its cost is unbounded."""
+    """The stored policy of 6-32-32-5 is proved within its error. Its equilibrium is off trim, so
+    that its cost is unbounded.
+    """
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))
     line = (
@@ -275,7 +293,9 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
 
 
 def with_hat(game: Game, of_abs: bool) -> Verdict:
-    """The exact V and a hat of three times its size, 1/250 of the box wide, between the samples."""
+    """Return the exact V and a hat of three times its size, 1/250 of the box wide, between the
+    samples.
+    """
     z = ca.SX.sym("z", 2)
     P = solve_game(game).P
 
@@ -291,7 +311,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
 @pytest.mark.parametrize("of_abs", [True, False])
 def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
-    """A narrow hat of relu or abs is found by the proof."""
+    """The proof finds a narrow hat of relu or abs units."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     verdict = with_hat(game, of_abs)
     assert not verdict.ok
@@ -300,7 +320,7 @@ def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
 
 @pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
 def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
-    """At random states of random boxes, and at the kink."""
+    """Bounds of kinks hold and are narrow at random states of random boxes, and at the kink."""
     y = ca.SX.sym("y", 2)
     t = y[0] - 0.3 * y[1]
     expression = {
@@ -326,7 +346,9 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
 
 
 def test_numbers_that_lose_underflows_are_not_bounded() -> None:
-    """1e-320 y is rounded by 1e-3 relative; multiplied by 1e300 the error is 1e-3, not 0."""
+    """Underflows have no bound: 1e-320 y has a relative rounding error of 1e-3, which 1e300 makes
+    large.
+    """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])
     proof = prove("error", function, np.full(2, 1e300), 1e-6, 0.2)

@@ -1,4 +1,4 @@
-"""The search of a network over the box, and its flights."""
+"""The search for errors of a network over the box, and its flights."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
-    """u = -K z + 5 z_1³/7³ in the first input: K is exact, and the search finds the corner."""
+    """A network that is right only at the origin fails: for u = -K z + 5 z_1³/7³ the search finds
+    the corner.
+    """
     nodes = [
         ("MatMul", "x K", "u"),
         ("MatMul", "x first", "h"),
@@ -44,7 +46,7 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
 
 
 def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
-    """A value that is not a number somewhere fails."""
+    """A value that is nan somewhere fails."""
     nodes = [
         *QUADRATIC[:2],
         ("MatMul", "terms ones", "V"),
@@ -69,8 +71,9 @@ def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
 def test_cost_in_flight_linear_loop_where_network_linear(
     game: Game,
 ) -> None:
-    """From 40 starts, under the disturbance of the exact policies: no more than the worst of
-    all."""
+    """Where the network is linear, the cost from 40 initial states, under the exact disturbance, is
+    at most the worst of the linear loop.
+    """
     critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
     check = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=40))
     data = check.to_dict()
@@ -81,7 +84,9 @@ def test_cost_in_flight_linear_loop_where_network_linear(
 
 
 def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
-    """The exact gain plus 1 % of the largest input is a separate finding, with its equilibrium."""
+    """The exact gain plus 1 % of the largest input gives a separate finding with its
+    equilibrium.
+    """
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=10))
@@ -99,8 +104,9 @@ def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
 
 
 def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
-    """An equilibrium a millionth of the box off trim is one more error: the cost decides the grade,
-    and is printed first."""
+    """An equilibrium 1e-6 of the box off trim is one error of several: the cost decides the grade
+    and is printed first.
+    """
     offset = 1e-6 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))

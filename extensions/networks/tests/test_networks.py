@@ -1,4 +1,4 @@
-"""Verdicts on critics and policies that are networks: right ones pass, planted mistakes do not."""
+"""Verdicts on networks as critics and policies: right ones pass, and planted mistakes do not."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def on_the_box(flights: int) -> Scope:
-    """The box of the aircraft's ordinary deviations."""
+    """Return the box of the aircraft's ordinary deviations."""
     return Scope(box=ordinary_box(), flights=flights)
 
 
@@ -47,7 +47,9 @@ def on_the_box(flights: int) -> Scope:
 
 
 def test_a_network_that_is_the_value_passes(game: Game) -> None:
-    """Weights in float32 too: their rounding is below the limit."""
+    """A network that equals the value passes, also with weights in float32, whose rounding is below
+    the limit.
+    """
     wide, narrow = (
         onnx_file(
             f"{kind}.onnx", QUADRATIC, {"P": value(game).astype(kind), "ones": ONES.astype(kind)}
@@ -79,7 +81,7 @@ def test_gradients_and_policies_pass(game: Game) -> None:
 
 
 def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
-    """u = -(K/e) tanh(e z): its error is (e z)²/3."""
+    """u = -(K/e) tanh(e z), whose error is (e z)²/3, passes for small e."""
     tensors = {"0.weight": 1e-4 * np.eye(6), "2.weight": -1e4 * gain(game)}
     path = torch_file("actor.pth", tensors)
     assert check_critic(game, from_network(game, path, activation="tanh"), scope=on_the_box(1)).ok
@@ -95,7 +97,9 @@ def test_an_almost_linear_tanh_network_passes(game: Game) -> None:
 
 
 def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
-    """With e = 4e-4 the error in the box is 2.6e-6, and u(0) = 0."""
+    """A small error with u(0) = 0 is not called a constant: with e = 4e-4 the error in the box is
+    2.6e-6.
+    """
     tensors = {"0.weight": 4e-4 * np.eye(6), "2.weight": -gain(game) / 4e-4}
     critic = from_network(game, torch_file("actor.pth", tensors), activation="tanh")
     verdict = check_critic(game, critic, scope=replace(on_the_box(1), seconds=0.0))
@@ -103,7 +107,9 @@ def test_small_error_without_constant_is_called_no_constant(game: Game) -> None:
 
 
 def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
-    """A residual connection leaves no trace in a state dict: the user compares the value."""
+    """The report shows the network with one value, by which the user can detect a missing residual
+    connection.
+    """
     layers = square_layers("first", "second", "third")
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("a.pt", layers), "--set", "activation=tanh"
@@ -119,8 +125,9 @@ def test_what_was_read_is_shown_with_one_value(game: Game) -> None:
 
 
 def test_the_published_weights_of_gops() -> None:
-    """V = W'psi + a constant; the exact ones as printed, the learned ones off by 1.6 % and nearly
-    free of cost."""
+    """V = W'psi + a constant is read. The exact weights are as printed, and the learned ones are
+    1.6 % off and almost free of cost.
+    """
     plant = stored("plant.json", **GOPS["plant"])
     words = ("verify", "--model", plant, "--network", "V=value", "--weights")
     for name, weights, bias in (
@@ -154,7 +161,7 @@ def test_the_scale_of_the_inputs_counts(game: Game) -> None:
 
 
 def test_value_and_policy_of_one_file_are_named() -> None:
-    """A value and a policy of one file are named."""
+    """A value and a policy in one file are both named."""
     heads = {"action_net.weight": np.ones((5, 3)), "value_net.weight": np.ones((1, 3))}
     policy = two_layers("mlp_extractor.policy_net", 3)
     torch_file("policy.pth", policy | two_layers("mlp_extractor.value_net", 3) | heads)
@@ -170,7 +177,9 @@ def test_value_and_policy_of_one_file_are_named() -> None:
 
 
 def test_v_and_a_policy_are_judged_together(game: Game) -> None:
-    """Two outputs of one graph: a right V does not hide a policy of the wrong sign."""
+    """Two outputs of one graph are judged together: a right V does not hide a policy of the wrong
+    sign.
+    """
     nodes = [
         ("MatMul", "x P", "h"),
         ("Mul", "x h", "t"),
@@ -193,7 +202,7 @@ FEATURES = ", ".join(["1", *(f"x{i}*x{j}" for i in range(1, 7) for j in range(i,
 
 
 def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
-    """A basis in words or as a function and a constant."""
+    """A basis is given in words, or as a function and a constant."""
     plant = small("plant.json", states=["speed", "alpha"])
     P = solve_game(load_game("plant.json")).P
     words = (
@@ -223,7 +232,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
 
 
 def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
-    """An npy file of any name is what its shape says."""
+    """The content of an .npy file of any name follows from its shape."""
     for entry, right in {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}.items():
         np.save("mine.npy", right)
         found = critic_in("mine.npy", game)
@@ -237,7 +246,7 @@ def test_npy_file_of_any_name_what_shape_says(game: Game) -> None:
 
 
 def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
-    """Outputs that fit nothing or two things are refused."""
+    """Outputs that match nothing, or two quantities, are refused."""
     said = hfa(
         "verify", *AT_15, "--weights", torch_file("policy.pt", {"weight": np.zeros((3, 6))})
     ).err
@@ -261,7 +270,7 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
 
 
 def test_the_lines_of_the_readme_judge_a_policy() -> None:
-    """The line of an input as printed; without the activation the error contains it."""
+    """The lines of the README judge a policy. Without the activation the report has its error."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     K = solve_game(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
@@ -275,7 +284,7 @@ def test_the_lines_of_the_readme_judge_a_policy() -> None:
 
 
 def test_a_value_read_as_the_policy_is_recognized() -> None:
-    """One output on a plant with one input is the policy; a value is found among the reasons."""
+    """One output on a plant with one input is read as the policy, and the reasons name a value."""
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     P = solve_game(plant).P
     root = np.linalg.cholesky(P)

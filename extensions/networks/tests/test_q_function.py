@@ -1,4 +1,4 @@
-"""The policy of a Q(x, u) is found where Q is quadratic in u, and refused elsewhere."""
+"""The policy of a Q(x, u) is found if Q is quadratic in u, and refused otherwise."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("inputs", [0, 5])
 def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, inputs: int) -> None:
-    """Q = z'Hz of z = (x, u) in one row or in two, a cost or a reward."""
+    """The policy of Q = z'Hz of z = (x, u) is linear, with one or two rows, as a cost or as a
+    reward.
+    """
     root = RNG.normal(size=(11, 11))
     H = sign * root @ root.T
     joined = [] if not inputs else [("Concat", "x u", "z", {"axis": 1})]
@@ -57,7 +59,9 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
 
 
 def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
-    """Q = V(x) + (u - tanh x)' e^x (u - tanh x) of one state and one input."""
+    """The policy of Q = V(x) + (u - tanh x)' e^x (u - tanh x) is found, whose coefficients depend
+    on x.
+    """
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
     Q = ca.Function("Q", [xu], [ca.cos(x) + ca.exp(x) * (u - ca.tanh(x)) ** 2])
@@ -67,7 +71,7 @@ def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
 
 
 def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
-    """A curvature that changes its sign leaves no number."""
+    """A curvature in u that changes its sign gives no policy."""
     xu = ca.SX.sym("xu", 2)
     policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
     assert float(policy(0.5)) == pytest.approx(-1.0)
@@ -85,7 +89,7 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
     ],
 )
 def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
-    """A q that is not quadratic in u is refused."""
+    """A Q that is not quadratic in u is refused."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
     with pytest.raises(BadInputError, match=says) as caught:
@@ -94,7 +98,7 @@ def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
 
 
 def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
-    """An actor and two Q in one file, as in SAC and TD3."""
+    """An actor and two Q in one file, as in SAC and TD3, are judged by the actor."""
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):
         tensors |= {

@@ -1,4 +1,4 @@
-"""The best flight found, against closed forms, another integrator and planted errors."""
+"""The best flight compared with closed forms and another integrator, and planted errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
 
 
 def cart(force: float = 1.0) -> hfa.Model:
-    """A double integrator with a bounded input."""
+    """Return a double integrator with a bounded input."""
     return hfa.Model(
         "cart",
         {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
@@ -51,8 +51,11 @@ def test_small_start_costs_the_riccati_solution() -> None:
 
 
 def test_saturated_double_integrator_in_closed_form() -> None:
-    """Backwards from a point where the LQR saturates, state and costate are polynomials in time; the
-    problem is convex, so that Pontryagin's conditions suffice."""
+    """The best flight of a saturated double integrator equals its closed form.
+
+    Backwards from a point at which the LQR saturates, state and costate are polynomials in time.
+    The problem is convex, so that Pontryagin's conditions are sufficient.
+    """
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
     switch = np.array(
         [3.0, (1.0 - 3.0) / np.sqrt(3.0)]
@@ -72,7 +75,7 @@ def test_saturated_double_integrator_in_closed_form() -> None:
 
 
 def test_another_integrator_gives_the_same_cost(gtm: hfa.BestFlight) -> None:
-    """SciPy's, of the equations as the model has them, with the inputs as they were flown."""
+    """SciPy's integrator gives the cost of the model's equations with the flown inputs."""
     trim_x = np.array(gtm.point.states)
     trim_u = np.array(gtm.point.inputs)
 
@@ -102,8 +105,11 @@ def test_states_and_inputs_stay_within_limits(gtm: hfa.BestFlight) -> None:
 
 
 def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
-    """A proposal that is too cheap, one whose inputs are another flight's, and one from whose end
-    the linear policy exceeds the limit of alpha are refuted."""
+    """The simulated flight refutes wrong proposals.
+
+    One is too cheap, one has the inputs of another flight, and from the end of one the linear
+    policy exceeds the limit of alpha.
+    """
     proposal = gtm.found.proposal
     search = BestFlights(gtm.problem)
     flights = search.flights
@@ -119,8 +125,9 @@ def test_the_flight_decides_over_the_proposal(gtm: hfa.BestFlight) -> None:
 
 
 def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
-    """IPOPT solves eight equal intervals and proposes less than the best flight costs; the
-    simulator does not fly it."""
+    """A proposal on eight equal intervals with less than the least cost is refuted by the
+    simulation.
+    """
     problem = gtm.problem
     search = BestFlights(problem)
     coarse = Transcription(problem, 8, Equations.of(problem))
@@ -133,7 +140,9 @@ def test_an_exploited_mesh_is_refuted(gtm: hfa.BestFlight) -> None:
 
 
 def test_a_cart_too_fast_to_stop() -> None:
-    """6 m/s at 5 m from the limit needs 18 m with the largest force."""
+    """A cart with 6 m/s at 5 m from the limit, which needs 18 m to stop, has no flight within
+    limits.
+    """
     with pytest.raises(
         hfa.NoSolutionError, match="none that satisfies the equations within the limits"
     ):
@@ -152,7 +161,7 @@ def test_no_flight_at_the_lowest_speed_falling() -> None:
 
 
 def test_the_initial_condition_has_two_names_for_one_version() -> None:
-    """initial= is the name of `fly` too; start= answers for one version."""
+    """`initial=` is the name, as in `fly`, and `start=` is accepted for one more version."""
     model = cart()
     point = hfa.find_operating_point(model)
     costs = [

@@ -1,4 +1,4 @@
-"""The quickest flight found, against a closed form, another integrator and planted errors."""
+"""The quickest flight compared with closed forms and another integrator, and planted errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GTM = f"{Path(__file__).parents[3] / 'examples' / 'gtm.py'}:GTM"
 
 
 def cart() -> hfa.Model:
-    """A double integrator with a bounded input."""
+    """Return a double integrator with a bounded input."""
     return hfa.Model(
         "cart",
         {"position": hfa.Signal("m", min=-20.0, max=20.0), "velocity": hfa.Signal("m/s")},
@@ -35,7 +35,9 @@ def moved() -> QuickestFlight:
 
 
 def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
-    """2 sqrt(d / u_max), with the reserve of the input."""
+    """The quickest time of a double integrator is 2 sqrt(d / u_max), with the reserve of the
+    input.
+    """
     least = 2.0 * np.sqrt(8.0 / 2.0)
     assert least <= moved.seconds <= 1.005 * least
     assert moved.saturated == ["force"]
@@ -43,7 +45,7 @@ def test_double_integrator_in_closed_form(moved: QuickestFlight) -> None:
 
 
 def test_a_speed_limit_in_closed_form() -> None:
-    """d / v + v / u: the cart cruises at its limit."""
+    """With a speed limit v the quickest time is d / v + v / u, with a part at the limit."""
     model = cart()
     point = hfa.find_operating_point(model)
     best = hfa.quickest_flight(model, point, {"position": 8.0}, limits={"velocity": (-2.0, 2.0)})
@@ -52,7 +54,7 @@ def test_a_speed_limit_in_closed_form() -> None:
 
 
 def test_another_integrator_arrives(moved: QuickestFlight) -> None:
-    """SciPy's, with the inputs as they were flown."""
+    """SciPy's integrator arrives with the flown inputs."""
 
     def rate(t: float, x: np.ndarray) -> list[float]:
         u = [np.interp(t, moved.time, column) for column in moved.inputs.T]
@@ -81,7 +83,9 @@ def test_the_aircraft_morphs_on_the_command_line(capsys: pytest.CaptureFixture[s
 @pytest.mark.slow
 @pytest.mark.parametrize(("begin", "seconds"), [(5.0, 1.571), (10.0, 0.861)])
 def test_the_aircraft_morphs_by_many_degrees(begin: float, seconds: float) -> None:
-    """The times are own results; two meshes differ by .5 % at most."""
+    """The aircraft changes its dihedral by many degrees, in times that differ by at most .5 % on
+    two meshes.
+    """
     model = hfa.aircraft()
     end, start = (
         hfa.find_operating_point(model, hold={"dihedral": np.radians(degrees)})

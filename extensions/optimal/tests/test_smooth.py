@@ -18,7 +18,7 @@ WIDTH = 0.1 * POINTS.std()
 
 
 def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Function]:
-    """The function and its smooth copy at POINTS, and the copy."""
+    """Return the function and its smooth copy at POINTS, and the copy."""
     sharp = ca.Function("f", [x], [expression])
     smooth = smoothed(sharp, POINTS, 0.1)
     return np.array(sharp(POINTS.T))[0], np.array(smooth(POINTS.T))[0], smooth
@@ -35,7 +35,9 @@ def copies(expression: ca.SX, x: ca.SX) -> tuple[np.ndarray, np.ndarray, ca.Func
     ],
 )
 def test_a_copy_differs_near_the_kink_alone(kinked):
-    """Beside it by at most the change of slope times the half-width, and its slope is continuous."""
+    """A copy differs only near the kink, by at most the change of slope times the half-width, and
+    its slope is continuous.
+    """
     x = ca.SX.sym("x")
     sharp, smooth, copy = copies(kinked(x), x)
     near = np.abs(POINTS[:, 0]) <= 1.01 * WIDTH
@@ -48,7 +50,7 @@ def test_a_copy_differs_near_the_kink_alone(kinked):
 
 
 def test_a_condition_on_a_truth_value_is_smooth():
-    """JSBSim's ifthen compares the 0 or 1 of a comparison."""
+    """A condition on the 0 or 1 of a comparison, such as JSBSim's ifthen, becomes smooth."""
     x = ca.SX.sym("x")
     truth = ca.if_else(x < 0.0, 1.0, 0.0)
     sharp, smooth, _ = copies(ca.if_else(ca.fabs(truth) >= 1e-9, 1.0, 2.0 + x), x)
@@ -58,7 +60,7 @@ def test_a_condition_on_a_truth_value_is_smooth():
 
 
 def test_what_cannot_be_smooth_stays():
-    """A branch that is infinite, an argument that does not vary, and a function without kinks."""
+    """An infinite branch, a constant argument, and a function without kinks are unchanged."""
     x = ca.SX.sym("x")
     choice = ca.if_else(x > 0.0, x, ca.inf) + ca.fmax(x - x, 0.0) + ca.fabs(x)
     sharp, smooth, _ = copies(choice, x)
@@ -70,7 +72,7 @@ def test_what_cannot_be_smooth_stays():
 
 @pytest.mark.slow
 def test_an_aircraft_with_tables_flies_its_true_equations():
-    """The copy is near the equations, and the flight of these costs what was proposed."""
+    """The flight of the true equations of an aircraft with tables has the proposed cost."""
     pytest.importorskip("jsbsim")
     model = hfa.load_model("jsbsim:737")
     problem = flight_problem(model, hfa.find_operating_point(model))

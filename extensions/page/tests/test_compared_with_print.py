@@ -1,4 +1,4 @@
-"""A and B of the page compared with the printed ones."""
+"""A and B of the page compared with the printed matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Front view of the HFA in a trim, compared with its loads."""
+"""The front view of the HFA in a trim, compared with its loads."""
 
 from __future__ import annotations
 

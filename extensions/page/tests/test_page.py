@@ -1,5 +1,4 @@
-"""The page: verdicts that can fail, the claims that were stored, and plots with the numbers of the
-models."""
+"""The page: verdicts that can fail, stored claims, and plots with the numbers of the models."""
 
 from __future__ import annotations
 
@@ -34,7 +33,7 @@ from verification.critic.critic_check import check_critic
 
 @pytest.fixture(scope="module")
 def job(parameter_set: ParameterSet) -> MainJob:
-    """Without games: both pairs, five angles, one of them without a trim."""
+    """Return a page without games: both pairs, and five angles, one of them without a trim."""
     return main_job(
         parameter_set, "published", asked=(), swept=np.radians([5.0, 10.0, 15.0, 20.0, 59.0])
     )
@@ -81,7 +80,7 @@ def claims() -> Claims:
 
 
 def test_a_row_each_with_verdict_that_is_stored(job: MainJob, claims: Claims) -> None:
-    """A row each with the verdict that is stored."""
+    """Each claim has a row with its stored verdict."""
     said, table = claims_section(claims, job.regeneration).parts
     stored = claims.data["claims"]
     assert [row[:2] for row in table.rows] == [
@@ -98,7 +97,9 @@ FLIGHTS = ROOT / "studies" / "best_flights" / "results"
 
 
 def test_stored_flights_are_beside_the_verdicts(job: MainJob) -> None:
-    """Costs, limits and the aircraft that flew; another aircraft is noticed."""
+    """The page shows costs, limits and the aircraft of the stored flights, and notices another
+    aircraft.
+    """
     flights = load_flights(FLIGHTS)
     drawn = any_angle(replace(job, flights=flights), Report("Any dihedral angle", ()))
     best = flights.data["flights"][-1]["best"]["cost"]
@@ -127,7 +128,7 @@ def test_damaged_flights_are_refused(tmp_path: Path) -> None:
 
 
 def checks_in(data: Any) -> set[str]:
-    """The names of the checks anywhere in the data of a report."""
+    """Return the names of the checks anywhere in the data of a report."""
     if isinstance(data, dict):
         own = {data["name"]} if {"name", "value", "limit"} <= set(data) else set()
         return own.union(*map(checks_in, data.values()))
@@ -172,7 +173,7 @@ def test_a_damaged_table_is_refused(
 
 
 def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
-    """Plotly takes it and the arrows are to scale."""
+    """Plotly accepts the figure, and its arrows are to scale."""
     plot = front_view(job.aircraft, job.points)
     assert plot is not None
     (spec,) = plot.figures

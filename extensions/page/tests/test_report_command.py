@@ -21,7 +21,7 @@ from hfa_support.provenance import parameter_hash
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Each test runs in a new empty folder."""
+    """Run each test in a new empty folder."""
 
 
 CLAIMS = ROOT / "studies" / "section5" / "results" / "claims.json"
@@ -31,7 +31,7 @@ MEGABYTE = 1_000_000
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    """The output of the command, and its folder."""
+    """Return the output of the command and its folder."""
     folder = tmp_path_factory.mktemp("report") / "new"
     words = (
         "-o",
@@ -50,7 +50,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
 
 
 def test_folder_holds_page_its_pictures_and_its_numbers(made: tuple[Result, Path]) -> None:
-    """A folder holds the page its pictures and its numbers."""
+    """The folder contains the page, its pictures and its numbers."""
     result, folder = made
     assert (result.code, result.err) == (DONE, "")
     names = {
@@ -105,7 +105,7 @@ def test_the_pictures_of_the_documents_are_its(made: tuple[Result, Path]) -> Non
 
 @pytest.mark.slow
 def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None:
-    """The largest page holds at most three megabytes of data."""
+    """The largest page contains at most three megabytes of data."""
     page = tmp_path / "page.html"
     assert hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "0:15:0.1").code == FAILED
     html = page.read_text(encoding="utf-8")
@@ -115,7 +115,7 @@ def test_largest_page_holds_at_most_three_megabytes_data(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> None:
-    """A folder that cannot hold the numbers gets no pictures."""
+    """If the numbers cannot be written to the folder, no pictures are written."""
     (tmp_path / "numbers.json").mkdir()
     words = ("--dihedral", "15", "--sweep", "15", "-o", str(tmp_path))
     assert_refused(hfa("report", *words), BAD_INPUT, "it is a folder")
@@ -123,7 +123,7 @@ def test_folder_that_cannot_hold_numbers_gets_no_pictures(tmp_path: Path) -> Non
 
 
 def test_angle_without_trim_is_on_page_with_reason(tmp_path: Path) -> None:
-    """An angle without a trim is on the page with its reason."""
+    """An angle without a trim is listed on the page with its reason."""
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
@@ -149,7 +149,9 @@ def test_without_plotly_page_is_refused_before_anything_computed(
 
 
 def test_every_angle_is_trimmed_as_asked() -> None:
-    """The printed pairs alone stay at the paper's condition."""
+    """Every angle is trimmed at the requested condition, except the printed pairs, which keep the
+    paper's.
+    """
     words = (
         "--free",
         "alpha",
@@ -175,7 +177,7 @@ def test_every_angle_is_trimmed_as_asked() -> None:
 
 @pytest.mark.slow
 def test_no_picture_is_left_of_report_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No picture is left of a report that fails."""
+    """A failed report leaves no picture."""
 
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")

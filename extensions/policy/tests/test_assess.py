@@ -32,7 +32,7 @@ KEYS = {
 
 @pytest.fixture(scope="module")
 def good():
-    """A policy that holds at two trims, with few flights."""
+    """Return a policy that is stable at two trims, with few flights."""
     return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=16)
 
 
@@ -110,7 +110,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_rest_is_where_flight_of_200_s_ends(name):
-    """The equilibrium is the end of a flight of 200 s."""
+    """The stated equilibrium is the end of a flight of 200 s."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
@@ -122,7 +122,7 @@ def test_rest_is_where_flight_of_200_s_ends(name):
 
 
 def test_a_flight_is_that_of_its_equations():
-    """One sample against SciPy's integrator, with a delay of one and a half samples."""
+    """One sample with a delay of one and a half samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
@@ -183,7 +183,7 @@ def test_flights_are_decided_by_their_seed():
 
 
 def test_normalizer_files_do_not_show_note_and_data(capsys):
-    """A normalizer that the files do not show is a note and data."""
+    """A normalizer that the files do not show is reported as a note and in the data."""
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
     printed = capsys.readouterr()
@@ -235,7 +235,7 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
 
 
 def test_box_and_needs_are_those_of_the_command():
-    """`hfa.assess` takes the box and the needs that `hfa assess` has as options."""
+    """`hfa.assess` accepts the box and the requirements that `hfa assess` has as options."""
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     gain = gtm_card({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
@@ -259,7 +259,7 @@ def test_a_gain_has_no_nonlinearity():
 
 @pytest.mark.parametrize("delay", [0.0, 0.02])
 def test_aircraft_of_one_input_is_assessed_and_flown(delay):
-    """The pendulum: A = [0 1; g / l -b / m l²], and the loop of its held steps."""
+    """The pendulum, A = [0 1; g / l -b / m l²], is assessed, and its loop is that of held steps."""
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     gain = np.array([[2.5, 0.5]])
     o = ca.SX.sym("o", 2)
@@ -286,7 +286,9 @@ def test_aircraft_of_one_input_is_assessed_and_flown(delay):
 
 
 def kinked_model():
-    """The GTM whose speed falls with |pitch rate|: a kink at every trim."""
+    """Return the GTM with a speed rate that falls with |pitch rate|, which has a kink at every
+    trim.
+    """
     gtm = model_of(GTM)
 
     def equations(x, u, p, w):
@@ -298,7 +300,9 @@ def kinked_model():
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():
-    """Cost, radius and margins follow from the same A and B, and a finding names the kink."""
+    """At a kink cost, radius and margins follow from the A and B of `linearize`, and a finding
+    names it.
+    """
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
     model = kinked_model()
@@ -319,7 +323,7 @@ F16 = f"{ROOT}/examples/f16.py:F16"
 
 
 def f16_card(**tables):
-    """The elevator of the F-16 about its altitude and pitch rate."""
+    """Return a deployment with the elevator of the F-16 about its altitude and pitch rate."""
     o = ca.SX.sym("o", 3)
     gain = ca.Function("gain", [o], [50.0 * o[0] + 60.0 * o[1] + 20.0 * o[2]])
     return Deployment(
@@ -332,8 +336,10 @@ def f16_card(**tables):
 
 
 def test_a_trim_at_edge_of_envelope_is_refused():
-    """The state at the edge is one that other states move; the shipped aircraft is inside at its
-    own trim."""
+    """A trim at the edge of the envelope is refused if other states move the state at the edge.
+
+    The shipped aircraft is inside of its envelope at its own trim.
+    """
     model = model_of(F16)
     edged = replace(
         model, states={**model.states, "altitude": model.states["altitude"]._replace(min=0.0)}
@@ -367,8 +373,11 @@ def test_a_lost_flight_names_state_limit_and_time():
 
 
 def test_the_first_lost_flight_is_the_first():
-    """Flights that leave within the same second, compared with SciPy; a second of the pulse is 33
-    samples."""
+    """The flight that leaves first is reported, compared with SciPy for flights that leave within
+    one second.
+
+    A second of the pulse has 33 samples.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
     o, action = ca.SX.sym("o", 4), {"elevator": {"box": [-1, 1]}, "throttle": {"box": [-1, 1]}}
@@ -388,7 +397,9 @@ def test_the_first_lost_flight_is_the_first():
 
 
 def _leaves_after(deployed, place, start, push):
-    """When a flight leaves the limits of its states, by SciPy from sample to sample, s."""
+    """Return the time, s, at which a flight leaves the limits of its states, by SciPy from sample
+    to sample.
+    """
     model, point = place.point.model, place.point
     trim, X, U = deployed.trim_vector(point), start, np.array(point.inputs)
     for number in range(2000):
@@ -405,8 +416,11 @@ def _rate(_, x, model, u, d):
 
 
 def test_changed_aircraft_are_flown_with_frozen_trim_values():
-    """The equilibrium at another xcg, against SciPy's root of the equations with the gain written
-    out about the original trim."""
+    """A changed aircraft is flown with frozen trim values.
+
+    Its equilibrium at another xcg equals SciPy's root of the equations with the gain about the
+    original trim.
+    """
     from scipy.optimize import root
 
     model = model_of(F16)
@@ -456,7 +470,9 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):
-    """The trims and initial conditions are equal; FAIL where one file does not meet a need."""
+    """Several deployments at equal trims and initial conditions are one table, with FAIL if one of
+    them does not meet a requirement.
+    """
     model = model_of(GTM)
     linear = hfa.linearize(model, trims_of(model, [45.0])[0])
     weights = {name: 1.0 / signal.nominal**2 for name, signal in model.signals.items()}

@@ -1,5 +1,6 @@
-"""The sampled loop is unstable from the same delay on at which flights leave the envelope, to the
-sample."""
+"""The sampled loop is unstable from the delay on, to the sample, at which flights leave the
+envelope.
+"""
 
 import numpy as np
 import pytest
@@ -18,8 +19,11 @@ SMALL = 1e-6
 
 
 def is_lost(name, point, equilibrium, delay):
-    """Return whether a small deviation of a flight grows: in its last half, or a hundred times at
-    any time. It is the difference of two flights, one of which begins in the equilibrium."""
+    """Return whether a small deviation of a flight grows in its last half, or to a hundred times
+    its size.
+
+    It is the difference of two flights, of which one begins in the equilibrium.
+    """
     deployment = card(name)
     deployed = deployment.on(aircraft(name))
     parts = parts_of_a_sample([point], deployment.dt)
@@ -50,7 +54,7 @@ def is_lost(name, point, equilibrium, delay):
     ],
 )
 def test_delay_that_is_lost_is_that_of_flights(name, number):
-    """The unstable delay is that of flights."""
+    """The smallest unstable delay of the loop equals that of flights."""
     deployment = card(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)

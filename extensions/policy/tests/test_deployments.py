@@ -1,4 +1,6 @@
-"""Cards: every mistake is one line that names the entry; files are read and never run."""
+"""Deployment files: every mistake is one line that names the entry, and files are read and never
+run.
+"""
 
 import base64
 import io
@@ -50,12 +52,12 @@ def folder(tmp_path):
 
 
 def compiled(path):
-    """All of a deployment file, read and compiled."""
+    """Read and compile everything in a deployment file."""
     return Deployment.load(path).on(model_of(GTM)).command
 
 
 def message_of(folder, text):
-    """Return the message on a deployment file, which is refused."""
+    """Return the message with which a deployment file is refused."""
     (folder / "card.toml").write_text(text)
     with pytest.raises(BadInputError) as caught:
         compiled(folder / "card.toml")
@@ -146,7 +148,7 @@ def test_a_formula_is_arithmetic():
 
 
 class Caller:
-    """A pickle of it would call a function when it is read."""
+    """An object whose pickle would call a function when it is read."""
 
     def __init__(self, path):
         self.path = path
@@ -165,7 +167,7 @@ def test_a_normalizer_is_read(name):
 
 
 def test_pickle_that_calls_is_refused_and_not_run(folder):
-    """A pickle that calls is refused and not run."""
+    """A pickle that calls a function is refused and not run."""
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
     said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
@@ -174,7 +176,7 @@ def test_pickle_that_calls_is_refused_and_not_run(folder):
 
 
 def rewrite_zip(folder, changed):
-    """Write the zip of a folder again, its data changed."""
+    """Write the zip of a folder again with changed data."""
     rewritten = io.BytesIO()
     with (
         zipfile.ZipFile(folder / "ppo_gtm.zip") as archive,
@@ -186,7 +188,7 @@ def rewrite_zip(folder, changed):
 
 
 def test_zip_whose_data_calls_refused_and_not_run(folder):
-    """A zip whose data calls is refused and not run."""
+    """A zip whose data call a function is refused and not run."""
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
     rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
@@ -214,7 +216,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
     ],
 )
 def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
-    """A pickle that takes more than its bytes is refused."""
+    """A pickle that reads beyond its bytes is refused."""
     (folder / "bomb.pkl").write_bytes(content)
     assert "bomb.pkl: it" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
 
@@ -242,7 +244,7 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
     ],
 )
 def test_data_of_zip_of_another_type_are_refused(folder, entries):
-    """Data of a zip of another type are refused."""
+    """A zip with data of another type is refused."""
     rewrite_zip(folder, lambda data: data | entries)
     assert next(iter(entries)) in message_of(folder, CARD)
 
@@ -260,7 +262,9 @@ def test_data_of_zip_of_another_type_are_refused(folder, entries):
     ],
 )
 def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
-    """The user's code defines its forward pass and is not run."""
+    """A policy of another class is refused by name, because the user's code defines its forward
+    pass.
+    """
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
         for name, content in entries.items()
@@ -270,8 +274,9 @@ def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
 
 
 def test_action_scale_of_state_dict_is_its_box(folder):
-    """CleanRL: tanh, times action_scale, plus action_bias; a deployment file with the same box is
-    accepted."""
+    """A state dict of CleanRL scales its tanh by action_scale and action_bias. A deployment file
+    with the same box is accepted.
+    """
     random = np.random.default_rng(3)
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
     squash = {"action_scale": np.array([2.0, 0.5]), "action_bias": np.array([1.0, 0.0])}
@@ -287,7 +292,7 @@ def test_action_scale_of_state_dict_is_its_box(folder):
 
 
 def test_zip_whose_directory_lies_about_size_is_refused(folder):
-    """A zip whose directory lies about a size is refused."""
+    """A zip whose directory states a wrong size is refused."""
     rewrite_zip(folder, lambda data: data | {"more": " " * 10**6})
     content = (folder / "ppo_gtm.zip").read_bytes()
     entry = content.index(b"PK\x01\x02")
@@ -338,7 +343,7 @@ def test_a_damaged_zip_is_one_line(folder, name):
 
 
 def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
-    """A gain and a state dict and an onnx graph are policies too."""
+    """A gain, a state dict and an ONNX graph are accepted as policies."""
     K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
     np.savez(tmp_path / "gain.npz", K=K)
     np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
@@ -368,7 +373,7 @@ def test_a_card_in_python_is_that_of_file():
 
 
 def test_a_deployment_that_was_read_is_pickled(folder):
-    """SubprocVecEnv pickles it for its processes."""
+    """A deployment can be pickled, as SubprocVecEnv requires."""
     read = card("ppo_gtm")
     assert read.actor
     assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
@@ -397,7 +402,7 @@ def test_a_wrong_argument_is_one_line(make):
 
 
 def shared(times):
-    """Lists that each hold the next one twice."""
+    """Return nested lists, each of which contains the next one twice."""
     inner = [1]
     for _ in range(times):
         inner = [inner, inner]
@@ -405,7 +410,7 @@ def shared(times):
 
 
 def test_pickle_of_shared_lists_is_refused_at_once(folder):
-    """Walked by identity, its 2^32 leaves are counted and not visited."""
+    """A pickle of shared lists with 2^32 leaves is refused at once, without visiting the leaves."""
     content = pickle.dumps({"obs_rms": shared(32)}, 2)
     with pytest.raises(BadInputError, match="refer to each other too often"):
         inert(content)
@@ -413,13 +418,13 @@ def test_pickle_of_shared_lists_is_refused_at_once(folder):
 
 
 def test_a_file_does_not_name_its_own_class(folder):
-    """Entries of a pickle cannot pass an object off as another class."""
+    """A pickle cannot make an object appear to be of another class."""
     stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
     assert stored.made_of == "gymnasium.spaces.box.Box"
 
 
 def test_stacks_of_frames_actors_crossq_refused_in_words():
-    """Stacks of frames and actors of crossq are refused in words."""
+    """Stacks of frames and actors of CrossQ are refused with a message."""
     from hfa_policy.stable_baselines import _algorithm
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})

@@ -1,4 +1,4 @@
-"""A flight that is flown no further would have ended as it was judged."""
+"""A flight that is ended early has the outcome that it would have at its end."""
 
 from dataclasses import replace
 
@@ -22,7 +22,9 @@ STARTS = 100
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
 def test_flights_that_end_early_are_classified_right(name, late):
-    """The TD3 policy has swings that grow by a percent in 5 s, and leaves the envelope in the end."""
+    """Flights that end early are classified rightly: swings of the TD3 policy grow by 1 % in 5 s
+    and leave the envelope.
+    """
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
     assessor = Assessor(deployment.on(aircraft(name)), trims(name), STARTS, seed=77)
@@ -52,8 +54,11 @@ def test_flights_that_end_early_are_classified_right(name, late):
 @pytest.mark.slow
 @pytest.mark.parametrize("stays", [True, False])
 def test_a_flight_that_has_converged_stays(stays):
-    """The phugoid of a small aircraft under a weak gain takes 16 s and drifts in altitude. Half of
-    it is waited for; without that flights leave the ball again."""
+    """A flight that counts as converged stays in the ball, because half of the slowest period is
+    awaited.
+
+    The phugoid of a small aircraft under a weak gain takes 16 s and drifts in altitude.
+    """
     model = load_model(f"{ROOT}/examples/uav.toml")
     o = ca.SX.sym("o", 2)
     weak = ca.vertcat(0.002 * o[0], -0.05 * o[1])
@@ -82,7 +87,7 @@ def test_a_flight_that_has_converged_stays(stays):
 
 
 def test_the_equilibrium_follows_the_altitude():
-    """The slope with respect to the altitude is that between two trims a hundred meters apart."""
+    """The slope of the equilibrium by the altitude is that between two trims 100 m apart."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
@@ -101,8 +106,11 @@ def test_the_equilibrium_follows_the_altitude():
 
 
 def _flown_on(flown, window, chosen, seconds=HORIZON):
-    """The chosen rows at the end of all of the time, and of each on the way the largest distance
-    from the equilibrium in balls, the lowest and the highest X."""
+    """Return the chosen rows at the end of the full time.
+
+    For each row the largest distance from the equilibrium in balls, and the lowest and highest X,
+    are also returned.
+    """
     X, _, low, high, *_ = flown.flight.slices
     rows, times = flown.rows.copy(), flown.times.copy()
     farthest = np.zeros(len(rows))
@@ -120,7 +128,9 @@ def _flown_on(flown, window, chosen, seconds=HORIZON):
 
 
 def _distance(flown, rows, chosen):
-    """The largest distance of flights from their equilibrium in their last window, in balls."""
+    """Return the largest distance of flights from their equilibrium in their last window, in
+    balls.
+    """
     X, _, low, high, *_ = flown.flight.slices
     moved = rows[:, X] - flown.trims[chosen]
     centres = flown.centres[chosen] + np.einsum("nij,nj->ni", flown.drifts[chosen], moved)
@@ -159,8 +169,12 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
 
 
 def test_modes_out_of_reach_take_flights_out_again():
-    """y' = .02 y, which no action moves, and x' = -x + u + .02 y²: flights that begin with a large
-    y have x = .02 y² / 2.04 in the ball at first and not at the end."""
+    """A flight in the ball does not count as converged if a mode that no action moves takes it out
+    again.
+
+    For y' = .02 y and x' = -x + u + .02 y², x = .02 y² / 2.04 is in the ball first and not at the
+    end.
+    """
     signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
     model = hfa.Model(
         "two",

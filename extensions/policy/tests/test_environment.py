@@ -32,7 +32,7 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
 
 
 def test_points_are_what_assess_takes() -> None:
-    """Operating points, values of the scheduling variable, or None."""
+    """Points are operating points, values of the scheduling variable, or None, as for `assess`."""
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     speeds = []
     for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
@@ -51,7 +51,9 @@ def test_points_are_what_assess_takes() -> None:
 
 
 def test_an_environment_needs_no_deployment() -> None:
-    """Without one all linear states are observed, 0 at the trim, and all inputs move."""
+    """Without a deployment all linear states are observed as deviations, and all inputs are
+    actions.
+    """
     model = aircraft("ppo_gtm")
     env = environment(model)
     assert env.observation_names == model.linear
@@ -68,7 +70,7 @@ def test_an_environment_needs_no_deployment() -> None:
 
 
 def test_the_usual_deployment_takes_a_sample_time() -> None:
-    """dt is that of the usual deployment alone."""
+    """dt is accepted only without a deployment."""
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
         with pytest.raises(BadInputError, match=r"timing\.dt"):
@@ -80,7 +82,7 @@ def test_the_usual_deployment_takes_a_sample_time() -> None:
 
 
 def test_an_action_that_is_no_number_is_error() -> None:
-    """An action that is no number is an error."""
+    """An action that is not a number is an error."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
@@ -90,7 +92,7 @@ def test_an_action_that_is_no_number_is_error() -> None:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) -> None:
-    """A random gain on the elevator and the throttle, for 4 s."""
+    """A random gain on elevator and throttle flies for 4 s in the environment as by the command."""
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     gain = 0.1 * np.random.default_rng(4).normal(size=(2, 4))
@@ -131,7 +133,9 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
 
 
 def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
-    """A sample pays its cost, and an episode that leaves pays the remaining cost."""
+    """The reward of a sample is minus its cost, and an episode that leaves pays the remaining
+    cost.
+    """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     cost = {"Q": {"speed": 0.5, "alpha": 8.0}, "R": {"elevator": 2.0}}
@@ -148,8 +152,9 @@ def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
 
 
 def test_an_episode_ends_where_numbers_end() -> None:
-    """An action whose map has no value there ends the episode, at once or where it acts only after
-    a delay, and pays as the last number did."""
+    """An action without a value of its map ends the episode, at once or after the delay, with the
+    cost of the last number.
+    """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
     for delay, said in ((0.0, "speed is no number at 0.04 s"), (0.02, "the command is no number")):
@@ -228,7 +233,7 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
 
 
 def test_threads_do_not_change_episodes() -> None:
-    """Episodes shared by threads are those of one thread."""
+    """Episodes divided among threads equal those of one thread."""
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
     few = Episodes(deployed, trims("ppo_gtm"), 60)
@@ -257,7 +262,7 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_meet_the_turbulence_of_flights() -> None:
-    """With actions at trim: drawn by the seed alone, with the spread of alpha of `fly`."""
+    """Turbulence in episodes depends on the seed only, and alpha has the spread of `fly`."""
     light = Turbulence("light", 150.0, span=2.0)
     model, deployment = aircraft("ppo_gtm"), gtm_card({}, action=ACTION)
     points = trims("ppo_gtm")[1:2]

@@ -1,4 +1,4 @@
-"""The command of a deployment file as C and as an FMU equals its command in Python."""
+"""The command of a deployment file in C and in an FMU equals its command in Python."""
 
 import ctypes
 import subprocess
@@ -40,7 +40,7 @@ def differences(policy, command):
 
 
 def compiled(folder):
-    """(X, U before) -> U of the exported C."""
+    """Return the function (X, U before) -> U of the exported C."""
     library = folder / "policy.so"
     words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
     source = folder / "deployed_policy.c"

@@ -1,4 +1,4 @@
-"""`hfa fly --policy` flies what `hfa assess` judges."""
+"""`hfa fly --policy` flies the policy that `hfa assess` judges."""
 
 import shutil
 import warnings
@@ -54,7 +54,9 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
 
 
 def test_half_a_sample_has_half_steps_of_integration():
-    """A delay of 0.025 s less two samples of 0.01 s is a little more than 0.005 s in doubles."""
+    """A delay of half a sample has half steps of integration, although 0.025 s minus two samples of
+    0.01 s is slightly above 0.005 s in doubles.
+    """
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
     flight = SampledFlight(deployed, 0.01, 0.025, parts=2)
@@ -71,7 +73,7 @@ def test_half_a_sample_has_half_steps_of_integration():
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
 def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
-    """A formula without a value at the trim is refused as by the assessment."""
+    """A formula without a value at the trim is refused, as by `hfa assess`."""
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
@@ -83,7 +85,7 @@ def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
 
 
 def test_sample_time_of_parts_of_microsecond_is_refused():
-    """A sample time of parts of a microsecond is refused."""
+    """A sample time with a fraction of a microsecond is refused."""
     name = "ppo_gtm"
     odd = card(name).changed(timing={"dt": 0.0123456789})
     deployed = odd.on(aircraft(name))
@@ -93,7 +95,7 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
 
 
 def card_without_normalizer(folder):
-    """A deployment file that omits the VecNormalize with which its policy was trained."""
+    """Return a deployment file without the VecNormalize with which its policy was trained."""
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
     assert named in right
@@ -104,7 +106,7 @@ def card_without_normalizer(folder):
 
 
 def test_card_is_flown_warns_of_what_files_prove(tmp_path):
-    """A deployment file that is simulated warns of the mistakes that its files prove."""
+    """A flight of a deployment file warns of mistakes that its files prove."""
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
         flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
@@ -123,7 +125,7 @@ def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
 
 
 def test_a_file_is_flown_as_its_content(tmp_path):
-    """`fly` takes the file of a deployment or of a gain."""
+    """`fly` accepts the file of a deployment or of a gain."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
     path = FOLDER / "ppo_gtm.toml"
     by_name = fly(model, point, path, 0.2, initial={"alpha": 0.01})

@@ -1,4 +1,4 @@
-"""A policy assessed on a linear plant in a file."""
+"""Policies assessed on a linear plant in a file."""
 
 import json
 
@@ -25,7 +25,7 @@ SAMPLED = ("--sample-time", "0.02")
 
 @pytest.fixture
 def assessed(tmp_path, capsys):
-    """Exit code, output and errors of `hfa assess` on a plant, with a gain."""
+    """Return exit code, output and errors of `hfa assess` on a plant with a gain."""
 
     def run(K, *words, **plant):
         np.savez(tmp_path / "plant.npz", **plant)
@@ -40,7 +40,7 @@ def assessed(tmp_path, capsys):
 
 @pytest.mark.parametrize("A", [[[0.0, 1.0], [2.0, -0.3]], [[0.0, 1.0], [0.0, 0.0]]])
 def test_a_linear_plant_is_assessed(assessed, A):
-    """The radius is SciPy's for the held plant; the second A is singular."""
+    """The spectral radius equals that of SciPy's held plant, also for a singular A."""
     B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", A=A, B=B)
     data = json.loads(output)
@@ -68,8 +68,9 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
 def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
-    """A third state that the input drives and the deployment file does not observe; a fast one is
-    judged."""
+    """A slow mode of a state that the deployment file does not observe is reported. A fast one is
+    judged.
+    """
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
     exit_code, output, _ = assessed([[4.24, 2.8]], "--json", A=A, B=[[0.0], [1.0], [0.1]])
@@ -82,7 +83,9 @@ def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code
 
 
 def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
-    """x3 doubles in 150 s. The first line names it where the policy has no gain on it."""
+    """An unstable mode that doubles in 150 s is named in the first line if the policy has no gain
+    on it.
+    """
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
@@ -95,8 +98,9 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):
-    """The result equals that of a deployment file of all states and inputs; a sample time is
-    accepted only for a gain."""
+    """A gain alone has the result of a deployment file of all states and inputs. A sample time is
+    accepted only for a gain.
+    """
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("plant.npz", A=A, B=B)
     np.savez("K.npz", K=[[4.24, 2.8]])

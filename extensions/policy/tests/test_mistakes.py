@@ -1,5 +1,6 @@
-"""Planted mistakes of deployment files: proved mistakes are named, better changes are suggested,
-and correct files get no finding."""
+"""Planted mistakes of deployment files: proved ones are named, better changes are suggested, and
+correct files have no finding.
+"""
 
 import shutil
 from dataclasses import replace
@@ -53,15 +54,17 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """The files contain large changes from one sample to the next, which other units would also
-    cause."""
+    """A missing normalizer of SAC and TD3 is called likely and not proved, because other units
+    would also cause large changes between samples.
+    """
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
 def of_eight_environments(last, last_original):
-    """The deployment file of a SAC without a normalizer, with these last observations of its
-    training."""
+    """Return the deployment file of a SAC without a normalizer, with these last observations of its
+    training.
+    """
     deployment = Deployment.load(FOLDER / "sac_gtm.toml")
     actor = deployment.actor
     stored = replace(actor.stored, last=last, last_original=last_original, environments=8)
@@ -70,7 +73,9 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """The mistake is proved also for small normalized observations; clipped ones lie on no line."""
+    """Observations on lines prove the missing normalizer of SAC, also if they are small. Clipped
+    ones are on no line.
+    """
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
     deployed = of_eight_environments(last, original).on(aircraft("sac_gtm"))
@@ -80,7 +85,9 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """The observations are equal, or a sample apart; where episodes begin again, far apart."""
+    """No normalizer is missed for a SAC trained without one: its observations are equal or one
+    sample apart, and far apart at the begin of episodes.
+    """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
     last = original + change * random.normal(size=(8, 4))
@@ -88,7 +95,9 @@ def test_SAC_without_a_normalizer_lacks_none(change):
 
 
 def test_a_normalizer_too_many_of_SAC_is_named():
-    """Where its observations are a sample apart; those of one environment do not show it."""
+    """A superfluous normalizer of SAC is named if the observations are one sample apart. One
+    environment alone does not show it.
+    """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
     several = of_eight_environments(original + 0.003 * random.normal(size=(8, 4)), original)
@@ -107,7 +116,9 @@ def test_observations_that_do_not_vary_prove_no_normalizer():
 
 
 def test_one_environment_of_SAC_does_not_show_normalizer():
-    """The report states this, unless the deployment file states that no normalizer was used."""
+    """The report states that one environment of SAC does not show a normalizer, unless the
+    deployment file states that none was used.
+    """
     said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
     for name in ("sac_gtm", "ppo_gtm", "a2c_gtm"):
@@ -126,13 +137,15 @@ def test_a_normalizer_too_many_is_named():
 
 @pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
 def test_the_normalizer_of_another_checkpoint_is_named(name, other):
-    """There is no other finding on the statistics of that normalizer."""
+    """The normalizer of another checkpoint is named, without other findings on its statistics."""
     found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
     assert found == ["another checkpoint's normalizer"]
 
 
 def test_normalizer_four_numbers_no_count_to_another_checkpoint():
-    """A normalizer of four numbers has no count to be of another checkpoint."""
+    """A normalizer given as four numbers has no count, and is not assigned to another
+    checkpoint.
+    """
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
@@ -144,7 +157,7 @@ def test_absolute_values_for_deviations_are_named(name):
 
 
 def test_degrees_for_radians_are_named_beyond_limits():
-    """Degrees for radians are named where the training would have left the limits."""
+    """Degrees in place of radians are named if the training would have left the limits."""
     name = "ppo_gtm"
     scaled = {
         key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
@@ -154,7 +167,7 @@ def test_degrees_for_radians_are_named_beyond_limits():
 
 
 def trained_on_absolute_values():
-    """The deployment file of a policy whose normalizer has seen absolute values."""
+    """Return the deployment file of a policy whose normalizer has seen absolute values."""
     right = observed("ppo_gtm", about=0.0)
     deployed = right.on(aircraft("ppo_gtm"))
     trim = deployed.trim_vector(trims("ppo_gtm")[1])
@@ -166,7 +179,7 @@ def trained_on_absolute_values():
 
 
 def test_order_is_not_proved_to_be_absolute_values():
-    """An order is not proved to be absolute values."""
+    """A wrong order of states is not mistaken for absolute values."""
     right = trained_on_absolute_values()
     names = ["pitch", "alpha", "pitch_rate", "speed"]
     wrong = right.changed(observation={key: right.observation[key] for key in names})
@@ -175,7 +188,7 @@ def test_order_is_not_proved_to_be_absolute_values():
 
 
 def test_degrees_are_not_proved_to_be_deviations():
-    """Small angles are seen about 0 in any unit."""
+    """Degrees are not mistaken for deviations, because small angles are near 0 in any unit."""
     right = trained_on_absolute_values()
     observation = {
         key: {**entry, "scale": entry["scale"] / (1.0 if key == "speed" else DEGREES)}
@@ -185,7 +198,7 @@ def test_degrees_are_not_proved_to_be_deviations():
 
 
 def test_scales_left_out_are_not_proved_to_deviations():
-    """Scales left out are not proved to be deviations."""
+    """Omitted scales are not mistaken for deviations."""
     right = observed("ppo_raw", about=0.0)
     stored = card("ppo_raw").actor.stored
     last = stored.last.copy()
@@ -210,7 +223,7 @@ def exchanged(name, one, other):
 
 
 def suggested(name, deployment, points=None):
-    """The texts of what would fly better at some trims, or all."""
+    """Return the texts of the suggested changes."""
     assessor = Assessor(deployment.on(aircraft(name)), points or trims(name), 24)
     found = list(mistakes_of(assessor, assessor.assessed()))
     assert not any(mistake.proved for mistake in found)
@@ -230,7 +243,7 @@ def test_the_order_of_observations_is_suggested():
 
 
 def rescaled(name, of):
-    """The deployment file with other scales of its angles."""
+    """Return the deployment file with other scales of its angles."""
     observation = {
         key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
         for key, entry in card(name).observation.items()
@@ -252,7 +265,9 @@ def test_degrees_and_the_sample_time_are_suggested(changed, said):
 
 
 def without_records(deployment, times=1.0):
-    """A deployment file whose policy contains no evidence of its training, `times` as strong."""
+    """Return a deployment file whose policy, multiplied by `times`, has no evidence of its
+    training.
+    """
     actor = card("ppo_raw").actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     function = ca.Function("alone", [o], [times * actor.function(o)])
@@ -269,7 +284,7 @@ def without_records(deployment, times=1.0):
     ],
 )
 def test_degrees_suggested_of_policy_without_records_of_training(of, said):
-    """Degrees are suggested of a policy without records of its training."""
+    """Degrees are suggested for a policy without records of its training."""
     found = suggested("ppo_raw", without_records(rescaled("ppo_raw", of)))
     assert any(said in text for text in found)
 
@@ -277,14 +292,14 @@ def test_degrees_suggested_of_policy_without_records_of_training(of, said):
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
 def test_nothing_suggested_of_right_card_without_records_training(times):
-    """Nothing is suggested of a right card without records of its training."""
+    """Nothing is suggested for a right deployment file without records of training."""
     right = Deployment.load(FOLDER / "ppo_raw.toml")
     assert suggested("ppo_raw", without_records(right, times)) == []
 
 
 @pytest.mark.slow
 def test_nothing_is_suggested_of_exchange_whose_loop_stable():
-    """Nothing is suggested of an exchange whose loop is stable."""
+    """No change is suggested for an exchange of states whose loop is stable."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
@@ -292,7 +307,7 @@ def test_nothing_is_suggested_of_exchange_whose_loop_stable():
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
 def test_a_right_card_gets_no_suggestion(name, times):
-    """Nothing is suggested of a right card whose policy is too strong or weak."""
+    """Nothing is suggested for a right deployment file whose policy is too strong or too weak."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
@@ -305,7 +320,7 @@ def test_a_right_card_gets_no_suggestion(name, times):
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
 def test_nothing_suggested_of_right_card_with_without_delay(name, delay):
-    """Nothing is suggested of a right card with and without delay."""
+    """Nothing is suggested for a right deployment file, with or without a delay."""
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
 
@@ -315,8 +330,9 @@ SCALES = {"speed": 50.0, "alpha": 0.1, "pitch": 0.2, "pitch_rate": 0.5}
 
 
 def optimum_on_f16(times=1.0):
-    """The deployment file of an exact optimum on the F-16, `times` as strong, which observes with
-    scales."""
+    """Return the deployment file of an exact optimum on the F-16, multiplied by `times`, with
+    scales.
+    """
     Q = {name: scale**-2 for name, scale in SCALES.items()}
     R = {"thrust": 1e-6, "elevator": 0.04}
     model = model_of(F16)
@@ -334,14 +350,14 @@ def optimum_on_f16(times=1.0):
 
 
 def kinds_on_f16(deployment):
-    """Return the changes that would fly better."""
+    """Return the changes that are suggested."""
     model = model_of(F16)
     assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 12)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
 
 
 def with_mistake(kind):
-    """The optimum on the F-16 with a mistake of its card."""
+    """Return the optimum on the F-16 with a mistake in its deployment file."""
     right = optimum_on_f16()
     observation = {name: dict(entry) for name, entry in right.observation.items()}
     if kind == "sign":
@@ -372,7 +388,9 @@ def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
 
 @pytest.mark.parametrize(("times", "found"), [(-0.1, ["sign"]), (-0.02, []), (-10.0, [])])
 def test_a_change_is_named_only_near_the_optimum(times, found):
-    """A wrong sign of a gain ten times too weak; beyond, the policy flies badly with it too."""
+    """A wrong sign is named for a gain up to ten times too weak, beyond which the change does not
+    help.
+    """
     assert kinds_on_f16(optimum_on_f16(times)) == found
 
 
@@ -389,7 +407,7 @@ def test_optimum_of_changed_flights_is_that_of_scipy():
 
 
 def test_all_signs_are_suggested_together():
-    """All signs are suggested where each alone would not do."""
+    """All wrong signs are suggested together if no single change would suffice."""
     right = optimum_on_f16()
     turned_all = {name: {"map": "trim - a"} for name in right.action}
     model = model_of(F16)
@@ -402,14 +420,14 @@ def test_all_signs_are_suggested_together():
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
 def test_nothing_is_suggested_of_optimum_of_another_strength(times):
-    """Nothing is suggested of an optimum of another strength."""
+    """Nothing is suggested for the optimum multiplied by a factor."""
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [2, 6])
 def test_nothing_is_suggested_of_optimum_that_is_late(samples):
-    """Nothing is suggested of an optimum that is late."""
+    """Nothing is suggested for the optimum with a delay."""
     assert (
         kinds_on_f16(optimum_on_f16().changed(timing={"dt": 0.05, "delay": samples * 0.05})) == []
     )
@@ -422,7 +440,7 @@ def test_a_sign_is_suggested_of_late_optimum_too():
 
 
 def test_card_whose_normalizer_lies_elsewhere_refused_by_name(tmp_path):
-    """A deployment file whose normalizer lies elsewhere is refused by its name."""
+    """A deployment file whose normalizer does not exist is refused, and its name is stated."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):

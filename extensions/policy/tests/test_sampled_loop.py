@@ -1,4 +1,4 @@
-"""The sampled loop, its margins and its cost against python-control and SciPy."""
+"""The sampled loop, its margins and its cost compared with python-control and SciPy."""
 
 import math
 import warnings
@@ -22,7 +22,9 @@ R = {"elevator": 1.11, "throttle": 0.00051}
 
 
 def linear_case(scale=1.0):
-    """The rest of the exact LQR times `scale` as a policy on the GTM, and its deployment."""
+    """Return the exact LQR times `scale` as a policy on the GTM, its equilibrium and its
+    deployment.
+    """
     model = model_of(GTM)
     (point,) = trims_of(model, [45.0])
     linear = hfa.linearize(model, point)
@@ -52,7 +54,9 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 
 
 def test_half_a_period_of_the_slowest_oscillation():
-    """Modes of 0.5 and 3 rad/s: one that half a period damps to a twentieth does not count."""
+    """Half a period is that of the slowest mode that half a period does not damp to 5 %, of 0.5 and
+    3 rad/s.
+    """
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)
         slow, fast = np.array([[real, 0.5], [-0.5, real]]), np.array([[-0.2, 3.0], [-3.0, -0.2]])
@@ -64,7 +68,7 @@ def test_half_a_period_of_the_slowest_oscillation():
 
 @pytest.mark.parametrize("samples", [1, 3])
 def test_a_delay_is_chain_of_python_controls_delays(case, samples):
-    """A delay is a chain of python controls delays."""
+    """A delay equals a chain of unit delays of python-control."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
@@ -77,7 +81,9 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
 
 
 def test_half_sample_delay_half_sample_at_twice_rate(case):
-    """At half the sample time a loop whose command changes every other sample, one sample late."""
+    """A delay of half a sample equals one sample at half the sample time with a command that
+    changes every other sample.
+    """
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
     early = Phi @ Phi
@@ -113,7 +119,7 @@ def test_margins_are_those_of_python_control(case):
 
 
 def test_gain_at_margin_is_at_edge_of_stability(case):
-    """Each gain margin, substituted back into the loop, puts a pole on the unit circle to 1e-9."""
+    """At each gain margin the loop has a pole on the unit circle to 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):

@@ -1,5 +1,4 @@
-"""The command of a deployment file equals that of Stable-Baselines3, in float64, with its
-slopes."""
+"""The command of a deployment file and its slopes equal those of Stable-Baselines3 in float64."""
 
 import json
 import zipfile

@@ -1,4 +1,4 @@
-"""Networks of the sizes that Stable-Baselines3 has by default, for all flights at once."""
+"""Networks of the default sizes of Stable-Baselines3, evaluated for all flights at once."""
 
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ from hfa_policy.trims import trims_of
 
 
 def wide_file(path, width, seed=0):
-    """A state dict of two hidden layers with random weights of moderate gain."""
+    """Write a state dict of two hidden layers with random weights of moderate gain."""
     random = np.random.default_rng(seed)
     sizes = (4, width, width, 2)
     arrays = {}
@@ -32,7 +32,7 @@ def wide_file(path, width, seed=0):
 
 @pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
 def test_an_activation_on_rows_is_that_of_graph(name):
-    """An activation on rows is that of the graph."""
+    """An activation evaluated on rows equals that of the graph."""
     values = np.linspace(-45.0, 45.0, 31)
     graph = [float(entry) for entry in ACTIVATIONS[name](values)]
     np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
@@ -40,7 +40,7 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_network_on_rows_is_that_of_graph(name):
-    """The network on rows is that of the graph."""
+    """The network evaluated on rows equals the graph."""
     actor = card(name).actor
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
     kept = observations.copy()
@@ -60,7 +60,7 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 @pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
 @pytest.mark.parametrize("activation", ["gelu", "selu"])
 def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
-    """A wide network of any operations is computed on rows."""
+    """A wide network with any operations is evaluated on rows."""
     card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
     observations = np.random.default_rng(1).normal(size=(20, 4))
     graph = np.array(card.actor.function(observations.T)).T
@@ -102,7 +102,7 @@ def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
 
 
 def test_flight_that_cycles_is_not_flown_to_end():
-    """A flight that cycles is not flown to its end."""
+    """A flight in a limit cycle is not simulated to its end."""
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()
@@ -116,7 +116,7 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that settles elsewhere is not simulated to its end."""
+    """A flight that settles at another equilibrium is not simulated to its end."""
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
@@ -157,7 +157,7 @@ def flown_rows(flight, place, count):
     ],
 )
 def test_window_of_flights_is_samples_of_each_alone(name, delay):
-    """A window of flights is the samples of each alone."""
+    """A window of several flights has the samples of each flight alone."""
     late = card(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()

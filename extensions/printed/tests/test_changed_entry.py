@@ -1,4 +1,6 @@
-"""Slips of the pen planted in plants are named; right, learned and twice wrong ones are not."""
+"""Misprints planted in plants are named. Right, learned and doubly wrong plants have no named
+entry.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ ANOTHER_PLANT = "the answer belongs to another plant"
 
 @pytest.fixture
 def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
-    """The class of a file and its reason, or the error for a plant without an answer."""
+    """Return the class of a file and its reason, or the error for a plant without an answer."""
 
     def judge(text: str) -> tuple[str, str]:
         path = tmp_path / "printed.toml"

@@ -31,8 +31,9 @@ def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
 
 
 def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
-    """The printed answer belongs to A21 = 1, so that every entry of the plant is tried; an error
-    takes the place of the line."""
+    """The search over all entries shows its progress on a terminal, and an error replaces that
+    line.
+    """
     file = tmp_path / "printed.toml"
     other = (
         'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
@@ -50,7 +51,7 @@ def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
 
 
 def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
-    """Bad input of a printed answer is one line."""
+    """Bad input is refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
     assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is unknown")
@@ -77,8 +78,11 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
 
 
 def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
-    """60 states that decay by themselves, at rates 1 to 60: K_i = 1 / (rate + sqrt(rate^2 + 1)) of
-    an input each; the printed gain belongs to other rates of the first two."""
+    """A plant with 60 states is judged without a search for a misprint.
+
+    The states decay at rates 1 to 60, each with an input and K_i = 1 / (rate + sqrt(rate^2 + 1)).
+    The printed gain belongs to other rates of the first two.
+    """
     rates = np.arange(1.0, 61.0)
     gains = 1.0 / (rates + np.sqrt(rates**2 + 1.0))
     rates[:2] = 9.0

@@ -1,4 +1,6 @@
-"""Printed answers: each class, planted errors, and right ones that are never accused."""
+"""Printed answers: each class, planted errors, and right answers, which are never reported as
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -112,7 +114,7 @@ K = "{K}"
 
 @pytest.fixture
 def verdict_of(tmp_path):
-    """The verdict on the text of a file."""
+    """Return the verdict on the text of a file."""
 
     def check(text):
         path = tmp_path / "printed.toml"
@@ -123,12 +125,12 @@ def verdict_of(tmp_path):
 
 
 def printed(matrix, decimals):
-    """A matrix as text with so many decimals."""
+    """Return a matrix as text with this number of decimals."""
     return "; ".join(" ".join(f"{value:.{decimals}f}" for value in row) for row in matrix)
 
 
 def small_case(decimals=5):
-    """SMALL with its right answer."""
+    """Return SMALL with its right answer."""
     plant = Plant(
         A=np.array([[-1.0189, 0.9051], [0.8223, -1.0774]]),
         B=np.array([[0.3127], [1.4586]]),
@@ -190,14 +192,14 @@ def test_one_entry_of_the_answer(verdict_of):
 
 
 def test_a_mirrored_pair_is_one_entry_of_answer(verdict_of):
-    """A mirrored pair is one entry of the answer."""
+    """A symmetric pair counts as one entry of the answer."""
     verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
     assert verdict.classified.name == "one entry of the answer"
 
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
 def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
-    """A right answer is as printed at any number of digits."""
+    """A right answer is called as printed with any number of digits."""
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
@@ -222,7 +224,9 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
 
 
 def test_slip_after_which_no_answer_exists_is_named(verdict_of):
-    """Gamma and an E of one column cannot be distinguished: both are named."""
+    """A misprint after which no answer exists is named. If gamma and an E of one column cannot be
+    distinguished, both are named.
+    """
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
         B=np.array([[0.0], [1.0]]),
@@ -258,7 +262,7 @@ def test_an_answer_of_nothing_cannot_be_told(verdict_of):
 
 
 def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
-    """The opposite sign of a gain is a known mistake."""
+    """The opposite sign of a gain is recognized as a known mistake."""
     text = small_case()
     gain = read_block("K", re.search(r'K = "(.*)"', text)[1])
     opposite = re.sub(r'K = ".*"', f'K = "{printed(-gain.values, 5)}"', text)
@@ -270,7 +274,7 @@ def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
 
 
 def test_missing_factor_on_products_is_known_under_noise(verdict_of):
-    """A missing factor on products is known under noise."""
+    """A missing factor on products is recognized under noise."""
     text = small_case()
     P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
     weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
@@ -331,7 +335,7 @@ def test_formulas_of_parameters_and_a_common_factor():
 
 
 def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
-    """A plant of parameters and a scaled answer are as printed."""
+    """A plant given by parameters, and a scaled answer, are called as printed."""
     text = small_case()
     parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
         "0.8223 -1.0774", "a -1.0774"
@@ -343,7 +347,7 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
 
 
 def test_time_that_every_digit_fits_is_asked_for(verdict_of):
-    """A time that every digit fits is requested."""
+    """If every digit fits the other kind of time, a question suggests it."""
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
     verdict = verdict_of(text.replace('"continuous"', '"discrete"'))
@@ -386,7 +390,7 @@ def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
 
 
 def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
-    """Conclusion from the digits of each case, or "" where they do not."""
+    """Return the conclusion from the digits of each case, or "" without one."""
     classes = []
     for text in files:
         path = folder / "right.toml"
@@ -399,7 +403,9 @@ def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
 
 
 def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
-    """Right tables: learned ones with noise of 1e-6 to 1e-3, or of plants rounded to 3 digits."""
+    """Return right tables: learned ones with noise of 1e-6 to 1e-3, or of plants rounded to 3
+    digits.
+    """
     rng = np.random.default_rng(seed)
     for index in range(count):
         sample = printed_sample(index, rng)
@@ -424,12 +430,16 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
     ],
 )
 def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
-    """Noise or a rounded plant puts one entry beyond its digits, where it has the most of them."""
+    """Noise or a rounded plant that moves one entry beyond its digits is not reported as a wrong
+    entry.
+    """
     assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
 
 
 def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
-    """A digit dropped from an entry whose error is beyond any noise of the others."""
+    """A learned entry with a missing digit, whose error exceeds the noise of the others, is
+    named.
+    """
     rng = np.random.default_rng(5)
     named = 0
     for index in range(20):

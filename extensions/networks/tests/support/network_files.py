@@ -1,4 +1,6 @@
-"""Networks as their users write them: ONNX graphs, torch's zip, safetensors, without torch."""
+"""Networks in the files that users have: ONNX graphs, torch's zip, and safetensors, written without
+torch.
+"""
 
 from __future__ import annotations
 
@@ -35,8 +37,11 @@ def onnx_file(
     inputs: int = 0,
     opset: int = 20,
 ) -> str:
-    """A graph from "x" (1, states), and "u" (1, inputs) where there are any, to "y" (1, outputs).
-    nodes: (operator, inputs, output, attributes)."""
+    """Write a graph from "x" (1, states), and from "u" (1, inputs) if there are any, to "y" (1,
+    outputs).
+
+    nodes: (operator, inputs, output, attributes)
+    """
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     kinds = {
         "float32": onnx.TensorProto.FLOAT,
@@ -72,7 +77,7 @@ def onnx_file(
 
 
 def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
-    """A state dict as torch.save writes it, opcode by opcode."""
+    """Write a state dict as torch.save does, opcode by opcode."""
 
     def text(value: str) -> bytes:
         return b"X" + struct.pack("<I", len(value)) + value.encode()
@@ -103,7 +108,7 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 
 def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
-    """A header of JSON, then the numbers."""
+    """Write a header of JSON and then the numbers."""
     header = {}
     body = b""
     for name, value in tensors.items():
@@ -121,14 +126,14 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 
 def square_layers(*names: str) -> dict[str, np.ndarray]:
-    """Layers 6-6-...-1 with these names; the widths fit in any order of all but the last."""
+    """Return layers 6-6-...-1 with these names. The widths fit in any order of all but the last."""
     rng = np.random.default_rng(4)
     layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
     return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
 
 
 def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
-    """Linear layers 6-4-k of a network with this name."""
+    """Return linear layers 6-4-k of a network with this name."""
     rng = np.random.default_rng(0)
     weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
     return {
@@ -139,7 +144,7 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
 
 
 def refusal(path: str | Path, **how: Any) -> str:
-    """The one line with which a network's file is refused."""
+    """Return the one line with which a network's file is refused."""
     with pytest.raises(BadInputError) as caught:
         network_in(path, 6, **how)
     assert str(caught.value).startswith(f"{path}: ")

@@ -1,4 +1,4 @@
-"""Policies of the tests on their aircraft."""
+"""Policies of the tests and their aircraft."""
 
 from functools import cache
 from pathlib import Path
@@ -31,14 +31,14 @@ model_of = cache(load_model)
 
 
 def aircraft(name):
-    """The model of a policy's aircraft."""
+    """Return the model of a policy's aircraft."""
     where = (AIRCRAFT | UNTRAINED)[name][0]
     return model_of(where) if where else hfa.aircraft()
 
 
 @cache
 def card(name):
-    """The deployment of a policy."""
+    """Return the deployment of a policy."""
     return Deployment.load(FOLDER / f"{name}.toml")
 
 
@@ -49,7 +49,7 @@ def trims(name):
 
 
 def gtm_card(policy, **tables):
-    """A deployment on the GTM, all four states as deviations from trim."""
+    """Return a deployment on the GTM with all four states as deviations from trim."""
     entries = {
         "observation": {"speed": {}, "alpha": {}, "pitch_rate": {}, "pitch": {}},
         "action": {"elevator": {}, "throttle": {}},

@@ -1,9 +1,9 @@
-"""Trains the policies of `policies/` again, each by its card, and writes the slopes that
-Stable-Baselines3's own modules have in float64.
+"""Train the policies of `policies/` again, each by its deployment file, and write their slopes.
 
     python extensions/policy/tests/support/train_policies.py [NAME ...]
 
-Each takes two to eight minutes. Needs stable-baselines3, which no test of the default suite needs.
+The slopes are computed with Stable-Baselines3's own modules in float64. Each training takes two to
+eight minutes and needs stable-baselines3, which no test of the default suite needs.
 """
 
 import json
@@ -66,7 +66,7 @@ def aircraft(name):
 
 
 class Flight(gymnasium.Env):
-    """Ten seconds about a trim, as in the deployment file; the reward is 1 less the cost."""
+    """Ten seconds about a trim, as in the deployment file. The reward is 1 minus the cost."""
 
     def __init__(self, card, model, trims, spread):
         self.card = card
@@ -133,7 +133,9 @@ def train(name):
 
 
 def slopes(name, count=5):
-    """Observations, actions and their slopes by the modules of Stable-Baselines3 in float64."""
+    """Return observations, actions and their slopes by the modules of Stable-Baselines3 in
+    float64.
+    """
     algorithm, *_, is_normalized, _, _, _ = PLANS[name]
     policy = algorithm.load(FOLDER / f"{name}.zip", device="cpu").policy.double()
     stored = None

@@ -1,4 +1,6 @@
-"""Files of printed answers of random plants: right, with slips of the pen planted, or learned."""
+"""Files of printed answers for random plants: right ones, ones with planted misprints, and learned
+ones.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ SLIPS = ("sign", "interchanged", "dropped", "added", "changed", "point")
 
 
 class Slip(NamedTuple):
-    """A slip of the pen: entry, as "A21", its right text and the typed one."""
+    """A misprint: its entry, such as "A21", the right text and the printed one."""
 
     entry: str
     right: str
@@ -24,8 +26,8 @@ class Slip(NamedTuple):
 class PrintedSample(NamedTuple):
     """A plant and its exact answer.
 
-    texts: the plant as typed
-    decimals: of the answer
+    texts: the plant as printed
+    decimals: number of decimals of the answer
     """
 
     texts: Texts
@@ -34,7 +36,7 @@ class PrintedSample(NamedTuple):
     decimals: int
 
     def file(self, *, learned: bool = False) -> str:
-        """Text of the sample's file."""
+        """Return the text of the sample's file."""
         rows = {name: "; ".join(map(" ".join, block)) for name, block in self.texts.items()}
         plant = "\n".join(f'{name} = "{row}"' for name, row in rows.items())
         printed = "\n".join(
@@ -46,7 +48,7 @@ class PrintedSample(NamedTuple):
         return f'time = "{time}"\n{flag}[plant]\n{plant}\n[printed]\n{printed}\n'
 
     def noisy(self, size: float, rng: np.random.Generator) -> PrintedSample:
-        """With noise in parts of each entry of the answer; P stays symmetric."""
+        """Return the sample with relative noise in each entry of the answer. P stays symmetric."""
         answer = {}
         for name, matrix in self.answer.items():
             noise = rng.standard_normal(matrix.shape)
@@ -56,7 +58,7 @@ class PrintedSample(NamedTuple):
         return self._replace(answer=answer)
 
     def with_slip(self, kind: str, rng: np.random.Generator) -> tuple[PrintedSample, Slip]:
-        """With a slip in an entry of A, B or E that is not 0."""
+        """Return the sample with a misprint in an entry of A, B or E that is not 0."""
         while True:
             name = str(rng.choice([name for name in ("A", "B", "E") if name in self.texts]))
             block = self.texts[name]
@@ -72,8 +74,10 @@ class PrintedSample(NamedTuple):
 
 
 def printed_sample(index: int, rng: np.random.Generator) -> PrintedSample:
-    """2 to 4 states, by turns an LQR or a game, in continuous or discrete time; the plant has 4 to
-    6 digits, its answer (P, K, or both) 3 to 6 decimals."""
+    """Return an LQR or a game in turn, with 2 to 4 states, in continuous or discrete time.
+
+    The plant has 4 to 6 digits, and its answer (P, K, or both) 3 to 6 decimals.
+    """
     is_discrete = index % 2 == 1
     while True:
         n = int(rng.integers(2, 5))
@@ -120,7 +124,7 @@ def _plant(texts: Texts, is_discrete: bool) -> Plant:
 
 
 def _slipped(text: str, kind: str, rng: np.random.Generator) -> str | None:
-    """The text after a slip in its digits, or None where that is no text of a number."""
+    """Return the text with a misprint of its digits, or None if that is not a number."""
     sign = "-" if text.startswith("-") else ""
     digits = text.removeprefix("-")
     first = next(index for index, digit in enumerate(digits) if digit in "123456789")
