@@ -95,7 +95,7 @@ class Value(Result):
 
     @property
     def twice(self) -> tuple[str, ...]:
-        """Return the name twice."""
+        """The name, two times."""
         return (self.leaf.name, self.leaf.name)
 
 

@@ -1,4 +1,4 @@
-"""The table of fields: a statement that differs in one of them is refused, or looks different."""
+"""Every field of a statement: one that differs from the input is refused or printed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CASES = ("rate", "second order", "actuators", "critic", "plant", "models")
 
 
 def changed(value: Any) -> Any:
-    """The entry with its first number or text changed."""
+    """Return the entry with its first number or text changed."""
     if isinstance(value, dict):
         if not value:
             return {"x": 1.0}
@@ -53,7 +53,7 @@ def with_changed(content: Any, path: str) -> Any:
 
 
 def request_for(kind: str, folder: Path) -> CheckRequest:
-    """The options that give all that can be given of the subject of a certificate."""
+    """Return all options that can be given for the subject of a certificate."""
     statement = certificate(kind)["statement"]
     weights = folder / "weights.npz"
     options: dict[str, Any] = {"model": hfa.aircraft(), "weights": weights}
@@ -79,7 +79,7 @@ def request_for(kind: str, folder: Path) -> CheckRequest:
 
 
 def text_of(kind: str, content: Any) -> str:
-    """The report on a statement, without its digest."""
+    """Return the report on a statement without its digest."""
     statement = read_statement(certificate(kind)["kind"], content, model_of(kind))
     lines = checked_report(Verified(statement, 1, WRITTEN)).text().splitlines()
     return "\n".join(line for line in lines if not line.startswith("statement: SHA-256"))
@@ -129,8 +129,9 @@ def test_what_is_not_given_is_named() -> None:
 
 
 def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
-    """None is ignored: an aircraft with a plant's certificate, a plant with an aircraft's, a design
-    without its controller."""
+    """Options of another kind are refused and not ignored: an aircraft for a plant's certificate, a
+    plant for an aircraft's, and a design without its controller.
+    """
     model = hfa.aircraft()
     for kind, options in (
         ("plant", {"dynamics": "published"}),
@@ -148,8 +149,9 @@ def test_options_of_another_kind_are_refused(tmp_path: Path) -> None:
 
 
 def test_value_with_another_gain_not_about_this_gain(tmp_path: Path) -> None:
-    """K of the statement is not that of its W: a file of W alone is refused, and that K is the gain
-    of W cannot be claimed."""
+    """A statement whose K is not the gain of its W is not verified by a file of W alone, and cannot
+    claim that it is.
+    """
     made = certificate("plant")
     statement = read_statement(made["kind"], made["statement"], None)
     assert not statement.gain_of_value

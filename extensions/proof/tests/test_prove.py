@@ -1,4 +1,4 @@
-"""`hfa prove`: statements, certificates, and one line for everything that goes wrong."""
+"""`hfa prove`: statements, certificates, and errors in one line."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from proof_cases import unstable_between
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Each test runs in a new empty folder."""
+    """Run each test in a new empty folder."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """One certificate of each kind."""
+    """Return one certificate of each kind."""
     folder = tmp_path_factory.mktemp("kinds")
     solved = folder / "solved.json"
     assert hfa("solve", "--dihedral", "15", "-o", str(solved)).code == 0
@@ -49,7 +49,9 @@ def certificates(certificate: Path, tmp_path_factory: pytest.TempPathFactory) ->
 
 @pytest.mark.parametrize("kind", ["schedule", "errors", "solution", "critic", "models"])
 def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], kind: str) -> None:
-    """The title has at most 100 columns, even without further options."""
+    """A certificate of each kind is verified without further options, with a title of at most 100
+    columns.
+    """
     result = hfa("prove", "--check", str(certificates[kind]), "--json", "-o", "check.md")
     assert result.code == 0
     title = Path("check.md").read_text(encoding="utf-8").partition("\n\n")[0]
@@ -68,8 +70,9 @@ def test_a_certificate_of_each_kind_is_verified(certificates: dict[str, Path], k
 def test_a_certificate_is_bound_to_ones_own_data(
     certificates: dict[str, Path], tmp_path: Path
 ) -> None:
-    """The user's own gains, weights and angles pass; others give exit 1, and a field that it does
-    not state gives exit 2."""
+    """A certificate passes with the user's own gains, weights and angles. Others give exit code 1,
+    and a field that it does not state gives 2.
+    """
     critic = str(certificates["critic"])
     schedule = str(certificates["schedule"])
     solved = str(certificates["critic"].parent / "solved.json")
@@ -135,7 +138,7 @@ def test_what_is_checked_is_the_aircraft_of_certificate(tmp_path: Path) -> None:
 
 
 def test_digest_is_of_proof_and_edited_date_shows(certificate: Path, tmp_path: Path) -> None:
-    """The digest is of the proof and an edited date shows."""
+    """The digest covers the proof, and an edited date is noticed."""
     again = tmp_path / "again.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", "0")

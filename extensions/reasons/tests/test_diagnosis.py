@@ -63,8 +63,10 @@ def named(
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
-    """Return whether its errors refuse it, which `test_critic_check.py` and
-    `test_network_search.py` turn into the verdict."""
+    """Return whether the errors refuse a critic.
+
+    `test_critic_check.py` and `test_network_search.py` test the verdict that follows.
+    """
     return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
 
 
@@ -133,8 +135,11 @@ RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K"
 
 
 def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
-    """How many tables of random games with this mistake, or "" for none, and noise get its words;
-    other games are left out, which a noisy table cannot be of."""
+    """Return how many noisy tables of random games with this mistake, or "" for none, are given its
+    words.
+
+    Games of which a noisy table cannot be judged are skipped.
+    """
     rng = np.random.default_rng(seed)
     count = 0
     for index in range(games):
@@ -158,14 +163,14 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     ],
 )
 def test_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
-    """A mistake under noise of 1 percent is named."""
+    """A mistake is named under noise of 1 %."""
     assert named_under_noise(mistake, 0.01, 3, 0) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", OF_ANY_GAME)
 def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
-    """A mistake under noise of 1 percent is named in 95 of 100."""
+    """A mistake under noise of 1 % is named in 95 of 100 tables."""
     assert named_under_noise(mistake, 0.01, 100, 1) >= 95
 
 
@@ -174,7 +179,7 @@ def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
     "size", [0.01, *(pytest.param(size, marks=SLOW) for size in (0.003, 0.04))]
 )
 def test_noise_alone_gets_no_cause_in_99_100(size: float, games: int) -> None:
-    """Noise alone gets no cause in 99 of 100."""
+    """Noise alone has no cause in 99 of 100 tables."""
     assert named_under_noise("", size, games, 2) >= 0.99 * games
 
 
@@ -208,7 +213,7 @@ def test_random_errors_gain_beside_value_get_no_cause(game: Game) -> None:
 def test_critic_of_another_angle_is_named_with_angle(
     kind: str, dynamics: str, degrees: float, other: float
 ) -> None:
-    """A critic of another angle is named with its angle."""
+    """A critic of another dihedral angle is named with that angle."""
     game = game_at(degrees, dynamics)
     theirs = game_at(other, dynamics)
     candidate = candidate_of(game, kind, lambda _: value(theirs) if kind == "P" else gain(theirs))
@@ -218,14 +223,16 @@ def test_critic_of_another_angle_is_named_with_angle(
 
 
 def test_noisy_gain_not_taken_for_of_another_angle(game: Game) -> None:
-    """A noisy gain is not taken for that of another angle."""
+    """A noisy gain is not mistaken for that of another angle."""
     noise = np.random.default_rng(2).standard_normal(gain(game).shape)
     assert named(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), game_at) == ""
 
 
 @pytest.mark.parametrize("degrees", [5, pytest.param(15, marks=SLOW)])
 def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> None:
-    """Where their rounding alone makes the difference, it has its cause all the same."""
+    """A critic of the printed matrices is named, although only their rounding makes the
+    difference.
+    """
     printed = game_models()[f"published-{degrees}"]
     for candidate in (from_value(game, value(printed)), from_gain(game, gain(printed))):
         assert wrong(game, candidate)
@@ -257,7 +264,7 @@ def test_one_number_is_not_taken_for_another_game() -> None:
 
 
 def test_three_numbers_enough_tell_another_game_two_not() -> None:
-    """Three numbers are enough to tell another game and two are not."""
+    """Three numbers suffice to recognize another game, and two do not."""
     candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
         SMALL, from_value(SMALL, value(candidate))
@@ -282,7 +289,7 @@ NETWORK = ("--set", "activation=tanh", "--set", f"scale={SCALE}")
 def layers(
     name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)
 ) -> dict[str, Any]:
-    """The state dict with its outputs multiplied, its states and its outputs in another order."""
+    """Return the state dict with scaled outputs, and with states and outputs in another order."""
     with np.load(TRAINED / f"{name}.npz") as stored:
         reasons = dict(stored)
     first, *_, weight, bias = reasons
@@ -383,7 +390,7 @@ def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None
 def random_value(
     rng: np.random.Generator, hidden: int, gain: float, is_square: bool
 ) -> ca.Function:
-    """V of a network that has learned nothing: torch's first weights times a gain."""
+    """Return V of an untrained network: torch's initial weights times a gain."""
     z = ca.SX.sym("z", 6)
     h = z
     for width in (hidden, hidden, 1):
@@ -397,8 +404,9 @@ def random_value(
 
 @pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
 def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) -> None:
-    """A norm over the box is that of its largest entry: one of 21 would be a factor, a discount of
-    1e5 1/s, a decimal slip."""
+    """An untrained network has no cause, although single entries would fit a factor, a discount of
+    1e5 1/s, or a decimal slip.
+    """
     rng = np.random.default_rng(4)
     reasons = []
     for draw in range(draws):
@@ -408,7 +416,9 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
 
 
 def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
-    """P = Q / beta is nearly the solution with a discount beta of any size."""
+    """A named discount or step is plausible for the rates of the plant, because P = Q / beta fits a
+    large discount beta of any size.
+    """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)
     assert "a discount of 0.3 1/s" in named(game, from_value(game, value(slow)))
@@ -417,7 +427,7 @@ def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
 def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
-    """The stored weights come from the example, but for what rounding makes of its steps."""
+    """A new training gives the stored weights up to rounding, and a network of 64-64 is judged."""
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
         assert {key: entry.shape for key, entry in again.items()} == {
@@ -440,7 +450,9 @@ def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
     ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
 )
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
-    """The errors of V and of the policy, at four or eight values of each state."""
+    """The search finds at least the errors of V and of the policy on a grid of four or eight values
+    of each state.
+    """
     exact = solved(game)
     b = BOX
     z = np.array(np.meshgrid(*[np.linspace(-1.0, 1.0, points)] * 6)).reshape(6, -1) * b[:, None]
@@ -468,7 +480,7 @@ def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) 
 def test_several_critics_folder_checkpoints_one_table_learning_curve(
     game: Game,
 ) -> None:
-    """Several critics and a folder of checkpoints are in one table and a learning curve."""
+    """Several critics, or a folder of checkpoints, give one table and a learning curve."""
     Path("runs").mkdir()
     for step, share in ((2, 3.0), (10, 1.5)):
         np.savez(f"runs/step_{step}.npz", **layers("gamma_120", out=share))

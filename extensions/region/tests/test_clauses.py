@@ -1,4 +1,4 @@
-"""One quick forgery for each clause of the checker of regions: each is refused, by that clause."""
+"""One quick forgery for each clause of the checker of regions. Each is refused by its clause."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Content = dict[str, Any]
 
 
 def _oscillator(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """x' = y, y' = -x: every trajectory goes round in a circle."""
+    """The oscillator x' = y, y' = -x, whose trajectories are circles."""
     return {"x": x.y, "y": -x.x}, {}
 
 
@@ -47,10 +47,10 @@ def _square(low: int, high: int, diagonal: list[float]) -> Content:
 
 
 def circle(smallest: float) -> Content:
-    """A certificate that x² + y² <= 3 of the oscillator converges to 0.
+    """Return a certificate that x² + y² <= 3 of the oscillator converges to 0.
 
-    smallest: of V <= 3, times the multiplier smallest |y|², whose terms of degree 4 are positive;
-        those of degree 2 lie within the rounding of V' = 0 in coordinates that are turned
+    smallest: factor of the multiplier smallest |y|² of V <= 3. Its terms of degree 4 are positive,
+        and those of degree 2 are within the rounding of V' = 0 in rotated coordinates.
     """
     inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
         "multipliers": {"outside": _square(0, 0, [1.0001])}
@@ -100,7 +100,7 @@ SCALE = 1.7322
 
 
 def _end(side: str) -> Content:
-    """1.735 ± SCALE y_1 > 0 where V <= 3: 0.87 times 1 - V/3, and the rest."""
+    """Return 1.735 ± SCALE y_1 > 0 for V <= 3: 0.87 times 1 - V/3, and the rest."""
     gram = np.diag([1.735 - 0.87, 0.87 * SCALE**2 / 3.0, 0.87 * SCALE**2 / 3.0])
     gram[0, 1] = gram[1, 0] = (SCALE if side == "low" else -SCALE) / 2.0
     return {
@@ -111,7 +111,7 @@ def _end(side: str) -> Content:
 
 
 def sink() -> Content:
-    """The true certificate."""
+    """Return the true certificate."""
     inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
         "multipliers": {"outside": _square(0, 0, [1.0001])}
     }
@@ -149,7 +149,7 @@ def _high_by_the_evidence_of_low(content: Content) -> None:
 
 
 def _small_ball(content: Content) -> None:
-    """V' < 0 is proved in a ball that does not hold the set; that V > 0 beyond it is true."""
+    """Prove V' < 0 in a ball that does not contain the set. V > 0 beyond the ball is true."""
     content["witness"]["T"] = [[0.5, 0.0], [0.0, 0.5]]
     content["witness"]["inside"] = _square(0, 1, [0.05, 0.03, 0.03]) | {
         "multipliers": {"outside": _square(0, 0, [0.05])}
@@ -159,7 +159,7 @@ def _small_ball(content: Content) -> None:
 
 
 def _said_to_be_empty(content: Content) -> None:
-    """The whole set, with evidence that 1 is positive and not -1."""
+    """Claim that the whole set is empty, with evidence that 1 is positive and not -1."""
     content["witness"]["parts"] = []
     evidence = _square(0, 0, [1.0]) | {"multipliers": {}}
     content["witness"]["empty"] = [{"inputs": [], "evidence": evidence}]
@@ -176,12 +176,12 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _lower_order(content: Content) -> None:
-    """Taylor polynomials of order 1 of V of degree 2."""
+    """Use Taylor polynomials of order 1 for a V of degree 2."""
     content["witness"]["order"] = 1
 
 
 def _thirteen(content: Content) -> None:
-    """Monomials up to degree 13 in the proof that the ball contains the set."""
+    """Use monomials up to degree 13 in the proof that the ball contains the set."""
     content["witness"]["inside"] |= _square(0, 13, [1e-9] * 105)
 
 
@@ -262,7 +262,7 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
 
 
 def _polynomial(*coefficients: float) -> Polynomial:
-    """c_0 + c_1 y + c_2 y² .."""
+    """Return c_0 + c_1 y + c_2 y² ..."""
     return Polynomial([{power: arb(c)} for power, c in enumerate(coefficients)])
 
 
@@ -271,14 +271,18 @@ def _gram(low: int, high: int, rows: list[list[float]]) -> Square:
 
 
 def test_a_multiplier_that_is_not_positive_is_refused() -> None:
-    """y² - 0.5 = -1 (1 - y²) + 0.5 is not positive where 1 - y² >= 0."""
+    """A negative multiplier is refused: y² - 0.5 = -1 (1 - y²) + 0.5 is not positive for 1 - y² >=
+    0.
+    """
     evidence = Evidence(_gram(0, 0, [[0.5]]), {"ball": _gram(0, 0, [[-1.0]])})
     with pytest.raises(Rejected, match="Gram matrix"):
         check_positive("a test", _polynomial(-0.5, 0.0, 1.0), BALL_OF_ONE, evidence, 1)
 
 
 def test_what_identity_lacks_is_shared_by_its_places() -> None:
-    """y of 1, y, y² has two places: 1 + 1.5 y + y² + y⁴ is positive, 1 + 2.2 y + y² + y⁴ is not."""
+    """The residual of the identity is divided among its entries: with 1, y, y², 1 + 1.5 y + y² + y⁴
+    is proved positive, and 1 + 2.2 y + y² + y⁴ is not.
+    """
     evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
     check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)
     with pytest.raises(Rejected, match="not proved positive"):
@@ -289,8 +293,9 @@ BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
 def test_what_is_left_out_is_below_lower_bound() -> None:
-    """The terms of y² - 3 y⁴ + remainder 2 |y|⁵ above degree 2 are subtracted with their whole
-    norm."""
+    """The lower bound subtracts the whole norm of the terms of y² - 3 y⁴ + remainder 2 |y|⁵ above
+    degree 2.
+    """
     taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
     (_, _, square) = taylor.lowest(1, 2).parts
     assert square[2] <= 1.0 - 3.0 - 2.0
@@ -300,7 +305,7 @@ def test_what_is_left_out_is_below_lower_bound() -> None:
 
 
 def _driven(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """x' = x - u + w; the output is beyond its limit between the ends of w only."""
+    """Return x' = x - u + w with an output beyond its limit only between the ends of w."""
     return {"x": x.x - u.u + w.w}, {"bump": 0.1 * x.x + 1.0 - w.w**2}
 
 
@@ -331,13 +336,15 @@ def test_an_equilibrium_at_limit_of_input_is_refused() -> None:
 
 
 def test_equilibria_that_are_not_isolated_are_refused() -> None:
-    """x' = x - u with u = x: every x is one, though that of the open loop is alone."""
+    """x' = x - u with u = x is refused, because every x is an equilibrium."""
     with pytest.raises((Rejected, ZeroDivisionError)):
         Equilibrium(_loop(K=1.0))
 
 
 def test_the_jacobian_has_the_slope_of_the_policy() -> None:
-    """At x = 0.25 the input is 2 x + 0.5 x², and the slope of x' = x - u is -1.25."""
+    """The Jacobian of the loop contains the slope of the policy: -1.25 at x = 0.25 for x' = x - u
+    with u = 2 x + 0.5 x².
+    """
     equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
     (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
     assert slope.contains(arb(-1.25))
@@ -350,15 +357,16 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 def test_each_input_limit_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
-    """u = 2 x + 0.5 x² moves by 2.5 in the ball."""
+    """Each input limit has its own margin: u = 2 x + 0.5 x² moves by 2.5 in the ball."""
     loop = replace(_loop(), limits={"u": ends}, policy={"u": ((0.5, (2,)),)})
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     assert region.reaches("u") == reached
 
 
 def test_policies_are_about_trims_not_equilibria() -> None:
-    """About the equilibrium at 2e-7 the command u = 2 z + 0.5 z², z = x - 1e-7, has a slope above
-    2."""
+    """A policy acts on deviations from the trim, not from the equilibrium: at the equilibrium 2e-7,
+    u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
+    """
     loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     (slope,) = region.command(0).parts[1].values()
@@ -367,7 +375,7 @@ def test_policies_are_about_trims_not_equilibria() -> None:
 
 @pytest.mark.parametrize("size", [0.0, -0.1])
 def test_a_disturbance_has_a_positive_size(size: float) -> None:
-    """Under disturbances of negative size every set is invariant."""
+    """A disturbance of negative size, under which every set would be invariant, is refused."""
     extents = {"x": (-1.0, 1.0)}
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
     stated = statement.content()
@@ -377,7 +385,7 @@ def test_a_disturbance_has_a_positive_size(size: float) -> None:
 
 
 def test_a_disturbance_is_at_an_end_on_each_part() -> None:
-    """A disturbance is at one of its ends on each part."""
+    """On each part the disturbance is at one of its ends."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
     for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
@@ -387,7 +395,7 @@ def test_a_disturbance_is_at_an_end_on_each_part() -> None:
 
 
 def test_output_is_within_limits_between_ends_of_disturbance() -> None:
-    """An output is within its limits between the ends of a disturbance."""
+    """An output must also be within its limits between the ends of the disturbance."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
     with pytest.raises(Rejected, match="bump may leave"):
@@ -395,7 +403,7 @@ def test_output_is_within_limits_between_ends_of_disturbance() -> None:
 
 
 def test_a_saturated_rate_keeps_its_center() -> None:
-    """Where u is at its limit x' is not 0 at y = 0."""
+    """Where u is at its limit, the rate x' keeps its nonzero value at y = 0."""
     loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
     ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
@@ -404,7 +412,9 @@ def test_a_saturated_rate_keeps_its_center() -> None:
 
 
 def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
-    """The ends of the interval need not be the worst."""
+    """Rates that are not affine in the disturbance are refused, because its ends may not be the
+    worst.
+    """
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"x": -x.x + 1.0 - w.w**2}, {}
@@ -423,7 +433,9 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
 
 
 def test_quartic_extents_are_proved_or_the_balls() -> None:
-    """The extents are those of the statement, and never beyond the ball of radius 2."""
+    """The extents of a quartic set are those of the statement, and at most those of the ball of
+    radius 2.
+    """
     loop = RegionStatement.read(sink()["statement"], SINK).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
@@ -432,7 +444,9 @@ def test_quartic_extents_are_proved_or_the_balls() -> None:
 
 
 def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
-    """sqrt(3) rounded to nearest is below it."""
+    """Extents of an ellipsoid are rounded outward. sqrt(3) rounded to nearest would be too
+    small.
+    """
     statement = RegionStatement.read(sink()["statement"], SINK)
     low, high = extents_of(statement, np.eye(2))["x"]
     assert Fraction(high) ** 2 > 3
@@ -440,7 +454,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
 
 
 def test_the_equilibrium_is_enclosed() -> None:
-    """The equilibrium of x' = 2 - x² is not a double, nor a number of 192 bits."""
+    """The equilibrium of x' = 2 - x², which is not representable with 192 bits, is enclosed."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
     loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
     (found,) = Equilibrium(loop).x
@@ -451,7 +465,9 @@ def test_the_equilibrium_is_enclosed() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("extent", [0.6, 0.7])
 def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) -> None:
-    """A state at 0.35 or -0.35 that moves by 0.7 leaves the limits -1 and 1."""
+    """Limits of states are checked about the equilibrium: a state at ±0.35 that moves by 0.7 leaves
+    ±1.
+    """
     ends = sorted((-0.5 * sign, extent * sign))
     claim = SimpleNamespace(
         extents={"x": ends}, loop=SimpleNamespace(limits={"x": (-1.0, 1.0)}, held={})
@@ -469,7 +485,7 @@ def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) 
 
 
 def _glider(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Two states, one input and one disturbance."""
+    """A model of two states, one input and one disturbance."""
     rates = {
         "a": -x.a + 0.5 * x.b * x.b + 0.3 * u.u,
         "b": x.a - 0.4 * x.b + u.u + 0.2 * x.a * u.u + w.w,
@@ -510,7 +526,7 @@ def _commanded(z: np.ndarray) -> np.ndarray:
 
 
 def _values(polynomial: Polynomial, y: np.ndarray) -> np.ndarray:
-    """Values at (N, 2), in doubles."""
+    """Return values at (N, 2) points in doubles."""
     total = np.zeros(len(y))
     for key, _, coefficient in polynomial.terms():
         total += float(coefficient) * y[:, 0] ** (key & 255) * y[:, 1] ** (key >> 8)
@@ -525,7 +541,9 @@ def _ball_points() -> np.ndarray:
 @pytest.mark.parametrize("side", [LOWEST, HIGHEST])
 @pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
 def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
-    """-V' / rho of the formulas is above its bound and near it, at every place of the ball."""
+    """At every point of the ball the bound on the decrease is below -V' / rho of the formulas and
+    near it.
+    """
     y = _ball_points()
     z = y @ GLIDER_T.T
     a, b = z.T
@@ -545,14 +563,14 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
 
 
 def test_the_ball_reaches_as_far_as_its_rows() -> None:
-    """The ball reaches as far as the rows of its coordinates."""
+    """The ball extends as far as the rows of its coordinates."""
     loop = _glider_loop()
     for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
         assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
 
 
 def test_parts_are_where_the_input_is_as_stated() -> None:
-    """All constraints of exactly one part hold at each place."""
+    """At each point the constraints of exactly one part hold."""
     y = _ball_points()
     command = _commanded(y @ GLIDER_T.T)
     loop = _glider_loop()
@@ -575,14 +593,18 @@ def test_every_part_is_needed(missing: int) -> None:
 
 
 def test_the_remainders_of_a_product_multiply() -> None:
-    """|y|² times |y|², each known only to be within |y|² of 0."""
+    """The remainders of a product multiply: |y|² times |y|², each known only to be within |y|² of
+    0.
+    """
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     assert (unknown * unknown).remainder >= 1
     assert (unknown * -2).remainder >= 2
 
 
 def test_a_function_of_a_remainder_has_a_remainder() -> None:
-    """The exponential of a value within |y|² of 0 reaches e at |y| = 1."""
+    """A function of a remainder has a remainder: the exponential of a value within |y|² of 0
+    reaches e at |y| = 1.
+    """
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     found = unknown.through(arb_series.exp)
     assert found.center + found.remainder >= arb(1).exp()
@@ -590,7 +612,7 @@ def test_a_function_of_a_remainder_has_a_remainder() -> None:
 
 @pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
 def test_norms_of_products_are_above_their_values(power: int, largest: float) -> None:
-    """(y_1 y_2)^k is 2^-k on the unit circle."""
+    """Norms of products are at least their values: (y_1 y_2)^k reaches 2^-k on the unit circle."""
     parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
     product = Polynomial([*parts, {key_of((power, power)): arb(1)}])
     assert product.norms()[2 * power] >= largest

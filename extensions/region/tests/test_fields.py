@@ -1,4 +1,4 @@
-"""Each field of a region's statement is compared with the user's input, or shown."""
+"""Each field of a region's statement is compared with the user's input, or printed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
-    """Certificate of the pendulum."""
+    """Return the certificate of the pendulum."""
     folder = tmp_path_factory.mktemp("fields")
     return certified(folder / "pendulum.json", pendulum_loop(model), 0.98)
 
@@ -136,7 +136,9 @@ SWING = Model(
 def test_parameters_of_another_aircraft_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The hash of the user's file is right, the parameters are not the user's."""
+    """Parameters that are not the user's are refused, although the hash of the user's file is
+    right.
+    """
     file = tmp_path / "swing.py"
     file.write_text(HEAVIER)
     aircraft = f"{file}:SWING"
@@ -160,7 +162,7 @@ def test_narrower_limits_of_an_input_are_another_saturation(path: Path, model: M
 
 
 def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
-    """The stated ones may be any outer bound; those that are shown touch the ellipse."""
+    """Stated extents may be any outer bound, and the printed ones touch the ellipse."""
     verified = check_certificate(path, model=model)
     P = np.array(checked_report(verified).data["P"])
     ends = np.sqrt(verified.statement.rho * np.diag(np.linalg.inv(P)))
@@ -170,8 +172,9 @@ def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
 
 
 def test_outcomes_of_starts_are_told_apart() -> None:
-    """A double integrator that converges late counts as converged; what goes beyond a limit is not
-    either."""
+    """Outcomes are distinguished: a double integrator that converges late counts as converged, and
+    one beyond a limit does not.
+    """
 
     def two(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"x": x.v, "v": u.a}, {}
@@ -194,7 +197,7 @@ def test_outcomes_of_starts_are_told_apart() -> None:
 
 
 def test_a_start_far_away_returns() -> None:
-    """x' = -x from 1e35 nominal values."""
+    """x' = -x converges from 1e35 nominal values."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)

@@ -1,4 +1,4 @@
-"""Starts in proved sets are flown, and those of the tutorial's aircraft are proved."""
+"""Flights from proved sets, and initial conditions of the tutorial's aircraft that are proved."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ROOT = Path(__file__).parents[3]
 
 
 def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
-    """The statement of a new certificate, and what was printed."""
+    """Return the statement of a new certificate and the printed text."""
     printed = proved(path, aircraft, "--json", *words)
     statement = check_certificate(path, model=load_model(aircraft)).statement
     return statement, json.loads(printed)
 
 
 def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
-    """Starts are drawn in the set and on its edge."""
+    """Initial conditions are drawn in the set and on its edge."""
     model = load_model(PENDULUM)
     path = certified(tmp_path / "pendulum.json", pendulum_loop(model), 0.98)
     statement = check_certificate(path, model=model).statement

@@ -1,4 +1,4 @@
-"""Sets that are invariant under a disturbance: proved, checked, forged, flown."""
+"""Invariant sets under a disturbance: proved, checked, forged, and flown."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def undisturbed() -> Region:
 
 
 def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> None:
-    """The largest set of the oscillator under a push."""
+    """The largest invariant set of the oscillator under a constant force is found."""
     data = region_report(invariant_region(undisturbed, {"push": SIZE})).data
     assert data["disturbances"] == {"push": SIZE}
     assert data["rho"] < data["decrease_fails_at"]["V"] < 1.03 * data["rho"]
@@ -75,7 +75,7 @@ def test_the_largest_set_of_the_oscillator_under_push(undisturbed: Region) -> No
 
 
 def test_an_interruption_keeps_the_first_invariant_set(undisturbed: Region) -> None:
-    """Ctrl-C ends the search after the V that is being proved."""
+    """Ctrl-C ends the search after the V that is being proved, and keeps the first set."""
     tried = []
 
     def interrupt(done: float, whole: float, what: str = "", /) -> None:
@@ -111,7 +111,7 @@ def test_what_is_proved_is_said(
 
 
 def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Model) -> None:
-    """No start on the edge leaves under the worst push."""
+    """No flight from the edge leaves the set under the worst disturbance."""
     statement = check_certificate(certificate, model=model).statement
     T = V.coordinates()
     edge = edge_points(V, T, statement.rho)[::20] @ T.T
@@ -122,7 +122,7 @@ def test_no_start_on_edge_leaves_under_worst_push(certificate: Path, model: Mode
 
 
 def _highest(plant: DisturbedPlant, starts: np.ndarray) -> float:
-    """The largest V on the way of 1.5 s, by the classical method of Runge and Kutta."""
+    """Return the largest V within 1.5 s by the classical Runge-Kutta method."""
     z = starts
     step = 0.01
     highest = 0.0
@@ -158,7 +158,7 @@ def test_a_thousand_forgeries_are_refused(certificate: Path, model: Model) -> No
 
 
 def test_region_of_attraction_is_not_proved_by_edge(certificate: Path, model: Model) -> None:
-    """V' < 0 on V = rho without disturbance is no proof that the loop converges."""
+    """V' < 0 on V = rho without disturbance does not prove that the loop converges."""
     content = json.loads(certificate.read_text())
     content["statement"]["disturbances"] = {}
     for part in content["witness"]["parts"]:

@@ -1,4 +1,4 @@
-"""Certificates of regions by sums of squares, changed at random: none that is false is accepted."""
+"""Certificates of regions by sums of squares, changed at random. No false one is accepted."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def content(kind: str) -> dict[str, Any]:
 
 
 def is_true(statement: RegionStatement) -> bool:
-    """Return whether the claim holds at `DEVIATIONS`, but within 1e-4 of 0."""
+    """Return whether the claim holds at `DEVIATIONS`, except within 1e-4 of 0."""
     loop = statement.loop
     x0 = loop.trim["level"]
     x = x0
@@ -81,7 +81,7 @@ def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FUNCTIONS)
 def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
-    """An accepted claim is another one that is true, as of a lower level or wider extents."""
+    """Every accepted changed claim is true, for example one with a lower level or wider extents."""
     rng = np.random.default_rng(0)
     original = content(kind)
     statement, witness = read_content(copy.deepcopy(original), TANK)
@@ -102,7 +102,9 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
 
 
 def test_a_false_claim_of_a_tank_is_found() -> None:
-    """Beyond a level of 2 the saturated valve cannot drain the tank; beyond 1.2 is the limit."""
+    """False claims are refused: beyond a level of 2 the saturated valve cannot drain the tank, and
+    1.2 is the limit.
+    """
     statement, _ = read_content(content("quadratic"), TANK)
     for changes in ({"rho": 1.5}, {"extents": {"level": (-0.8, 0.91)}}, {"terms": ((-1.0, (2,)),)}):
         assert not is_true(RegionStatement(**{**vars(statement), **changes}))

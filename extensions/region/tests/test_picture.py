@@ -22,8 +22,11 @@ from trim.point.solve import find_operating_point
 
 @pytest.fixture(scope="module")
 def region() -> Region:
-    """Return {angle² + rate² / 36 <= 0.25} of the pendulum, with V' >= 0 and an initial condition
-    that does not converge outside; the picture does not depend on the proof."""
+    """Return {angle² + rate² / 36 <= 0.25} of the pendulum, with V' >= 0 outside and an initial
+    condition that does not converge.
+
+    The picture does not depend on the proof.
+    """
     model = load_model(PENDULUM)
     loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
     V = PolynomialFunction.quadratic(np.diag([1.0, 1.0 / 36.0]))

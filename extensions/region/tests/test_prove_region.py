@@ -10,7 +10,9 @@ from hfa_aircraft.model import Model
 
 
 def test_a_region_is_proved_in_python(model: Model) -> None:
-    """The set has extents and the command's report; a gain of another shape is refused."""
+    """A region proved in Python has extents and the command's report. A gain of another shape is
+    refused.
+    """
     point = hfa.find_operating_point(model)
     solution = hfa.solve_game(hfa.game(point.linearize()))
     region = hfa.prove_region(model, point, solution, seconds=0.1)

@@ -1,4 +1,4 @@
-"""The provers of `hfa prove region`: which one is taken, and what boxes prove of gains."""
+"""The provers of `hfa prove region`: the selection of one, and proofs of gains on boxes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ KINKED = Model(
 
 @pytest.fixture
 def kinked(tmp_path: Path) -> list[str]:
-    """Words that name a pendulum with a table and a kink inside its set."""
+    """Return options for a pendulum with a table and a kink inside its set."""
     path = tmp_path / "kinked.py"
     path.write_text(KINKED)
     return ["--aircraft", f"{path}:KINKED"]
@@ -41,7 +41,7 @@ def kinked(tmp_path: Path) -> list[str]:
 def test_kinks_and_tables_are_proved_on_boxes(
     kinked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The set goes beyond both kinks; its certificate states K, so that it is checked alone."""
+    """The set extends beyond both kinks. Its certificate states K, so that it is checked alone."""
     proof = str(tmp_path / "proof.json")
     words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "1", "-o", proof]
     assert main(words) == 0
@@ -62,7 +62,7 @@ def test_kinks_and_tables_are_proved_on_boxes(
 def test_a_quartic_is_proved_on_boxes_and_resumed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A later run goes on from the quadratic set, and keeps a V only where its set is larger."""
+    """A later run continues from the quadratic set, and keeps a V only if its set is larger."""
     proof = tmp_path / "proof.json"
     words = ["prove", "region", "--aircraft", VAN_DER_POL, "--prover", "boxes", "-o", str(proof)]
     words += ["--json"]

@@ -1,4 +1,4 @@
-"""Equations of motion of a rigid body against the laws of conservation that they follow from."""
+"""Equations of motion of a rigid body compared with laws of conservation."""
 
 from types import SimpleNamespace
 
@@ -21,8 +21,10 @@ VALUES = dict(zip(STATES, (50.0, 0.1, -0.2, 0.3, -0.4, 0.5, 0.6, -0.7, 0.8, 1000
 
 
 def derivative_along_motion(quantity, force, moment):
-    """The rate of a function of (state, velocity) along the motion that force per mass and moment
-    in body axes cause, at one state."""
+    """Return the rate of a function of (state, velocity) at one state.
+
+    The motion is caused by force per mass and moment in body axes.
+    """
     symbols = {name: ca.SX.sym(name) for name in STATES}
     x = SimpleNamespace(**symbols)
     velocity = x.speed * wind_axes(x.alpha, x.beta)[:, 0]
@@ -54,7 +56,7 @@ def test_no_moment_keeps_the_angular_momentum():
 
 
 def test_a_moment_does_its_work():
-    """The rate of the kinetic energy of rotation is the moment times the angular velocity."""
+    """The rate of the rotational kinetic energy is the moment times the angular velocity."""
     moment = np.array([1.0, -2.0, 3.0])
 
     def energy(x, velocity):
@@ -67,7 +69,7 @@ def test_a_moment_does_its_work():
 
 
 def test_a_force_changes_speed_and_path():
-    """A force along the flight changes the speed alone."""
+    """A force along the velocity changes the speed only."""
     direction = wind_axes(VALUES["alpha"], VALUES["beta"])[:, 0]
 
     def speed(x, velocity):

@@ -1,4 +1,6 @@
-"""Notes of the commands that fly, export and design: beyond the paper's range, and at a kink."""
+"""Notes of the commands that fly, export and design: beyond the range of the paper, and at a
+kink.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 @pytest.mark.parametrize("words", [(), ("--samples", "2")], ids=["flight", "members"])
 def test_flight_says_once_that_dihedral_lies_beyond_paper(words: tuple[str, ...]) -> None:
-    """A flight says once that a dihedral lies beyond the paper."""
+    """A flight notes once that the dihedral angle is beyond the range of the paper."""
     fly = ("fly", "--law", "exact", "--duration", "0.1", *words)
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa(*fly, "--dihedral", degrees, "--json")
@@ -59,7 +61,7 @@ u = 1.0
 )
 @pytest.mark.usefixtures("folder")
 def test_gain_of_matrix_at_kink_comes_with_note(words: str, where: str) -> None:
-    """A gain of a matrix at a kink comes with the note."""
+    """A design whose matrix is at a kink has a note."""
     Path("kinked.py").write_text(KINKED)
     Path("design.toml").write_text(DESIGN)
     result = hfa(*words.split(), "--aircraft", "kinked.py:PLANT")

@@ -1,5 +1,4 @@
-"""Controllers of a design: the poles of the exact solution; their table, their files, the loop that
-they close."""
+"""Controllers of a design: poles of the exact solution, tables, files, and closed loops."""
 
 from __future__ import annotations
 
@@ -38,8 +37,9 @@ ANGLES = np.radians([9.0, 11.0])
 
 
 def whole(aircraft: Model, design: Design) -> tuple[np.ndarray, LinearController]:
-    """The closed loop of the design's own plant and its controller at 11 deg, with constant
-    commands."""
+    """Return the closed loop of the design's plant and its controller at 11 deg, with constant
+    commands.
+    """
     model = model_at(11.0)
     found = controller_at(aircraft, model, design)
     told: list[tuple[int, int]] = []
@@ -115,7 +115,7 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -
 def test_matrices_are_linear_between_angles_and_constant_beyond(
     published_aircraft: Model,
 ) -> None:
-    """Matrices are linear between the angles and constant beyond."""
+    """Matrices are linear between the angles and constant beyond them."""
     controller = small_controller(published_aircraft)
     cases = (
         (5.0, (1, 0, 0)),
@@ -231,7 +231,7 @@ def test_its_table_limit_and_certificate_of_each_angle(
 
 
 def test_a_loop_whose_numbers_overflow_is_none() -> None:
-    """An actuator with an effectiveness of 1e308 overflows."""
+    """A loop that overflows, here by an actuator with an effectiveness of 1e308, has no result."""
     one = np.ones((1, 1))
     loop = ServoLoop(-one, 1e308 * one, one, -one, one, -4.0 * one, -10.0 * one)
     with pytest.raises(NoSolutionError, match="the closed loop overflows"):
@@ -241,7 +241,7 @@ def test_a_loop_whose_numbers_overflow_is_none() -> None:
 def test_path_from_inputs_sensor_once_closed_equations_say(
     published_aircraft: Model,
 ) -> None:
-    """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the loop."""
+    """u = Ck x_c + Dk (C x + D u), solved for u at a state, gives the rates of the closed loop."""
     rng = np.random.default_rng(0)
     shapes = {"A": (3, 3), "B": (3, 4), "C": (2, 3), "D": (2, 4), "W": (3, 2)}
     table = small_controller(
@@ -266,7 +266,7 @@ def test_path_from_inputs_sensor_once_closed_equations_say(
 
 
 def gentle(aircraft: Model, gain: float) -> ScheduledController:
-    """aileron_outer = gain pitch_rate at 5 deg, its state decays by itself."""
+    """Return a stable controller with aileron_outer = gain pitch_rate at 5 deg."""
     table = small_controller(aircraft)
     first = {
         name: getattr(table, name)[:1] for name in ("breakpoints", "trim_states", "trim_inputs")
@@ -280,7 +280,7 @@ def gentle(aircraft: Model, gain: float) -> ScheduledController:
 def test_controller_does_little_passes_with_abscissa_of_aircraft(
     published_aircraft: Model,
 ) -> None:
-    """A controller that does little passes with the abscissa of the aircraft."""
+    """A controller with almost no effect passes with the spectral abscissa of the aircraft."""
     found = check_margins(
         published_aircraft, gentle(published_aircraft, 1e-4), np.radians([5.0]), (0.5, 2.0)
     )
@@ -293,7 +293,7 @@ def test_controller_does_little_passes_with_abscissa_of_aircraft(
 def test_planted_unstable_controller_is_found_with_its_actuator(
     published_aircraft: Model,
 ) -> None:
-    """A planted unstable controller is found with its actuator."""
+    """A planted unstable controller is reported with its actuator."""
     table = gentle(published_aircraft, 0.3)
     found = check_margins(published_aircraft, table, np.radians([5.0]), (0.05, 2.0))
     unstable = [row for row in found.rows if row.abscissa >= 0.0]

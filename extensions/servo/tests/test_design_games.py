@@ -1,4 +1,4 @@
-"""The game of a design by the commands: `solve`, `learn`, `verify` and `design`."""
+"""The game of a design in the commands `solve`, `learn`, `verify` and `design`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hfa_servo.design_model import design_model
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Each test runs in a new empty folder."""
+    """Run each test in a new empty folder."""
 
 
 AT_11 = ("--dihedral", "11")
@@ -37,7 +37,7 @@ PEER = ROOT / "extensions/servo/tests/peer_gains.json"
 def test_exact_gain_of_design_with_names_and_units(
     name: str, size: int, published_aircraft: Model
 ) -> None:
-    """The exact gain of a design with names and units."""
+    """The exact gain of a design has names and units."""
     data = answer("solve", "--design", SIMVFA[name], *AT_11)
     theirs = np.array(json.loads(PEER.read_text(encoding="utf-8"))["gains"][name]["11"])
     assert np.linalg.norm(data["K"] - theirs) <= 2e-5 * np.linalg.norm(theirs)
@@ -80,7 +80,7 @@ load_factor = 1e-3
 
 
 def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
-    """A file with the settings of `simvfa-1`, some words changed, and sensors."""
+    """Write a file with the settings of `simvfa-1`, some changed texts, and sensors."""
     text = Path(SIMVFA["simvfa-1"]).read_text(encoding="utf-8")
     for old, new in changed.items():
         assert old in text
@@ -91,7 +91,7 @@ def own(name: str, sensors: str = SENSORS, **changed: str) -> str:
 
 @pytest.mark.slow
 def test_design_with_sensors_is_designed_from_its_measurements() -> None:
-    """A design with sensors is designed from its measurements."""
+    """A design with sensors gives a controller that uses its measurements."""
     file = own("own.toml", **{"delta = inf": "delta = 200.0"})
     data = answer("solve", "--design", file, *AT_11)
     assert (
@@ -148,13 +148,15 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
 def test_what_no_controller_can_do_is_one_line(
     sensors: str, changed: dict[str, str], code: int, named: str
 ) -> None:
-    """More of them are in docs/servo.md."""
+    """Requirements that no controller can meet are refused in one line. docs/servo.md has more of
+    them.
+    """
     assert_refused(hfa("design", own("own.toml", sensors, **changed), *AT_11), code, named)
 
 
 @pytest.mark.slow
 def test_a_design_becomes_file_that_prints_same_table() -> None:
-    """A design becomes a file that prints the same table."""
+    """A design is written as a file that prints the same table."""
     made = hfa("design", "--design", SIMVFA["simvfa-1"], "--dihedral", "9:11:2", "-o", "servo.npz")
     assert made.code == 0
     again = hfa("design", "servo.npz")
@@ -175,7 +177,7 @@ def test_a_design_becomes_file_that_prints_same_table() -> None:
 
 
 def test_a_controller_in_metres_is_controller_in_feet() -> None:
-    """A controller in meters is the controller in feet."""
+    """A controller in meters is the converted controller in feet."""
     words = ("design", SIMVFA["simvfa-1"], "--dihedral", "11", "--bandwidth", "10")
     feet = hfa(*words, "-o", "feet.npz")
     metres = hfa(*words, "--units", "si", "-o", "metres.npz")

@@ -1,5 +1,6 @@
 """Designs in files and their models: the peer's gains from its settings, matrices by differences,
-faults named."""
+and named faults.
+"""
 
 from __future__ import annotations
 
@@ -126,8 +127,9 @@ def test_the_peer_s_settings_give_peer_s_gains(
 
 @pytest.mark.parametrize("degrees", ["0", "5", "11", "20"])
 def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
-    """Six digits are stored; 1e-5 of the air, the altitude of the standard atmosphere, moves the
-    last two of them."""
+    """In the peer's air the gains agree to the six stored digits, of which a change of the density
+    by 1e-5 moves the last two.
+    """
     own, in_its_air = released_simulation()
     for altitude, digits in ((in_its_air, True), (40_000.0, False)):
         point = find_operating_point(
@@ -142,7 +144,7 @@ def test_the_peers_air_gives_every_digit_of_gains(degrees: str) -> None:
 
 
 def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Game) -> None:
-    """The paper's design is the paper's game."""
+    """The paper's design gives the paper's game."""
     built = design_at(published_aircraft, load_design("paper", hfa.aircraft()), 15.0).game()
     for name in ("A", "B", "E", "Q", "R"):
         np.testing.assert_array_equal(getattr(built, name), getattr(game, name))
@@ -153,8 +155,9 @@ def test_the_paper_s_design_is_paper_s_game(published_aircraft: Model, game: Gam
 def test_loop_of_servo_brings_integrated_outputs_to_zero(
     published_aircraft: Model,
 ) -> None:
-    """A constant disturbance of the input is rejected: the integrals' inputs vanish in the steady
-    state."""
+    """The servo rejects a constant disturbance of the input: in steady state the inputs of the
+    integrals are 0.
+    """
     built = design_at(published_aircraft, simvfa_design("simvfa-2"), 11.0)
     K = solve_game(built.game()).K
     closed = built.A - built.B @ K
@@ -165,8 +168,9 @@ def test_loop_of_servo_brings_integrated_outputs_to_zero(
 
 
 def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
-    """Rates of the six states and of the integrals in an updraft, from the nonlinear equations, per
-    ft/s."""
+    """Return the rates of the six states and of the integrals per ft/s of an updraft, by
+    differences of the nonlinear equations.
+    """
     point = built.model.point
     h = 1e-4
     winds = (rising(side * h) for side in (1.0, -1.0))
@@ -193,7 +197,9 @@ def _gust_by_differences(aircraft: Model, built: DesignModel) -> np.ndarray:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_integral_of_short_period_output_feels_air(dynamics: str) -> None:
-    """In flight e' = ... + F w. Without this term the differences show it."""
+    """The integral of a short-period output contains the air: e' = ... + F w, compared with
+    differences.
+    """
     aircraft = hfa.aircraft(dynamics)
     built = design_at(
         aircraft, replace(simvfa_design("simvfa-1"), disturbances={"updraft": 1.0}), 11.0
@@ -254,7 +260,7 @@ def test_a_disturbance_of_the_commands_enters_like_them(published_aircraft: Mode
 def test_output_and_short_period_part_may_both_named(
     published_aircraft: Model,
 ) -> None:
-    """An output and its short period part may both be named."""
+    """An output and its short-period part may both be named."""
     name = "vertical_acceleration"
     design = replace(simvfa_design("simvfa-1"), sensors={name: 1.0, f"{name}_short_period": 1.0})
     built = design_at(published_aircraft, design, 11.0)
@@ -329,7 +335,7 @@ def test_what_cannot_be_designed_is_refused(make: Callable[[], object], message:
 @pytest.mark.parametrize("entry", ["weights", "actuators", "sensors"])
 @pytest.mark.parametrize("value", [3, "text", [1.0]])
 def test_value_in_place_of_table_of_variant_named(entry: str, value: object) -> None:
-    """`[newton] weights = 3` was a TypeError."""
+    """`[newton] weights = 3`, a value in place of a table, is refused by name."""
     table = {"states": {"alpha": 1.0}} if entry == "weights" else {}
     data = {"inputs": ["throttle"], entry: table, "newton": {entry: value}}
     with pytest.raises(BadInputError, match=entry):

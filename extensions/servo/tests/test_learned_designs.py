@@ -1,5 +1,6 @@
-"""The critics of design models, 55 to 105 weights: certified, exact and in time from every
-start."""
+"""Critics of design models with 55 to 105 weights are certified, exact and in time from every
+start.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +37,10 @@ SIZES = {
 
 
 def design_of(name: str) -> Design:
-    """three inputs: of `simvfa-2` with the ailerons of the center panel moved too."""
+    """Return the design of this name.
+
+    three inputs: `simvfa-2` with the ailerons of the center panel as a third input
+    """
     if name != "three inputs":
         return simvfa_design(name) if name in SIMVFA else load_design(str(SEARCHED), hfa.aircraft())
     two = simvfa_design("simvfa-2")
@@ -59,7 +63,7 @@ def exact(name: str) -> tuple[Game, Solution]:
 @pytest.mark.parametrize("starts", [2, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SIZES)
 def test_every_start_ends_certified_at_exact_solution_time(name: str, starts: int) -> None:
-    """Every start ends certified at the exact solution in time."""
+    """Every run ends certified at the exact solution within its time."""
     game, solution = exact(name)
     functions = basis("quadratic", len(game.A))
     assert (len(game.A), functions.size) == SIZES[name]

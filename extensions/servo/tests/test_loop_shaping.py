@@ -1,5 +1,6 @@
 """Loop shaping: gamma_min by three methods, its guarantees, the model of the commands, and the
-designed servo."""
+designed servo.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ INPUTS = ("throttle", "aileron_center", "aileron_outer", "elevator_center")
 
 
 def shaped_plant(degrees: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, B, C of W2 G W1 of the servo, put together here by series connection."""
+    """Return A, B, C of W2 G W1 of the servo by series connection."""
     design = load_design("servo", hfa.aircraft())
     assert design.shaping is not None
     built = design_model(hfa.aircraft(), model_at(degrees), design)
@@ -51,8 +52,9 @@ def random_plant(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0, None])
 def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
-    """γ_min² = 1/(1 - ‖[N M]‖_H²) (Glover and McFarlane), and sb10ad's search on the four-block
-    problem of it."""
+    """gamma_min agrees with γ² = 1/(1 - ‖[N M]‖_H²) of Glover and McFarlane, and with sb10ad's
+    search on its four-block problem.
+    """
     slycot = pytest.importorskip("slycot")
     A, B, C = random_plant(1) if degrees is None else shaped_plant(degrees)
     n = len(A)
@@ -92,8 +94,9 @@ def test_gamma_min_of_hankel_norm_and_of_slycot(degrees: float | None) -> None:
 
 
 def test_loop_as_robust_gamma_says_planted_error_found() -> None:
-    """By slycot's norm of the closed loop; a factor in the observer's gain makes it less robust
-    than promised."""
+    """By slycot's norm the loop is as robust as gamma states, and a planted factor in the
+    observer's gain is detected.
+    """
     slycot = pytest.importorskip("slycot")
     A, B, C = shaped_plant(11.0)
     found = robust_controller(A, B, C, 1.1)
@@ -116,14 +119,14 @@ def test_loop_as_robust_gamma_says_planted_error_found() -> None:
 
 
 def test_mode_that_is_not_seen_has_no_controller() -> None:
-    """A mode that is not seen has no controller."""
+    """An unobservable mode has no controller."""
     with pytest.raises(NoSolutionError, match="no robust controller"):
         robust_controller(np.diag([1.0, -1.0]), np.ones((2, 1)), np.array([[0.0, 1.0]]))
 
 
 @cache
 def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController:
-    """The designed servo at its own angles, or at these."""
+    """Return the designed servo at its own angles, or at these."""
     aircraft = hfa.aircraft(dynamics)
     design = load_design("servo", hfa.aircraft()).of(hfa.aircraft(dynamics))
     assert design.shaping is not None
@@ -135,8 +138,9 @@ def servo(dynamics: str, degrees: tuple[float, ...] = ()) -> ScheduledController
 @pytest.mark.parametrize("angles", [(1, 20), pytest.param(range(21), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) -> None:
-    """At every integer angle, also between the angles of the design; and 20 ms of delay in all
-    inputs at once."""
+    """At every integer angle every loop has 6 dB, 45 deg, and tolerates 20 ms of delay in all
+    inputs at once.
+    """
     table = check_margins(hfa.aircraft(dynamics), servo(dynamics), np.radians(angles), (2.0, 10.0))
     assert (len(table.rows), table.ok) == (4 * len(angles), True)
     assert len(table.single) == 4 * len(angles) * 7
@@ -147,8 +151,11 @@ def test_every_loop_has_6_db_and_45_deg(dynamics: str, angles: Sequence[int]) ->
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
-    """The delay as a Padé approximant of order 3 in every input, which is closer than 1e-6 below 20
-    rad/s."""
+    """The servo is stable with half the effectiveness and 20 ms of delay.
+
+    The delay is a Padé approximant of order 3 in every input, whose error is below 1e-6 up to 20
+    rad/s.
+    """
     from control import pade, ss, tf
 
     aircraft = hfa.aircraft(dynamics)
@@ -177,7 +184,7 @@ def test_it_stable_with_half_effectiveness_and_20_ms(dynamics: str) -> None:
 
 
 def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> None:
-    """With the gain or the phase of the margin more in one loop, a pole lies on the axis."""
+    """With the gain or the phase of the margin in one loop, a pole is on the imaginary axis."""
     controller = servo("published", (11.0,))
     actuators = dict.fromkeys(INPUTS, Actuator(2, 2.0))
     loop = servo_loop(
@@ -205,7 +212,9 @@ def test_margins_are_where_a_loop_by_hand_ends(published_aircraft: Model) -> Non
 
 
 def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) -> None:
-    """l = 1/(s (s + 1)): 51.83 deg at 0.7862 rad/s, no gain ends it."""
+    """l = 1/(s (s + 1)) has a phase margin of 51.83 deg at 0.7862 rad/s and an infinite gain
+    margin.
+    """
     from hfa_servo.servo_loop import ServoLoop
 
     one = np.ones((1, 1))
@@ -221,8 +230,9 @@ def test_a_double_integrator_has_the_margins_of_book(published_aircraft: Model) 
 def test_model_answers_command_and_loop_feels_none_of(
     published_aircraft: Model,
 ) -> None:
-    """Behind the actuators that the model has, measured and modeled outputs agree: measuring adds
-    nothing, and in the steady state both outputs equal the command."""
+    """With the actuators of the model, measured and modeled outputs agree, and in steady state both
+    equal the command.
+    """
     design = load_design("servo", hfa.aircraft())
     model = model_at(11.0)
     controller = servo("published", (11.0,))
@@ -306,7 +316,7 @@ def test_a_shaped_design_has_no_game(published_aircraft: Model) -> None:
 def pencil_of(
     dynamics: str, degrees: float, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> np.ndarray:
-    """[A, B; C, D] of these inputs and outputs."""
+    """Return [A, B; C, D] for these inputs and outputs."""
     design = Design(
         "zeros",
         inputs,
@@ -321,10 +331,12 @@ def pencil_of(
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 @pytest.mark.parametrize("degrees", [5.0, 11.0, 20.0])
 def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: float) -> None:
-    """s at which [A - s I, B; C, D] loses rank: poles of the loop that holds both outputs as
-    tightly as can be. With two surfaces they are at 0.67 rad/s, which gusts excite, and in the
-    right half plane; pitch in the place of A_z has none there. With the inputs of the servo the
-    rank is whole at those s."""
+    """With two surfaces the zeros s, at which [A - s I, B; C, D] loses rank, are at 0.67 rad/s in
+    the right half plane.
+
+    They are the poles of a loop that holds both outputs tightly, and gusts excite them. Pitch in
+    place of A_z has none there. With the inputs of the servo the rank is full at those s.
+    """
     two = ("aileron_outer", "elevator_center")
     zeros = {}
     for outputs in (("dihedral", A_Z), ("dihedral", "pitch")):

@@ -1,4 +1,6 @@
-"""Calls of notebooks: responses of linear models, words of other tools, functions as methods."""
+"""Calls of notebooks: responses of linear models, names of other tools, and functions as
+methods.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def _linear() -> LinearModel:
 
 
 def test_step_and_simulate_agree_with_exponentials() -> None:
-    """After a step x = A⁻¹ (e^At - 1) B, here by d/dt x = A x + B at an instant."""
+    """A step response is x = A⁻¹ (e^At - 1) B, which is checked by x' = A x + B at an instant."""
     linear = _linear()
     time = np.linspace(0.0, 2.0, 2001)
     stepped = linear.step(time)
@@ -58,8 +60,7 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
-    """Further attributes of a linear model are python-control's, and act on named inputs and
-    outputs."""
+    """Further attributes of a linear model are python-control's, with named inputs and outputs."""
     linear = _linear()
     assert linear.ninputs == 5
     assert linear.dcgain() == pytest.approx(linear.C @ -np.linalg.solve(linear.A, linear.B))
@@ -81,7 +82,9 @@ def test_other_attributes_are_those_of_python_control() -> None:
 
 
 def test_functions_of_matrices_take_those_of_the_model() -> None:
-    """ctrb(A, B) and care(A, B, Q, R) of python-control; their errors are one line."""
+    """python-control's ctrb(A, B) and care(A, B, Q, R) are methods with the model's matrices, and
+    their errors are one line.
+    """
     linear = _linear()
     assert np.array_equal(linear.ctrb(), control.ctrb(linear.A, linear.B))
     assert np.array_equal(linear.obsv(), control.obsv(linear.A, linear.C))
@@ -121,7 +124,9 @@ def test_poles_and_zeros_are_drawn() -> None:
 
 
 def test_a_free_response_is_the_matrix_exponential() -> None:
-    """x(t) = e^(A t) x(0), for a start by name or as an array, without inputs."""
+    """A free response is x(t) = e^(A t) x(0), for an initial state by name or as an array, without
+    inputs.
+    """
     linear = _linear()
     start = 0.05 * np.eye(6)[linear.states.index("alpha")]
     for initial in ({"alpha": 0.05}, start):
@@ -172,7 +177,9 @@ def test_functions_of_hfa_are_methods_of_their_first_argument() -> None:
 
 
 def test_words_of_other_tools_are_attributes_of_results() -> None:
-    """`success` of SciPy and others return the attribute of the same meaning, where it exists."""
+    """Names of other tools, such as SciPy's `success`, return the attribute of the same meaning if
+    it exists.
+    """
     point = _linear().point
     assert point.success is point.converged is point.ok is True
     game = hfa.paper.published_game(_linear())
@@ -202,7 +209,9 @@ def test_words_of_other_tools_are_attributes_of_results() -> None:
 
 
 def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
-    """Model -> OperatingPoint -> LinearModel -> Game, with the keywords of each maker."""
+    """An argument is made from an earlier result, Model -> OperatingPoint -> LinearModel -> Game,
+    with the keywords of each step.
+    """
     point = find_operating_point(MODEL, dihedral=0.2)
     linear = point.linearize()
     for made in (linearize(MODEL, dihedral=0.2), MODEL.linearize(dihedral=0.2), linearize(point)):
@@ -219,7 +228,7 @@ def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
 
 
 def test_a_point_brings_its_model() -> None:
-    """point.fly(K) and hfa.fly(model, K) fly from this point, and from the model's trim."""
+    """point.fly(K) flies from this point, and hfa.fly(model, K) from the model's trim."""
     point = find_operating_point(MODEL, dihedral=0.2)
     K = hfa.lqr(point, np.eye(6), np.eye(5)).K
     flown = hfa.fly(MODEL, point, K, 0.1, initial={"alpha": 0.01})
@@ -248,7 +257,7 @@ def test_the_text_of_a_file_is_a_model() -> None:
 
 
 def test_a_model_trims_itself() -> None:
-    """`model.trim` remains the declared values, and is a function."""
+    """`model.trim` contains the declared values and is also a function."""
     assert MODEL.trim(dihedral=0.2) == find_operating_point(MODEL, dihedral=0.2)
     assert MODEL.trim({"dihedral": 0.2}) == find_operating_point(MODEL, dihedral=0.2)
     assert MODEL.trim == dict(MODEL.trim.items())
@@ -266,7 +275,7 @@ def test_keywords_of_a_scenario_make_it() -> None:
 
 
 def test_a_linear_model_is_its_matrices() -> None:
-    """It unpacks into A, B, C, D, and is its transfer function at s."""
+    """A linear model unpacks into A, B, C, D, and a call with s returns its transfer function."""
     linear = _linear()
     A, B, C, D = linear
     system = control.ss(*linear)
@@ -291,7 +300,7 @@ def test_modes_are_a_table_and_a_method() -> None:
 
 
 def test_sweeps_and_flights_are_tables_and_curves() -> None:
-    """Their methods are those of their table of pandas, whose columns are names."""
+    """Sweeps and flights have the methods of their pandas table, whose columns are names."""
     swept = hfa.sweep(MODEL, at=[0.1, 0.2])
     assert np.array_equal(hfa.sweep(MODEL, [0.1, 0.2]).A, swept.A)
     table = swept.to_pandas()
@@ -312,7 +321,7 @@ def test_sweeps_and_flights_are_tables_and_curves() -> None:
 
 
 def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
-    """hfa.save and hfa.load: the file of a linear model, a solution, a point and a deployment."""
+    """hfa.save and hfa.load write and read linear models, solutions, points and deployments."""
     linear = _linear()
     hfa.save(linear, tmp_path / "linear.npz")
     again = hfa.load(tmp_path / "linear.npz")

@@ -1,4 +1,4 @@
-"""delta_min of ordinary mixed-sensitivity plants: the same of every copy, and that of slycot."""
+"""delta_min of ordinary mixed-sensitivity plants is equal for every copy and equal to slycot's."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def decade(rng: Generator, low: float, high: float) -> float:
 
 
 def signed(rng: Generator) -> float:
-    """Three of four are stable."""
+    """Return poles with signs, of which three of four are stable."""
     return 1.0 if rng.random() < 0.75 else -1.0
 
 
 def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
-    """One to three poles from 0.1 to 10 rad/s, fewer zeros."""
+    """Return a transfer function with one to three poles from 0.1 to 10 rad/s and fewer zeros."""
     order = int(rng.integers(1, 4))
     denominator = np.ones(1)
     while len(denominator) <= order:
@@ -56,8 +56,11 @@ def random_transfer(rng: Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mixed_sensitivity(seed: int) -> GeneralizedPlant:
-    """S weighted by an integrator but for 1e-4 to 0.1 of the bandwidth, K S by a gain or by a lead
-    to 1000 rad/s, T by nothing or beyond 1 to 100 rad/s."""
+    """Return a plant with weights of S, K S and T.
+
+    S has an integrator except below 1e-4 to 0.1 of the bandwidth, K S a gain or a lead to 1000
+    rad/s, and T nothing or a weight beyond 1 to 100 rad/s.
+    """
     rng = np.random.default_rng([44, seed])
     transfer = random_transfer(rng)
     peak = rng.uniform(1.2, 3.0)
@@ -74,7 +77,7 @@ def mixed_sensitivity(seed: int) -> GeneralizedPlant:
 
 
 def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
-    """delta_min, or from 0 to inf where rounding leaves all of it open."""
+    """Return the bracket of delta_min, or 0 to inf if rounding leaves it undecided."""
     try:
         return plant.minimum_delta()
     except NoSolutionError as refusal:
@@ -84,14 +87,17 @@ def bracket_of(plant: GeneralizedPlant) -> DeltaMin:
 
 
 def agree(one: DeltaMin, other: DeltaMin) -> bool:
-    """Return whether a delta_min lies in both brackets: neither refuses one that the other has
-    shown."""
+    """Return whether a delta_min lies in both brackets, so that neither refuses one that the other
+    has shown.
+    """
     most = (1.0 + AGREES) * min(one.value, other.value)
     return max(one.refused, other.refused) <= most
 
 
 def test_smallest_delta_of_slycot_and_of_every_copy() -> None:
-    """The poles are from 0.1 to 25,000 rad/s."""
+    """The smallest delta of a plant with poles from 0.1 to 25,000 rad/s is that of slycot and of
+    every copy.
+    """
     plant = mixed_sensitivity(98)
     smallest = plant.minimum_delta()
     assert smallest.refused < smallest.value <= smallest.refused * (1.0 + AGREES)
@@ -119,8 +125,11 @@ def test_copies_agree_above_and_below_the_smallest_delta() -> None:
 
 
 def test_what_cancels_in_turned_axes_hides_nothing() -> None:
-    """The poles are from 8e-4 to 5,148 rad/s and its delta_min is 1.28456, that of rho(XY) =
-    delta^2. Of the given axes rounding moved it by a thousandth."""
+    """In rotated axes delta_min is 1.28456, where rho(XY) = delta², although rounding moves it by
+    0.001 in the given axes.
+
+    The poles are from 8e-4 to 5,148 rad/s.
+    """
     plant = mixed_sensitivity(15)
     for copy in copies(plant, 15, 4):
         assert conditions(copy.problem, 1.2846).exists, copy.kind
@@ -128,8 +137,9 @@ def test_what_cancels_in_turned_axes_hides_nothing() -> None:
 
 
 def test_a_turned_plant_is_solved_as_given_one() -> None:
-    """The poles are from 2e-4 to 1000 rad/s; the gain of the controller is that in the plant's own
-    axes, rounded."""
+    """A rotated plant with poles from 2e-4 to 1000 rad/s is solved as the given one. The gain of
+    the controller is that in the plant's own axes, rounded.
+    """
     plant = mixed_sensitivity(12)
     delta = 1.01 * plant.minimum_delta().value
     given: Any = solve_plant(plant, delta)
@@ -142,7 +152,7 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
 
 
 def test_axes_are_left_as_they_were_entered() -> None:
-    """T⁻¹ T with one rounding each way, relative to the size of the fast states."""
+    """T⁻¹ T with one rounding each way leaves the axes, relative to the size of the fast states."""
     turned = [copy.problem for copy in copies(mixed_sensitivity(15), 15, 4)][-1]
     axes = turned.axes
     for name, into, back in (
@@ -164,7 +174,7 @@ def test_axes_are_left_as_they_were_entered() -> None:
 
 
 def test_sizes_are_those_of_the_parts_that_cancel() -> None:
-    """u = -N⁺ C x takes 1e6 from A, and leaves 1."""
+    """Sizes are those of the parts that cancel: u = -N⁺ C x subtracts 1e6 from A and leaves 1."""
     side = Side(
         A=np.array([[1e6 + 1.0]]),
         E=np.ones((1, 1)),
@@ -191,7 +201,9 @@ def test_the_loop_keeps_a_gain_near_the_smallest() -> None:
 
 @pytest.mark.slow
 def test_smallest_delta_of_many_plants_slycot_every_copy() -> None:
-    """Nothing is refused that slycot attains, nor stated that it does not."""
+    """For many plants no gain that slycot attains is refused, and no gain is claimed that it rules
+    out.
+    """
     changed = []
     opened: Counter[str] = Counter()
     asked = 0

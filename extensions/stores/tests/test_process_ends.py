@@ -1,5 +1,4 @@
-"""How a sweep into a store ends from outside: Ctrl-C, SIGTERM, SIGHUP, kill -9; and the resumed
-run."""
+"""A sweep into a store that is ended by Ctrl-C, SIGTERM, SIGHUP or kill -9, and resumed."""
 
 from __future__ import annotations
 
@@ -40,5 +39,5 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 @proc
 @pytest.mark.slow
 def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
-    """Ended at random moments and continued it comes to the same bits."""
+    """A run that is ended at random moments and continued has the same bits."""
     comes_to_the_same_bits(tmp_path, THREE_CHUNKS)

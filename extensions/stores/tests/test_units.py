@@ -8,5 +8,5 @@ from units_of_outputs import assert_store_in_metres
 
 
 def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
-    """A store in meters is the store in feet."""
+    """A store in meters has the converted numbers of a store in feet."""
     assert_store_in_metres("sweep", "--dihedral", "5,15", name="states", folder=tmp_path)

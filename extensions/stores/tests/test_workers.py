@@ -1,5 +1,6 @@
-"""Processes and clusters that run tasks: every result, errors as they were raised, no process
-left."""
+"""Processes and clusters that run tasks return every result, raise errors unchanged, and leave no
+process.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ def _die(value: int) -> int:
 
 
 def _gone() -> bool:
-    """Return whether no child process is left, within five seconds."""
+    """Return whether no child process is left within five seconds."""
     end = time.monotonic() + 5.0
     while multiprocessing.active_children() and time.monotonic() < end:
         time.sleep(0.02)
@@ -42,7 +43,7 @@ def test_every_task_has_its_result(count: int) -> None:
 
 
 def test_error_of_task_raised_and_no_worker_left() -> None:
-    """An error of a task is raised and no worker is left."""
+    """An error in a task is raised, and no worker is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
@@ -66,7 +67,7 @@ def test_worker_that_dies_ends_job_in_one_line() -> None:
 
 
 def test_no_worker_starts_without_free_file_handles() -> None:
-    """Where no more files may be open no worker is started."""
+    """If no more files may be open, no worker is started."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     next_descriptor = os.dup(0)
@@ -82,7 +83,7 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 @pytest.mark.slow
 def test_task_kills_workers_of_cluster_is_one_line() -> None:
-    """A task that kills the workers of a cluster is one line."""
+    """A task that kills the workers of a cluster ends the job in one line."""
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
     # The cluster gives up after one lost worker, not four.

@@ -1,5 +1,6 @@
-"""A job in a store: the same bits wherever it runs, nothing lost to a kill, no damaged number taken
-for right."""
+"""A job in a store has the same bits wherever it runs, loses nothing when killed, and accepts no
+damaged numbers.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +30,9 @@ NAN = float("nan")
 
 
 def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """`empty` holds nothing but fill values; `pole` is nan+0j in the rows of chunk 1, as where
-    there is no trim."""
+    """A job whose `empty` has only fill values, and whose `pole` is nan+0j in chunk 1, as without a
+    trim.
+    """
     count = np.arange(start, stop, dtype=float)
     pole = count * (1 + 2j)
     pole[(count >= 3) & (count < 6)] = complex(NAN, 0.0)
@@ -43,7 +45,7 @@ def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 
 
 def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """The first chunk alone is done before a kill, on a loaded machine too."""
+    """A job of which only the first chunk is done before a kill, also on a loaded machine."""
     time.sleep(0.05 if start == 0 else 3.0)
     return numbers(start, stop)
 
@@ -63,7 +65,7 @@ def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numb
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file of a store, but for those that a kill left unfinished."""
+    """Return every file of a store, except those that a kill left unfinished."""
     files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
@@ -77,12 +79,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def path(made: Path, tmp_path: Path) -> Path:
-    """A finished store that a test may damage."""
+    """Return a finished store that a test may damage."""
     return shutil.copytree(made, tmp_path / "a.zarr")
 
 
 def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
-    """(chunks done, chunks) as a run that continues the store tells them."""
+    """Return (chunks done, chunks) as reported by a run that continues the store."""
     told: list[tuple[float, float]] = []
     fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now), **options)
     return told
@@ -99,7 +101,9 @@ def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
 
 
 def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
-    """A chunk without a trim, nan+0j, was read back as nan+nanj, and so reported as damaged."""
+    """Two processes write the bytes of one, and a resumed run changes none, also if a chunk has
+    nan+0j.
+    """
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
     assert contents(tmp_path / "two.zarr") == contents(made)
@@ -142,7 +146,7 @@ if __name__ == "__main__":
 
 
 def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
-    """A kill loses the chunks in work and no more."""
+    """A kill loses only the chunks that are being computed."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -179,7 +183,7 @@ def _flip(file: Path) -> None:
 def test_a_damaged_chunk_is_computed_again(
     made: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
 ) -> None:
-    """A deleted chunk cannot be distinguished from one that was not computed yet."""
+    """A damaged chunk is computed again, as is a deleted one."""
     damage(path / file)
     if noticed:
         with pytest.raises(ValueError, match=r"\w"):
@@ -204,7 +208,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
 
 
 def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
-    """A store is neither overwritten nor continued by another job."""
+    """Another job neither overwrites nor continues a store."""
     with pytest.raises(BadInputError, match="exists; continue it with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="belongs to another test"):
@@ -228,8 +232,9 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
 def test_store_appears_whole_and_takes_no_folder_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A folder such as .a.zarr.my-backup-202612 was taken for a leftover of a killed run and
-    removed."""
+    """A store appears complete, and a neighbouring folder such as .a.zarr.my-backup-202612 is not
+    removed.
+    """
     import xarray
 
     (tmp_path / ".a.zarr.my-backup-202612").mkdir()
@@ -248,7 +253,9 @@ def test_store_appears_whole_and_takes_no_folder_beside(
 
 
 def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
-    """Threads of Zarr went on after a signal and made the removed temporary folder again."""
+    """One thread writes an unfinished store, so that no thread recreates its temporary folder after
+    a signal.
+    """
     writers: dict[str, set[str]] = {"open": set(), "os.mkdir": set()}
     is_watched = True
 
@@ -269,7 +276,7 @@ def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
 
 
 def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:
-    """Write other values at places of the JSON that describes a store or an array."""
+    """Write other values into the JSON that describes a store or an array."""
     content = json.loads((path / file).read_text())
     for keys, value in changes:
         holder = content
@@ -303,14 +310,16 @@ OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
     ],
 )
 def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
-    """With "big" every number was read in the wrong byte order and none was missing."""
+    """A changed description of an array is refused, such as byte order "big", which would misread
+    every number.
+    """
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
     with pytest.raises(BadInputError, match="damaged or of other origin"):
         fill_store(row_job(), path, resume=True)
 
 
 def of_format_2(path: Path, job: RowJob) -> None:
-    """A store of Zarr's format 2 whose chunks are to be unpickled, with the job's attributes."""
+    """Return a store of Zarr's format 2 with pickled chunks and the job's attributes."""
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
     attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
@@ -382,7 +391,7 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
 def test_chunk_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
-    """Whole chunks with a right CRC-32C."""
+    """A chunk that belongs elsewhere, with a right CRC-32C, is computed again."""
     other = tmp_path / "other.zarr"
     if what == "another job":
         fill_store(row_job(seed=1, function=other_numbers), other)
@@ -405,7 +414,9 @@ def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 
 
 def refusal(path: Path) -> str:
-    """Why the store is not continued; nothing is left to compute in one that is."""
+    """Return the reason why the store is not continued. A store that is continued must be
+    complete.
+    """
     try:
         assert resumed(path) == []
     except BadInputError as error:
@@ -417,8 +428,9 @@ def refusal(path: Path) -> str:
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
 def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
-    """Bytes of any file that describes something: another byte, a part left out, JSON of another
-    kind."""
+    """Random changes of any descriptive file are refused in one line: a changed byte, a missing
+    part, or other JSON.
+    """
     random = np.random.default_rng(8)
     files = sorted(made.rglob("zarr.json"))
     refused = 0

@@ -1,4 +1,6 @@
-"""Enclosures of the model's instructions: they contain, they shrink, and a wrong one is seen."""
+"""Enclosures of the model's instructions contain the values and shrink, and a wrong one is
+detected.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ Balls = list[Any]
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
-    """Random points of a box of states and inputs whose rates, at 200 bits, are not in the
-    enclosure of the box."""
+    """Return random points of a box of states and inputs whose rates, at 200 bits, are outside the
+    enclosure.
+    """
     random = np.random.default_rng(seed)
     rates = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(15.0, dynamics).point
@@ -84,7 +87,9 @@ def test_the_program_s_own_numbers_come_out() -> None:
 
 
 def test_a_planted_wrong_instruction_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every operation of the model in turn is replaced by one that is off by 1e-9 of its value."""
+    """A wrong instruction is detected: each operation of the model in turn is off by 1e-9 of its
+    value.
+    """
     function = rates_function(VARIANTS["published"])
     point = model_at(15.0).point
     parameters = hfa_model.parameters_of(family().model)
@@ -127,7 +132,7 @@ ABOUT_0 = arb_series([arb(0, 0.1), arb(1)], prec=2)
     ],
 )
 def test_a_branch_that_is_not_decided_is_said(expression: Callable[[Any], Any], at: Any) -> None:
-    """Exactly 0 is not positive."""
+    """A branch whose condition is not decided raises an error. Exactly 0 counts as not positive."""
     x = ca.SX.sym("x")
     with pytest.raises(Undecided):
         BallFunction(ca.Function("f", [x], [expression(x)]))([at])

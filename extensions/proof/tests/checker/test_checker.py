@@ -1,4 +1,4 @@
-"""The checker: certificates of the prover pass, changed ones do not."""
+"""The checker accepts certificates of the prover and refuses changed ones."""
 
 from __future__ import annotations
 
@@ -72,8 +72,10 @@ def test_what_no_box_proves_refused_unless_said_open(name: str, tmp_path: Path) 
 
 
 def test_bounds_of_the_number_of_modes_are_verified(tmp_path: Path) -> None:
-    """A of `published` gains a third unstable mode at 16.688 deg; one that is claimed too few or
-    too many is not."""
+    """A claim with too few or too many unstable modes is refused.
+
+    A of `published` gains a third unstable mode at 16.688 deg.
+    """
     own = certificate("crossing")
     runs = own["statement"]["modes"]
     assert [run[2:] for run in runs] == [[2, 2], [2, 3], [3, 3]]
@@ -102,8 +104,9 @@ def test_a_missing_certificate_is_said(tmp_path: Path) -> None:
 def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Derivatives of the trim's equations along each unknown, compared with central differences;
-    pitch = alpha + gamma."""
+    """Derivatives of the trim equations by each unknown equal central differences, with pitch =
+    alpha + gamma.
+    """
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     flights = Family(hfa.aircraft(), condition)
     proof = prove_schedule(flights, exact_loop(14.0, 14.125), 14.0, 14.0625)
@@ -141,7 +144,9 @@ def test_where_alpha_is_free_derivative_follows_pitch_with(
 
 
 def test_the_root_lies_where_newton_s_step_leads() -> None:
-    """For x² = 2 about 1.4, sqrt(2) - 1.4 is enclosed, and 0 and the mirror image are not."""
+    """For x² = 2 about 1.4 the enclosure contains sqrt(2) - 1.4, and neither 0 nor the mirror
+    image.
+    """
     radius = arb("0.1")
     at_center = arb_mat([[arb("1.4") ** 2 - 2]])
     slope = arb_mat([[2 * (arb("1.4") + arb(0, radius))]])

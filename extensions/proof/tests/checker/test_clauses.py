@@ -1,4 +1,4 @@
-"""One quick forgery for each clause of the checker that no other test needs."""
+"""One quick forgery for each clause of the checker that no other test covers."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _one(*parts: float) -> TaylorModel:
 
 
 def _distance_too_large(made: Any) -> None:
-    """A lower bound above the distance, the upper one above that."""
+    """Claim a lower bound above the distance, and an upper bound above that."""
     _, most = made["statement"]["distances"]["K"]
     made["statement"]["distances"]["K"] = [1.5 * most, 2.0 * most]
 
@@ -76,12 +76,12 @@ def _distance_too_small(made: Any) -> None:
 
 
 def _delta_min(share: float) -> Callable[[Any], Any]:
-    """A bracket of delta_min whose lower or upper end is moved over it."""
+    """Move the lower or the upper end of a bracket over delta_min."""
     return lambda ends: [ends[0], ends[1] * share] if share < 1.0 else [ends[0] * share, ends[1]]
 
 
 def _faster(made: Any) -> None:
-    """Actuators of any bandwidth above, with the evidence of the slow ones."""
+    """Claim actuators of any higher bandwidth, with the evidence of slow ones."""
     made["statement"]["uncertain_actuators"]["bandwidth"][1] = 1e6
     for box in made["witness"]["loop"]:
         box["pieces"][-1]["bandwidth"][1] = 1e6
@@ -103,8 +103,10 @@ def _refused_with_a_value(made: Any) -> None:
 
 
 def _refused_by_the_other_solution(made: Any) -> None:
-    """Claim a delta whose game has a value as the smallest; as evidence the negative solution,
-    which does not stabilize."""
+    """Claim a delta whose game has a value as the smallest, with its negative solution as evidence.
+
+    The negative solution does not stabilize.
+    """
     _, high = made["statement"]["delta_min"]
     made["statement"]["delta_min"] = [high, made["statement"]["weights"]["delta"]]
     S = 1.0 - 1.0 / high**2
@@ -118,7 +120,7 @@ def _refused_by_the_other_solution(made: Any) -> None:
 
 
 def _only_a_gain(made: Any) -> None:
-    """K is claimed to be the gain of a value that is not stated."""
+    """Claim that K is the gain of a value that is not stated."""
     for name in ("P", "W"):
         made["statement"]["critic"].pop(name, None)
         made["statement"]["distances"].pop(name, None)
@@ -126,7 +128,7 @@ def _only_a_gain(made: Any) -> None:
 
 
 def _a_gain_of_other_weights(made: Any) -> None:
-    """K is claimed to be the gain of W alone, and is not."""
+    """Claim that K, which is another gain, is the gain of W."""
     del made["statement"]["critic"]["P"]
     del made["statement"]["distances"]["P"]
     made["statement"]["gain_of_value"] = True
@@ -207,7 +209,7 @@ FORGED: dict[str, tuple[str, Change, str]] = {
 
 
 def _ends_early(runs: Any) -> Any:
-    """The last run ends halfway; nothing is claimed above."""
+    """End the last run halfway, with no claim above it."""
     *others, (low, high, least, most) = runs
     return [*others, [low, 0.5 * (low + high), least, most]]
 
@@ -298,7 +300,7 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
 
 
 def test_an_equation_within_rounding_of_0_counts() -> None:
-    """0 x = 0 needs no unknown; for 0 x = e with |e| <= 1e-60 that is open."""
+    """0 x = 0 needs no unknown, and 0 x = e with |e| <= 1e-60 is undecided."""
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
     with pytest.raises(Rejected, match="as many equations as unknowns"):
@@ -306,7 +308,7 @@ def test_an_equation_within_rounding_of_0_counts() -> None:
 
 
 def test_bounds_of_a_distance_hold_all_of_box() -> None:
-    """Bounds of a distance hold all of a box."""
+    """Bounds on a distance hold in the whole box."""
     least, most = distance_bounds(_one(3.0, 0.5, 0.0, 0.0), None)
     assert least <= 2.5
     assert most >= 3.5
@@ -314,7 +316,9 @@ def test_bounds_of_a_distance_hold_all_of_box() -> None:
 
 
 def test_motion_in_both_directions_is_checked() -> None:
-    """x' = -x with P = 1: the decrease 2 outweighs a growth of 1 and not one of ±3."""
+    """Motion in both directions is checked: for x' = -x with P = 1 the decrease 2 outweighs a
+    growth of 1, and not one of ±3.
+    """
     loop, P = _one(-1.0), _one(1.0)
     check_motion(loop, P, arb_mat([[1.0]]), np.eye(1))
     for growth in (3.0, -3.0):
@@ -323,7 +327,9 @@ def test_motion_in_both_directions_is_checked() -> None:
 
 
 def test_each_actuator_has_its_own_numbers() -> None:
-    """u = -x through 2 / (s + 2), 0.9 of it, and v = -3 x through a second order of 5 rad/s."""
+    """Each actuator has its own numbers: u = -x by 0.9 of 2 / (s + 2), and v = -3 x by a second
+    order of 5 rad/s.
+    """
     signals = {name: Signal() for name in ("u", "v")}
     model = Model(
         "two", {"x": Signal()}, signals, lambda x, u, p, w: ({"x": u.u + u.v}, {}), trim={}
@@ -368,7 +374,7 @@ def test_the_delay_acts_on_the_commands_that_arrive() -> None:
 
 
 def test_a_line_beside_the_axis_bounds_one_side() -> None:
-    """For x' = -x a line at -2 counts a stable mode, one at +1 none."""
+    """For x' = -x a line at -2 counts a stable mode, and one at +1 counts none."""
     A = _one(-1.0)
     left = Line(np.array([[-1.0]]), np.eye(1), 2.0)
     right = Line(np.array([[1.0]]), np.eye(1), -1.0)
@@ -377,7 +383,7 @@ def test_a_line_beside_the_axis_bounds_one_side() -> None:
 
 
 def test_a_root_must_be_within_its_radius() -> None:
-    """x - 1 at 0 with radius 0.5: the slope is exact, the root is not there."""
+    """A root of x - 1 claimed at 0 with radius 0.5 is refused, although its slope is exact."""
     residual = arb_mat([[arb(-1)]])
     slope = arb_mat([[arb(1)]])
     with pytest.raises(Rejected, match="a root"):
@@ -386,7 +392,7 @@ def test_a_root_must_be_within_its_radius() -> None:
 
 
 def test_boxes_of_another_branch_are_refused() -> None:
-    """The trims -sqrt(1 + p) are no boxes of the branch that is stated at +sqrt(2)."""
+    """Boxes of the trims -sqrt(1 + p) are refused for the branch stated at +sqrt(2)."""
     made = certificate("two trims")
     flight = read_statement("schedule", copy.deepcopy(made["statement"]), two_trims()).flight  # type: ignore[union-attr]
     models = []
@@ -399,8 +405,9 @@ def test_boxes_of_another_branch_are_refused() -> None:
 
 @ctx.workprec(256)
 def test_solutions_far_from_the_stated_are_enclosed() -> None:
-    """0.75 p² + 2 p = 1, stated 0.1 from the root with a reach of 0.5: one step of Newton's method
-    is not the root."""
+    """A root of 0.75 p² + 2 p = 1 is enclosed if the stated one is 0.1 off with a reach of 0.5,
+    where one step of Newton's method does not suffice.
+    """
     one = np.eye(1)
     root = (arb(1.75).sqrt() - 1) / arb(0.75)
     stated = TaylorModel(arb_mat([[root.mid() + arb(0.1)]]))
@@ -418,7 +425,9 @@ def test_weights_that_are_no_cost_are_refused() -> None:
 
 
 def test_a_determinant_of_one_sign_proves_no_axis() -> None:
-    """x' = -x + u without disturbance has a solution: H has no eigenvalue on the axis."""
+    """A determinant of one sign proves that H has no eigenvalue on the axis, for x' = -x + u
+    without disturbance.
+    """
     one = np.eye(1)
     weights = Weights(one, one, one, 1e6)
     with pytest.raises(Rejected, match="axis"):
@@ -438,7 +447,7 @@ def test_degrees_are_enclosed_in_radians() -> None:
 
 
 def test_the_game_of_the_other_trim_is_refused() -> None:
-    """The evidence is of the trim -sqrt(2), the statement of +sqrt(2)."""
+    """Evidence for the trim -sqrt(2) is refused for a statement on +sqrt(2)."""
     made = copy.deepcopy(of_the_other_trim("one of two"))
     flight = certificate("one of two")["statement"]["flight"]
     made["statement"]["flight"]["trims"] = flight["trims"]
@@ -450,7 +459,9 @@ def test_the_game_of_the_other_trim_is_refused() -> None:
 
 @ctx.workprec(256)
 def test_a_loop_that_only_the_doubles_stabilize() -> None:
-    """The pole -2 q sqrt(1 + p) - K is below 0 by less than the decimals of the double q differ."""
+    """A loop is refused whose pole -2 q sqrt(1 + p) - K is negative by less than the decimals of
+    the double q differ.
+    """
     model = replace(
         two_trims(),
         parameters={"p": Signal(nominal=57.0, start=1.0), "q": Signal(start=1.0)},
@@ -484,8 +495,9 @@ def test_a_loop_that_only_the_doubles_stabilize() -> None:
 
 @ctx.workprec(256)
 def test_table_errors_for_doubles_alone_are_refused() -> None:
-    """The stated error holds for the doubles of the parameters, and not for all decimals that they
-    may be read from."""
+    """A table error is refused if it holds for the doubles of the parameters and not for all
+    decimals from which they may be read.
+    """
     made = certificate("models")
     statement = read_statement("models", copy.deepcopy(made["statement"]), None)
     assert isinstance(statement, ModelsStatement)
@@ -500,7 +512,7 @@ def test_table_errors_for_doubles_alone_are_refused() -> None:
 
 
 def test_gains_follow_from_both_values_of_critics() -> None:
-    """K = R⁻¹ B'P is 2 for P = 2, that of W = 2 z² too."""
+    """K = R⁻¹ B'P is 2 for P = 2, and also for W = 2 z²."""
     one = np.eye(1)
     weights = Weights(one, one, one, np.inf)
     B = TaylorModel(arb_mat([[1]]))
@@ -512,7 +524,7 @@ def test_gains_follow_from_both_values_of_critics() -> None:
 
 
 def test_trims_apart_by_an_error_are_different() -> None:
-    """The trim of the other box is 0.5 +- 0.7; within 1 of 0 this one has no other."""
+    """The trim 0.5 ± 0.7 of another box is refused if this box has no other trim within 1 of 0."""
 
     def box_at(center: float, error: float) -> Any:
         polynomial = [arb(center), arb(0), arb(0), arb(error)]

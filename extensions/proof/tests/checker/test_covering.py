@@ -1,4 +1,4 @@
-"""Evidence covers the statement, tested at every point at which it could fail."""
+"""Evidence must cover the statement. This is tested at every point at which it could fail."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ def is_covered(stated: Box, pieces: Sequence[Box]) -> bool:
 
 
 def places(stated: Box, pieces: Sequence[Box]) -> list[tuple[float, ...]]:
-    """Every end that lies in the stated box, and a value between each two, in every coordinate: a
-    closed box leaves one of these out or none."""
+    """Return all ends in the stated box, and a value between each two, in every coordinate.
+
+    A closed box omits one of these points or none.
+    """
     values = []
     for i, (least, most) in enumerate(stated):
         ends = {least, most} | {end for box in pieces for end in box[i] if least <= end <= most}
@@ -47,8 +49,9 @@ def holds(box: Box, place: Sequence[float]) -> bool:
 
 @pytest.mark.parametrize("coordinates", [1, 2, 3])
 def test_what_is_covered_is_what_every_point_says(coordinates: int) -> None:
-    """Ends from a few whole numbers: points, duplicates, gaps, overlaps and common ends are among
-    them."""
+    """Boxes cover a box exactly if they contain every such point, with points, duplicates, gaps,
+    overlaps and common ends.
+    """
     random = np.random.default_rng(coordinates)
     verdicts = []
     for _ in range(1500 // coordinates):
@@ -82,7 +85,7 @@ def test_ends_that_are_no_numbers_are_refused(end: float) -> None:
 
 
 def test_reversed_ends_and_other_numbers_of_coordinates_refused() -> None:
-    """Reversed ends and other numbers of coordinates are refused."""
+    """Reversed ends and wrong numbers of coordinates are refused."""
     assert not is_covered([(1.0, 0.0)], [[(0.0, 1.0)]])
     assert not is_covered([(0.0, 1.0)], [[(1.0, 0.0)]])
     assert not is_covered([(0.0, 1.0)], [[(0.0, 1.0)], [(2.0, -1.0)]])
@@ -97,14 +100,14 @@ def test_a_gap_of_one_double_is_one() -> None:
 
 
 def test_points_inside_interval_are_no_evidence_for_it() -> None:
-    """Points inside an interval are no evidence for it."""
+    """Points inside of an interval are not evidence for the interval."""
     points = [[(value, value)] for value in np.linspace(0.0, 1.0, 11).tolist()]
     assert not is_covered([(0.0, 1.0)], points)
     assert is_covered([(0.5, 0.5)], points)
 
 
 def test_many_boxes_of_a_bisection_cover_it() -> None:
-    """A thousand boxes in four coordinates, each a half of another."""
+    """A thousand boxes in four coordinates, each a half of another, cover their box."""
     random = np.random.default_rng(5)
     boxes: list[list[tuple[float, float]]] = [[(0.0, 1.0)] * 4]
     while len(boxes) < 1000:

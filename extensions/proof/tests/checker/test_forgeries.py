@@ -1,7 +1,7 @@
-"""Forged certificates with right digests: none with a false claim is accepted.
+"""Forged certificates with right digests. None with a false claim is accepted.
 
-A forgery is a false statement, false by construction, with a witness that an attacker may try: the
-one of the true statement, damaged, exaggerated, or made by the prover for another one.
+The statement of a forgery is false by construction. Its witness is one that an attacker may try:
+that of the true statement, damaged, exaggerated, or made by the prover for another statement.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _bounds_of_the_other_trim(made: Content) -> None:
 
 
 def _of_another_angle(made: Content) -> None:
-    """Boxes that are proved of the exact gains, of a loop whose gains are none."""
+    """Use boxes that are proved for the exact gains for a loop without gains."""
     own = content(prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125))
     made["witness"]["loop"] = own["witness"]["loop"]
 
@@ -132,8 +132,9 @@ def test_a_known_forgery_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_the_other_trim_has_certificate_of_its_own(tmp_path: Path) -> None:
-    """The certificate is refused as evidence about the first trim and accepted for its own; both
-    are named."""
+    """A certificate of the second trim is refused as evidence for the first one and accepted for
+    its own. Both are named.
+    """
     for kind in ("two trims", "one of two"):
         path = forge(tmp_path / "other.json", of_the_other_trim(kind))
         verified = check_certificate(path, model=model_of(kind))
@@ -234,7 +235,7 @@ def test_what_is_wrong_is_named(name: str, tmp_path: Path) -> None:
 
 
 def test_a_game_of_another_angle_is_refused(tmp_path: Path) -> None:
-    """The right solution at 14.6 deg, of a statement about 14.5 deg."""
+    """The right solution at 14.6 deg is refused for a statement at 14.5 deg."""
     made = copy.deepcopy(certificate("solution"))
     made["witness"] = content(prove_solution(game_at(14.6), family(), 14.6))["witness"]
     assert_refused(made, "solution", tmp_path / "forged.json")

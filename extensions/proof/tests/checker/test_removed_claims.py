@@ -1,8 +1,8 @@
-"""Certificates from which something is taken away: accepted claims are still true.
+"""Certificates with parts removed: accepted claims are still true.
 
-Every list is emptied, shortened or has an entry twice, every interval made a point, every entry
-left out, every pair exchanged: of true certificates and of false ones. What is accepted is judged
-in doubles by `certificate_truth`, another way than the checker's.
+In true and in false certificates every list is emptied, shortened, or gets an entry twice. Every
+interval becomes a point, every entry is removed, and every pair is exchanged. Accepted claims are
+judged in doubles by `certificate_truth`, by another method than the checker's.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ COMBINED = 100
 
 
 def checked(made: Content, kind: str, folder: Path) -> Report | None:
-    """Return the report of a certificate, or None where it is refused."""
+    """Return the report of a certificate, or None if it is refused."""
     try:
         verified = check_certificate(forge(folder / "forged.json", made), model=model_of(kind))
     except (Rejected, BadInputError, Malformed):
@@ -51,7 +51,7 @@ def checked(made: Content, kind: str, folder: Path) -> Report | None:
 
 
 def changed(kind: str, *changes: Change) -> Content | None:
-    """The certificate with these changes one after the other, or None where one finds nothing."""
+    """Return the certificate with these changes in turn, or None if one of them does not apply."""
     made = copy.deepcopy(certificate(kind))
     try:
         for change in changes:
@@ -62,7 +62,8 @@ def changed(kind: str, *changes: Change) -> Content | None:
 
 
 def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path) -> int:
-    """Return the number of accepted changed certificates; assert that each of their claims is true.
+    """Assert that each claim of an accepted changed certificate is true. Return the number of
+    accepted ones.
 
     names: of removals, each alone or after a false statement
     """
@@ -81,14 +82,14 @@ def assert_true_or_refused(kind: str, names: list[tuple[str, ...]], folder: Path
 
 
 def some_removals(kind: str, count: int, seed: int = 3) -> list[tuple[str, ...]]:
-    """So many removals from the true certificate, or all."""
+    """Return this number of removals from the true certificate, or all."""
     names = sorted(removals(certificate(kind)))
     order = np.random.default_rng(seed).permutation(len(names))
     return [(names[number],) for number in order[:count]]
 
 
 def combined(kind: str, count: int, seed: int = 0) -> list[tuple[str, ...]]:
-    """Some false statements, from each of which something is removed."""
+    """Return false statements, each with a removal."""
     random = np.random.default_rng(seed)
     statements = sorted(false_statements(kind))
     every_removal = sorted(removals(certificate(kind)))
@@ -118,7 +119,7 @@ def test_there_are_thousands_of_them() -> None:
 
 @pytest.mark.parametrize("kind", ["scalar", "plant", *LARGE_GAMES])
 def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path) -> None:
-    """A wrong critic of which nothing is claimed is not proved."""
+    """A wrong critic without a claim does not count as proved."""
     for name, change in wrong_critics_without_a_claim(kind).items():
         made = changed(kind, change)
         assert made is not None
@@ -132,7 +133,7 @@ def test_wrong_critic_of_nothing_is_claimed_not_proved(kind: str, tmp_path: Path
 
 
 def test_gain_of_refuted_critic_is_in_first_line(tmp_path: Path) -> None:
-    """The gain of a refuted critic is in the first line."""
+    """The first line names the gain of a refuted critic."""
     made = changed(
         "plant",
         put(array(lambda K: -5.0 * K), *CLAIM, "critic", "K"),
@@ -170,7 +171,7 @@ def test_no_piece_proves_no_bandwidth(
 
 
 def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
-    """A decay rate of loops of which nothing is proved is refused."""
+    """A decay rate is refused for loops without a proof."""
     opened = put(lambda runs: [[runs[0][0], runs[-1][1], 0, 6]], *CLAIM, "loop")
     made = changed("rate", opened, put(1e6, *CLAIM, "decay_rate"))
     assert made is not None
@@ -188,7 +189,9 @@ def test_decay_rate_of_loops_of_nothing_proved_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("at", [1.0625, 1.25, 1.5])
 def test_a_second_branch_is_refused_without_its_boxes(at: float, tmp_path: Path) -> None:
-    """x = -sqrt(1 + p), where the loop of this certificate is not stable."""
+    """The branch x = -sqrt(1 + p), on which the loop is not stable, is refused without boxes of its
+    own.
+    """
     second = {"breakpoint": at, "unknowns": {"x": -float(np.sqrt(1.0 + at))}}
     made = changed("two trims", put(lambda trims: [*trims, second], *CLAIM, "flight", "trims"))
     assert made is not None

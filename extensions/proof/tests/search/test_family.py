@@ -1,5 +1,6 @@
-"""Trims and linear models on boxes of scheduling values, and which trims a statement may be
-about."""
+"""Trims and linear models on boxes of scheduling values, and the trims that a statement may
+cover.
+"""
 
 from __future__ import annotations
 
@@ -86,8 +87,11 @@ def test_limits_wider_than_the_models_are_refused(limits: tuple[float, float]) -
 
 
 def test_an_interval_without_a_trim_is_named() -> None:
-    """Beyond 40 deg elevator_center reaches 30 deg: a box that ends just before the last trim
-    cannot rule it out."""
+    """An interval without a trim is named, and a box that ends just before the last trim does not
+    rule it out.
+
+    Beyond 40 deg elevator_center reaches 30 deg.
+    """
     search = TrimSearch(family(), 0.0, 50.0)
     with pytest.raises((Undecided, Rejected)):
         search.linear_model(Box(0.0, 20.0))
@@ -121,7 +125,7 @@ def test_doubles_alone_give_a_sharper_model() -> None:
 
 
 def test_trims_that_statement_is_not_about_are_refused() -> None:
-    """Trims that a statement is not about are refused."""
+    """Trims that the statement does not cover are refused."""
     flights = family()
     flights.check(0.0, 20.0)
     assert len(flights.condition(10.0).free) == 4

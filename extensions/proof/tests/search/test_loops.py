@@ -1,5 +1,6 @@
-"""Loops with memory, through actuators of intervals, and of other aircraft: proved, and left open
-beyond the limit."""
+"""Loops with memory, with actuators of interval data, and of other aircraft: proved up to the
+limit, and undecided beyond it.
+"""
 
 from __future__ import annotations
 
@@ -32,8 +33,10 @@ SENSORS = (*LINEAR_STATES, "vertical_acceleration_short_period")
 
 
 def filtered(gain: float = 1.0, lag: float = 0.002, direct: float = 0.0) -> ScheduledController:
-    """u = -K x_f, x_f' = (y - x_f)/lag, and a filtered acceleration that moves nothing; K of the
-    exact game."""
+    """Return u = -K x_f, x_f' = (y - x_f)/lag, with a filtered acceleration without effect.
+
+    K is the gain of the exact game.
+    """
     K = np.array([exact_gain(14.0), exact_gain(15.0)])
     n = len(SENSORS)
     m = len(INPUTS)
@@ -67,7 +70,7 @@ def fast(order: int = 1) -> dict[str, Actuator]:
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_loop_is_that_of_its_parts(order: int) -> None:
-    """Written out once more, block by block, at an angle of the table."""
+    """The loop equals one written block by block at an angle of the table."""
     controller = filtered()
     model = model_at(14.0)
     loop = loop_of_servo(controller, fast(order), family().model)
@@ -106,8 +109,7 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
 
 @pytest.mark.parametrize("apart", [0.0, 200.0])
 def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: float) -> None:
-    """Filters and actuators of different speed, and of the same: modes that are equal, in their
-    vectors too."""
+    """A loop with filters and actuators is proved and verified, also if their modes are equal."""
     speeds = np.diag(np.linspace(400.0, 400.0 + apart, len(SENSORS)))
     controller = replace(filtered(), A=-np.array([speeds, speeds]), B=np.array([speeds, speeds]))
     actuators = {
@@ -137,7 +139,9 @@ def test_too_long_a_lag_is_refuted() -> None:
 
 
 def test_output_reaches_inputs_at_once_part_of_loop() -> None:
-    """Feedback of the acceleration itself: the loop is the one of doubles, by central numbers."""
+    """Direct feedback of the acceleration is part of the loop, which equals that in doubles at the
+    centers.
+    """
     model = model_at(14.0)
     loop = loop_of_servo(filtered(direct=1e-5), fast(), family().model)
     search = TrimSearch(family(), 14.0, 15.0, loop.controller.outputs(family().model))
@@ -154,8 +158,10 @@ def test_output_reaches_inputs_at_once_part_of_loop() -> None:
     ("delay", "slowest"), [(0.02, 1.8), pytest.param(0.5, 1.8, marks=pytest.mark.slow), (0.0, 0.02)]
 )
 def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -> None:
-    """By the delay equation's own eigenvalues the loop tolerates 0.02 s and not 0.5 s; actuators of
-    0.02 rad/s leave the aircraft, which is unstable at 14 deg, to itself."""
+    """By the eigenvalues of the delay equation the loop tolerates 0.02 s and not 0.5 s.
+
+    Actuators of 0.02 rad/s have no effect on the aircraft, which is unstable at 14 deg.
+    """
     loop = through_actuators(14.0, 14.125, delay=delay, slowest=slowest)
     drawn = np.random
     model = model_at(14.0)
@@ -180,8 +186,9 @@ def test_a_loop_with_actuators_is_proved_or_open(delay: float, slowest: float) -
 
 
 def test_one_lyapunov_function_serves_all_stable_points() -> None:
-    """x' = -x + k (x + d) with |d| <= |x|/2, k from 0 to 0.5: V = x² decreases; with k up to 0.7 it
-    does not."""
+    """One Lyapunov function V = x² serves x' = -x + k (x + d), |d| <= |x|/2, for k up to 0.5 and
+    not 0.7.
+    """
     for most, exists in ((0.5, True), (0.7, False)):
         rows = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
         points = [(np.array([[-1.0 + k, 0.0, k]]), rows) for k in (0.0, most)]
@@ -194,8 +201,9 @@ def test_one_lyapunov_function_serves_all_stable_points() -> None:
 
 
 def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
-    """The LQR's gains of the Navion, weights 1/nominal²: proved, verified with its file; refuted
-    negated."""
+    """LQR gains of the Navion (weights 1/nominal²) are proved and verified with its file. Negated
+    gains are refuted.
+    """
     flights = Family(load_model("examples/navion.py:NAVION"))
     gains = []
     for speed in (160.0, 176.0):
@@ -226,7 +234,7 @@ def test_gains_over_the_speed_of_another_aircraft(tmp_path: Any) -> None:
 
 
 def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
-    """The gtm is proved and verified by the command."""
+    """The command proves and verifies the GTM."""
     own = ("--aircraft", "examples/gtm.py:GTM")
     saved = str(tmp_path / "gtm.json")
     assert (
@@ -243,8 +251,9 @@ def test_the_gtm_is_proved_and_verified_by_command(tmp_path: Any) -> None:
     [(ca.fabs, None), (lambda v: ca.fmax(v, 0), 1), (lambda v: ca.fmin(v, 1), 0)],
 )
 def test_kink_is_refused_by_name_unless_balls_decide(kink: Any, proved: int | None) -> None:
-    """v' = u - p v + kink(v) at v = 1, the parameter p scheduled: proved away from the kink, and
-    open at it."""
+    """v' = u - p v + kink(v) at v = 1, scheduled over p, is proved away from the kink and undecided
+    at it.
+    """
     model = Model(
         name="kinked",
         states={"v": Signal(nominal=1.0)},

@@ -18,7 +18,7 @@ WITHIN = 4.9e-4
 
 
 def test_error_stays_below_its_bound_and_not_far(tmp_path: Path) -> None:
-    """The error stays below its bound and not far."""
+    """The error is below its bound and close to it."""
     grid = prove_models(family(), 14.0, 14.5, WITHIN)
     data = grid.data
     report = grid.report()

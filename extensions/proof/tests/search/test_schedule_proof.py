@@ -1,5 +1,6 @@
-"""Whole intervals of dihedral, an instability between two angles of a table, and how fast the
-dihedral may move."""
+"""Whole intervals of dihedral, an instability between two angles of a table, and the admissible
+rate of the dihedral angle.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ def loop_at(loop: Loop, angle: float, dynamics: str = "published") -> np.ndarray
 
 
 def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
-    """On a grid the proved rate and entries hold."""
+    """Assert that the proved rate and entries hold on a grid."""
     for box in proof.data["boxes"]:
         low, high = box["dihedral_deg"]
         for angle in (low, (low + high) / 2, high):
@@ -59,8 +60,9 @@ def assert_agrees_with_doubles(proof: Proof, loop: Loop, dynamics: str) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", pytest.param("newton", marks=pytest.mark.slow)])
 def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
-    """The loop, the modes of A, and a rate, twice which the same Lyapunov function does not
-    prove."""
+    """The loop, the modes of A, and a rate are proved. The same Lyapunov function does not prove
+    twice the rate.
+    """
     loop = exact_loop(14.0, 14.5, dynamics=dynamics)
     proof = prove_schedule(family(dynamics), loop, 14.0, 14.5, moving=True)
     assert proof.proved
@@ -87,7 +89,7 @@ def test_a_part_of_the_schedule_is_proved(dynamics: str) -> None:
 def test_rate_search_is_wrong_about_is_not_proved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Half as fast again as the same function allows; the loop is proved."""
+    """A rate 1.5 times that of the Lyapunov function is not proved, and the loop is."""
     # The planted fault: a search that claims too much.
     monkeypatch.setattr("hfa_proof.search.schedule_proof._SHARES", (1.5,))
     proof = prove_schedule(family(), exact_loop(14.0, 14.125), 14.0, 14.125, moving=True)
@@ -102,7 +104,7 @@ def test_rate_search_is_wrong_about_is_not_proved(
 def test_instability_between_two_angles_is_found_and_refuted(
     end: float, unstable: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An instability between two angles is found and refuted."""
+    """An instability between two angles is found, and the claim is refuted."""
     if end < 15.06:  # boxes twice as wide take less time
         monkeypatch.setattr("hfa_proof.search.schedule_proof.NARROWEST", 2.0**-9)
     loop = unstable_between(15.0, 15.06)
@@ -131,7 +133,9 @@ def test_instability_between_two_angles_is_found_and_refuted(
 
 
 def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
-    """A of `published` gains a third unstable mode at 16.688 deg."""
+    """The angle at which a mode crosses the axis is enclosed: A of `published` gains a third
+    unstable mode at 16.688 deg.
+    """
     proof = proved("crossing")
     assert counts(proof.statement.modes) == [(2, 2), (2, 3), (3, 3)]
     crossing = proof.statement.modes[1]
@@ -141,8 +145,10 @@ def test_the_angle_where_a_mode_crosses_is_enclosed() -> None:
 
 
 def test_how_many_modes_may_unstable_within_errors_said() -> None:
-    """At 11.5 deg `published` has none or two unstable modes, which depends on the parameters; four
-    are far left."""
+    """The report states how many modes may be unstable within the errors of the parameters.
+
+    At 11.5 deg `published` has none or two. Four modes are far left.
+    """
     wide = replace(family(), spread=default_parameters().standard_errors)
     rows = prove_schedule(wide, exact_loop(11.5, 11.53125), 11.5, 11.53125).data["modes"]
     assert rows["open"] == [{"from_deg": 11.5, "to_deg": 11.53125, "at_least": 0, "at_most": 2}]
@@ -152,7 +158,9 @@ def test_how_many_modes_may_unstable_within_errors_said() -> None:
 def test_an_interrupted_proof_is_continued_to_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After the loop of a part, and after the modes of A of a part."""
+    """A proof interrupted after the loop of a part, or after the modes of A, is continued to the
+    same bits.
+    """
     # A proof of a test is over before it would be written the first time.
     monkeypatch.setattr(certificate, "_PAUSE", -1.0)
     monkeypatch.setattr(certificate, "_RARELY", 0.0)
@@ -184,8 +192,7 @@ def test_an_interrupted_proof_is_continued_to_same_bits(
 
 
 def test_what_cannot_be_proved_of_is_refused() -> None:
-    """Gains beyond all numbers; intervals without angles, which no box would refute; angles beyond
-    the table."""
+    """Infinite gains, intervals without angles, and angles beyond the table are refused."""
     huge = np.full((2, 5, 6), 1e308)
     table = GainSchedule(np.radians([14.0, 15.0]), huge, hfa.aircraft())
     with pytest.raises(BadInputError, match="too large to compute with"):
@@ -220,8 +227,9 @@ def test_a_table_that_is_none_is_refused(angles: list[float], shape: tuple[int, 
 @pytest.mark.parametrize("errors", [0.0, 1.0])
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_the_whole_range_is_proved(dynamics: str, errors: float, tmp_path: Path) -> None:
-    """The identified aircraft with a rate, and all aircraft within one standard error of every
-    parameter."""
+    """The whole range is proved for the identified aircraft with a rate, and for all aircraft
+    within one standard error of every parameter.
+    """
     angles = np.linspace(0.0, 20.0, 11).tolist()
     flights = family(dynamics)
     if errors:

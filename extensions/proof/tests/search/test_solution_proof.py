@@ -1,5 +1,6 @@
-"""The exact game, proved: against sixty digits, at both sides of delta_min, and against spoiled
-critics."""
+"""Proofs of the exact game compared with sixty digits, on both sides of delta_min, and for wrong
+critics.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +56,9 @@ def test_the_enclosure_holds_the_sixty_digits() -> None:
 
 
 def test_a_root_that_does_not_stabilize_is_told() -> None:
-    """p = 1 ± sqrt(2) solve p² - 2 p - 1 = 0 for a = 1: only the larger one stabilizes and is
-    positive."""
+    """Of the roots p = 1 ± sqrt(2) of p² - 2 p - 1 = 0 for a = 1, only the larger one is proved,
+    because it is positive and stabilizes.
+    """
     exact = ExactGame.of(Game(A=ONE, B=ONE, E=ONE, Q=ONE, R=ONE, delta=np.inf))
     box, right = exact.solution()
     assert right.P.range()[0, 0].contains(1 + matrix(2 * ONE)[0, 0].sqrt())
@@ -68,8 +70,10 @@ def test_a_root_that_does_not_stabilize_is_told() -> None:
 
 @pytest.mark.parametrize("found", [4e-7, 4e-4])
 def test_delta_min_of_a_scalar_game_is_bracketed(found: float) -> None:
-    """p² s + 2 p - 1 = 0, s = 1 - 1/δ², has real roots as long as 1 + s >= 0: delta_min =
-    1/sqrt(2)."""
+    """delta_min = 1/sqrt(2) of a scalar game is bracketed.
+
+    p² s + 2 p - 1 = 0 with s = 1 - 1/δ² has real roots for 1 + s >= 0.
+    """
     exact = 1.0 / np.sqrt(2.0)
     nearly = DeltaMin(exact * (1 + 3 * found), exact * (1 - found))
     bracket = prove_delta_min(ExactGame.of(scalar_game(2.0)), nearly)
@@ -91,7 +95,9 @@ def test_above_and_below_delta_min_are_told_apart(share: float) -> None:
     "A", [[[0.0, 1.0], [0.0, 0.0]], [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]]
 )
 def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path) -> None:
-    """A double integrator and a cart: eigenvalues of A on the axis are not counted, but bounded."""
+    """A double integrator and a cart are proved. The eigenvalues of A on the axis are bounded and
+    not counted.
+    """
     B = np.zeros((len(A), 1))
     B[-1] = 1.0
     game = Game(A=A, B=B, E=B, Q=np.eye(len(A)), R=[[1.0]], delta=5.0)
@@ -106,7 +112,7 @@ def test_a_plant_with_integrators_is_proved(A: list[list[float]], tmp_path: Path
 
 
 def test_q_that_is_not_quite_semidefinite_is_refused() -> None:
-    """A q that is not quite semidefinite is refused."""
+    """A Q that is slightly indefinite is refused."""
     game = Game(A=-np.eye(2), B=np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=5.0)
     slightly = replace(game, Q=np.array([[1.0, 1.0], [1.0, np.nextafter(1.0, 0.0)]]))
     with pytest.raises(NoSolutionError, match="Q has a negative eigenvalue in exact arithmetic"):
@@ -122,7 +128,7 @@ def test_the_search_says_what_it_does() -> None:
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3])
 def test_spoiled_critic_is_as_far_as_it_moved(size: float) -> None:
-    """A spoiled critic is as far as it was moved."""
+    """The proved distance of a changed critic equals its change."""
     game = game_at(15.0)
     functions = basis("quadratic", 6)
     exact = solve_game(game)
@@ -145,7 +151,9 @@ def test_what_has_no_value_or_not_fit_refused() -> None:
 
 
 def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
-    """A plant of a file with an eigenvalue on the axis below delta min."""
+    """A plant of a file with delta below delta_min, where H has an eigenvalue on the axis, is
+    certified.
+    """
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]
     data = checked_report(check_certificate(forge(tmp_path / "scalar.json", own))).data
@@ -158,7 +166,9 @@ def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
 def test_an_unstable_gain_is_certified_as_such(
     tmp_path: Path,
 ) -> None:
-    """A gain that does not stabilize is certified so and one on the axis is not."""
+    """A gain that does not stabilize is certified as unstable. One with a pole on the axis is
+    not.
+    """
     proof = prove_critic(game_at(15.0), from_gain(game_at(15.0), np.zeros((5, 6))))
     assert proof.data["closed_loop_hurwitz"] is False
     assert (

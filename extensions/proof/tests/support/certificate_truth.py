@@ -1,5 +1,7 @@
-"""Decide whether a certificate's claim is true, in doubles and by another method than the
-checker's: at some scheduling values, by trims, eigenvalues and solutions of games."""
+"""Decide in doubles whether a certificate's claim is true, by another method than the checker's.
+
+At some scheduling values, it uses trims, eigenvalues and solutions of games.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ NEAR = 1e-4
 
 
 def what_is_false(statement: Content, kind: str) -> list[str]:
-    """The claims that do not hold; an accepted certificate must have none."""
+    """Return the false claims of a certificate. An accepted one must have none."""
     if "errors" in statement:
         return list(_false_of_models(statement, kind))
     if "critic" in statement:
@@ -49,7 +51,7 @@ class FlightInDoubles:
         self.model: Model = model.with_parameters(**flight["parameters"])
 
     def point(self, value: float) -> OperatingPoint:
-        """The trim at a scheduling value."""
+        """Return the trim at a scheduling value."""
         scheduled = self.model.schedule
         in_model_unit = np.radians(value) if self.model.schedule_unit == "deg" else value
         if scheduled in self.model.parameters:
@@ -62,13 +64,13 @@ class FlightInDoubles:
         return np.linspace(*self.flight["range"], 5).tolist()
 
     def linear(self, value: float) -> tuple[np.ndarray, np.ndarray]:
-        """A and B at a scheduling value."""
+        """Return A and B at a scheduling value."""
         point = self.point(value)
         model = linearize(point.model, point)
         return np.array(model.A), np.array(model.B)
 
     def named(self, value: float) -> dict[str, float]:
-        """The values of the trim."""
+        """Return the values of the trim by name."""
         return dict(self.point(value).values)
 
     def what_is_false(self) -> Iterator[str]:
@@ -118,7 +120,7 @@ def _false_counts(
 
 
 def _loop_of(statement: Content) -> SimpleNamespace:
-    """Controller and actuators as `loop_in_doubles` takes them."""
+    """Return controller and actuators as `loop_in_doubles` accepts them."""
     numbers = {
         name: np.array(entry) if name in ("breakpoints", *"ABCD") else entry
         for name, entry in statement["controller"].items()
@@ -145,7 +147,7 @@ def _loop_of(statement: Content) -> SimpleNamespace:
 def _closed_loop(
     statement: Content, model: Model, A: np.ndarray, B: np.ndarray, value: float
 ) -> np.ndarray:
-    """Without actuators or with fixed ones."""
+    """Return the closed loop without actuators or with fixed ones."""
     loop = _loop_of(statement)
     if loop.actuators is None:
         controller = loop.controller

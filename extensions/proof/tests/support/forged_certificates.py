@@ -15,7 +15,7 @@ Change = Callable[[Content], None]
 
 
 def put(value: Any, *path: Any) -> Change:
-    """Return a change of the value at a place, by a value or a function; None removes it."""
+    """Return a change of the value at a path to a value or by a function. None removes it."""
 
     def change(content: Content) -> None:
         holder: Any = content
@@ -53,7 +53,9 @@ def runs_of(least: int, most: int) -> Callable[[Any], Any]:
 
 
 def of_flights() -> dict[str, Change]:
-    """No trim is there, or it is beyond its limits: of every statement about an aircraft."""
+    """Return false statements for every kind about an aircraft: no trim exists, or it exceeds its
+    limits.
+    """
     changes: dict[str, Change] = {}
 
     def first_trim(function: Callable[[float, float], float]) -> Change:
@@ -68,7 +70,7 @@ def of_flights() -> dict[str, Change]:
         changes[f"trim moved by {step}"] = first_trim(lambda x, _, step=step: x + step)
 
     def limit(end: int, width: float) -> Change:
-        """A limit that the trim does not keep, the ends in order."""
+        """Return a limit that the trim violates, with its ends in order."""
 
         def change(content: Content) -> None:
             flight = content["statement"]["flight"]
@@ -226,7 +228,7 @@ def false_statements(kind: str) -> dict[str, Change]:
 
 
 def _each_box(content: Content) -> Iterator[Content]:
-    """Every object of a witness that holds numbers of a proof."""
+    """Return every object of a witness with numbers of a proof."""
     waiting: list[Any] = [content["witness"]]
     while waiting:
         part = waiting.pop()
@@ -256,7 +258,7 @@ def _wider_trims(content: Content) -> None:
 
 
 def _follows_the_statement(content: Content) -> None:
-    """Rates, trims and bandwidths as the statement has them."""
+    """Set rates, trims and bandwidths to those of the statement."""
     statement = content["statement"]
     for box in _each_box(content):
         if "rate" in box and box in content["witness"].get("loop", []):
@@ -291,7 +293,7 @@ WITNESSES: dict[str, Change] = {
 
 
 def forgeries() -> list[tuple[str, str, str]]:
-    """Kind, false statement and witness."""
+    """Return kind, false statement and witness of each forgery."""
     found = []
     for kind in PROOFS:
         for statement in false_statements(kind):
@@ -311,7 +313,7 @@ def forged(kind: str, statement: str, witness: str) -> Content:
 
 
 def removals(content: Content) -> dict[str, Change]:
-    """Name -> change, of everything in the statement and in the witness."""
+    """Return the removals from everything in the statement and the witness: name -> change."""
     changes: dict[str, Change] = {}
     for part in ("statement", "witness"):
         for path, value in _containers((part,), content[part]):
@@ -325,7 +327,9 @@ def removals(content: Content) -> dict[str, Change]:
 
 
 def _containers(path: tuple[Any, ...], value: Any) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Every object and list with its path; of a matrix or a stack the first list of each level."""
+    """Return every object and list with its path, and of a matrix or a stack the first list of each
+    level.
+    """
     if isinstance(value, dict):
         entries = list(value.items())
     elif isinstance(value, list):
@@ -343,7 +347,7 @@ def _has_objects(value: list[Any]) -> bool:
 
 
 def _without(value: Any) -> dict[str, Any]:
-    """Other values of a list or an object: emptied, shortened, a point, in another order."""
+    """Return other values of a list or an object: emptied, shortened, a point, in another order."""
     if isinstance(value, dict):
         return {"emptied": {}} | _exchanged_entries(value)
     changed: dict[str, Any] = {"emptied": []}
@@ -365,7 +369,7 @@ def _without(value: Any) -> dict[str, Any]:
 
 
 def _exchanged_entries(value: Content) -> dict[str, Any]:
-    """Neighboring entries of one type exchanged."""
+    """Return the list with neighbouring entries of one type exchanged."""
     changed = {}
     keys = list(value)
     for first, second in pairwise(keys):

@@ -1,5 +1,6 @@
-"""The proofs of the tests: the identified aircraft with tables of gains; one proof of every kind,
-made once a process."""
+"""Proofs of the tests, one of every kind, made once a process, and the identified aircraft with
+tables of gains.
+"""
 
 from __future__ import annotations
 
@@ -35,20 +36,20 @@ ORIGIN = Provenance("a test", "published")
 
 
 def family(dynamics: str = "published") -> Family:
-    """The paper's flights of the identified aircraft."""
+    """Return the paper's flights of the identified aircraft."""
     return Family(hfa.aircraft(dynamics, default_parameters().values))
 
 
 def exact_loop(*angles: float, dynamics: str = "published") -> Loop:
-    """The exact game's gains at the angles, deg."""
+    """Return the gains of the exact game at the angles, deg."""
     gains = np.array([exact_gain(angle, dynamics) for angle in angles])
     return loop_of_gains(hfa.aircraft(dynamics), angles, gains)
 
 
 def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8) -> Loop:
-    """An LQR on the slowest of actuators from 1.8 to 10 rad/s, of effectiveness 0.5 to 1.
+    """Return an LQR with actuators of bandwidths up to 10 rad/s and effectiveness from 0.5 to 1.
 
-    slowest: of the bandwidths that the loop is about
+    slowest: the smallest bandwidth that the statement covers, by default 1.8 rad/s
     """
     eye = np.eye(5)
     gains = []
@@ -64,13 +65,13 @@ def through_actuators(*angles: float, delay: float = 0.02, slowest: float = 1.8)
 
 
 def scalar_game(delta: float) -> Game:
-    """a = -1, b = e = q = r = 1: p² (1 - 1/δ²) + 2 p - 1 = 0."""
+    """Return the game a = -1, b = e = q = r = 1 with p² (1 - 1/δ²) + 2 p - 1 = 0."""
     one = np.eye(1)
     return Game(A=-one, B=one, E=one, Q=one, R=one, delta=delta)
 
 
 def between(places: Any, values: Any, place: float) -> np.ndarray:
-    """A table of matrices, linear between its breakpoints."""
+    """Return a value of a table of matrices, linear between its breakpoints."""
     flat = np.array(values).reshape(len(values), -1)
     entries = [np.interp(place, places, column) for column in flat.T]
     return np.array(entries).reshape(np.shape(values)[1:])
@@ -78,8 +79,10 @@ def between(places: Any, values: Any, place: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LoopInDoubles:
-    """ζ' = base ζ + W (lag ζ + G v), v = U ζ as it arrives: once more, block by block, in doubles,
-    of controllers that measure states and positions of actuators."""
+    """The loop ζ' = base ζ + W (lag ζ + G v), v = U ζ, in doubles, written block by block.
+
+    The controllers measure states and positions of actuators, and v is delayed.
+    """
 
     base: np.ndarray
     lag: np.ndarray
@@ -88,7 +91,10 @@ class LoopInDoubles:
 
 
 def loop_in_doubles(loop: Any, A: np.ndarray, B: np.ndarray, angle: float) -> LoopInDoubles:
-    """loop: what has a controller and actuators, as a statement has them."""
+    """Return the loop in doubles.
+
+    loop: an object with controller and actuators, such as a statement
+    """
     controller = loop.controller
     A_c, B_c, C_c, D_c = (
         between(controller.breakpoints, getattr(controller, name), angle) for name in "ABCD"
@@ -137,9 +143,11 @@ def delayed_abscissa(
     late: float,
     angle: float,
 ) -> float:
-    """Abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ): of the generator of the delay equation on
-    polynomials of degree 12 over the delay (Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27,
-    2005)."""
+    """Return the spectral abscissa of ζ' = F ζ + ω G Λ U ζ(t - τ).
+
+    It is that of the generator of the delay equation on polynomials of degree 12 over the delay.
+    Source: Breda, Maset, Vermiglio, SIAM J. Sci. Comput. 27, 2005.
+    """
     parts = loop_in_doubles(loop, A, B, angle)
     now = parts.base + w * parts.lag
     later = w * parts.G @ np.diag(arrives) @ parts.U
@@ -160,7 +168,7 @@ def delayed_abscissa(
 
 @cache
 def unstable_between(low: float, high: float) -> Loop:
-    """Gains that stabilize at both angles and not halfway, found by trying."""
+    """Return gains that stabilize at both angles and not halfway. They were found by trials."""
     models = [model_at(angle) for angle in (low, (low + high) / 2, high)]
     K = exact_gain(low)
     random = np.random.default_rng(0)
@@ -181,7 +189,7 @@ def unstable_between(low: float, high: float) -> Loop:
 
 
 def forge(path: Path, content: dict[str, Any]) -> Path:
-    """The file as a certificate with this content and the digests of it."""
+    """Write a certificate with this content and its right digests."""
     closing = ("digest", "provenance", "checksum")
     head = json.dumps({key: value for key, value in content.items() if key not in closing})[:-1]
     path.write_text(sealed(head, json.dumps(content["provenance"])))
@@ -189,7 +197,9 @@ def forge(path: Path, content: dict[str, Any]) -> Path:
 
 
 def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
-    """States through filters that are states of the controller, and fast actuators."""
+    """Return a controller that measures states through filters, which are its states, with fast
+    actuators.
+    """
     gains = np.array([exact_gain(angle) for angle in (14.0, 14.125)])
     eye = np.tile(np.eye(6) / lag, (2, 1, 1))
     controller = Controller(
@@ -200,7 +210,10 @@ def with_memory(order: int = 1, lag: float = 0.002) -> Loop:
 
 
 def two_trims(start: float = 1.0) -> Model:
-    """x' = 1 + p - x² + u has the trims ±sqrt(1 + p): one stable, one not. start: of the search."""
+    """Return x' = 1 + p - x² + u with the trims ±sqrt(1 + p), one stable and one not.
+
+    start: initial guess of the search
+    """
     return Model(
         name="two trims",
         states={"x": Signal(nominal=1.0, start=start)},
@@ -230,7 +243,7 @@ def _of_gtm() -> Proof:
 
 
 def _critic(game: Game, *flights: Any) -> Proof:
-    """W and K that are off by 1e-6 and 1e-3."""
+    """Return W and K that are off by 1e-6 and 1e-3."""
     exact = solve_game(game)
     functions = basis("quadratic", len(game.A))
     parts = {"W": functions.weights(exact.P) * (1 + 1e-6), "K": exact.K * (1 + 1e-3)}
@@ -270,7 +283,7 @@ def proved(kind: str) -> Proof:
 
 
 def model_of(kind: str) -> Model | None:
-    """The user's own model that the certificate needs, if any."""
+    """Return the user's own model that the certificate needs, or None."""
     models = {
         "two trims": two_trims,
         "one of two": two_trims,
@@ -280,7 +293,7 @@ def model_of(kind: str) -> Model | None:
 
 
 def content(proof: Proof) -> dict[str, Any]:
-    """Return the content of its certificate."""
+    """Return the content of the certificate of a kind."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "certificate.json"
         proof.write(path, ORIGIN)
@@ -290,13 +303,13 @@ def content(proof: Proof) -> dict[str, Any]:
 
 @cache
 def certificate(kind: str) -> dict[str, Any]:
-    """The content of a certificate; not to be changed."""
+    """Return the content of a certificate, which must not be changed."""
     return content(proved(kind))
 
 
 @cache
 def of_the_other_trim(kind: str) -> dict[str, Any]:
-    """A certificate of the model with two trims, about the unstable one."""
+    """Return a certificate of the model with two trims about the unstable one."""
     other = two_trims(start=-1.0)
     if kind == "one of two":
         game = Game(A=[[2 * np.sqrt(2.0)]], B=[[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=20.0)

@@ -1,4 +1,4 @@
-"""Critics with one mistake planted in each, and the words by which the judge names it."""
+"""Critics with one planted mistake each, and the words that must name it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.n
 
 
 def in_order(game: Game, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """The exact weights, sorted by order(row, column) of their products."""
+    """Return the exact weights, sorted by order(row, column) of their products."""
     row, column = np.triu_indices(len(game.A))
     return weights_of(value(game))[order(row, column)]
 
@@ -46,7 +46,9 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 
 def recorded_policy(game: Game) -> np.ndarray:
-    """The value of the policies of another P, as a stack with frozen policies teaches it."""
+    """Return the value of the policies of another P, as learned from a stack with frozen
+    policies.
+    """
     return value_of_policies(
         game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
     )
@@ -57,7 +59,7 @@ def lqr(game: Game) -> np.ndarray:
 
 
 def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
-    """P of states of which some are in degrees."""
+    """Return P with some states in degrees."""
     units = np.where(degrees, DEGREE, 1.0)
     return value(game) * np.outer(units, units)
 
@@ -344,7 +346,7 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
 
 
 def exchanged(size: int) -> np.ndarray:
-    """The order 2, 1, 3, ..."""
+    """Return the order 2, 1, 3, ..."""
     order = np.arange(size)
     order[:2] = [1, 0]
     return order
@@ -412,7 +414,7 @@ OF_ANY_GAME: dict[str, tuple[str, Plant, str]] = {
 
 
 def random_game(rng: np.random.Generator) -> Game:
-    """A game of 3 to 6 states and 1 to 3 inputs that has a value."""
+    """Return a game of 3 to 6 states and 1 to 3 inputs that has a value."""
     while True:
         n = int(rng.integers(3, 7))
         m = int(rng.integers(1, 4))
@@ -430,7 +432,7 @@ def random_game(rng: np.random.Generator) -> Game:
 
 
 def noisy(kind: str, right: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
-    """A table of a kind with noise in parts of each entry; P stays symmetric."""
+    """Return a table of a kind with relative noise in each entry. P stays symmetric."""
     noise = rng.standard_normal(right.shape)
     if kind == "P":
         noise = np.triu(noise) + np.triu(noise, 1).T

@@ -1,4 +1,4 @@
-"""Starts in a proved set, flown: how many leave it or do not return.
+"""Simulate flights from a proved set, and count those that leave it or do not converge.
 
 python extensions/region/tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
 """
@@ -29,12 +29,14 @@ _CHUNK = 20_000
 def starts_lost(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
-    """Return the number of `count` starts that leave {V <= rho} or a limit, and the number that do
-    not reach a small V; half of them are drawn in the set and half on its edge.
+    """Return the number of initial conditions that leave {V <= rho} or a limit, and of those that
+    do not reach a small V.
 
-    statement: proved; of a set under disturbances the worst for V acts all the time, and none needs
-        to return
-    farther: the starts are so many times as far out; then leaving is not counted
+    Half of the `count` initial conditions are in the set, and half on its edge.
+
+    statement: a proved one. Under disturbances the worst for V acts all the time, and none must
+        converge.
+    farther: factor on the distance of the initial conditions. Leaving is counted only without it.
     """
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
@@ -53,7 +55,9 @@ def starts_lost(
 def drawn(
     V: PolynomialFunction, statement: RegionStatement, count: int, generator: np.random.Generator
 ) -> np.ndarray:
-    """(count, n), the first half uniform in {V <= 1}, the others on its edge along rays."""
+    """Return (count, n) points, the first half uniform in {V <= 1}, the others on its edge along
+    rays.
+    """
     ends = np.array([max(-low, high) for low, high in statement.extents.values()])
     n = len(ends)
     rows = np.linalg.inv(np.linalg.cholesky(V.matrix())).T
@@ -70,7 +74,9 @@ def drawn(
 def _flown(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
-    """How many leave {V <= level} or a limit, and how many of the others do not return in time."""
+    """Return how many leave {V <= level} or a limit, and how many of the others do not converge in
+    time.
+    """
     modes = np.linalg.eigvals(plant.closed_matrix)
     step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))
     seconds = _CONSTANTS / float(np.min(np.abs(modes.real)))

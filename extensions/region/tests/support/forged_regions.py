@@ -1,4 +1,4 @@
-"""Certificates of regions that claim too much, or prove too little."""
+"""Certificates of regions that claim too much or prove too little."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Forgery = Callable[[Content, np.random.Generator], None]
 
 
 def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
-    """Name and content of so many forgeries of a certificate, each kind in turn."""
+    """Return name and content of this number of forgeries of a certificate, each kind in turn."""
     generator = np.random.default_rng(seed)
     disturbed = bool(content["statement"]["disturbances"])
     kinds = list((KINDS | DISTURBED_KINDS if disturbed else KINDS).items())
@@ -98,7 +98,7 @@ def _extent(content: Content, generator: np.random.Generator) -> None:
 
 
 def _grams(content: Content) -> list[Content]:
-    """Every square of the witness."""
+    """Return every Gram matrix of the witness."""
     found: list[Content] = []
 
     def walk(value: Any) -> None:
@@ -130,7 +130,9 @@ def _gram_gone(content: Content, generator: np.random.Generator) -> None:
 
 
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
-    """Negate that of a multiplier; the checker computes the main one anew from the identity."""
+    """Negate the Gram matrix of a multiplier. The checker computes the main one from the
+    identity.
+    """
     parts = content["witness"]["parts"]
     part = parts[generator.integers(len(parts))]
     multipliers = list(part["evidence"]["multipliers"].values())
@@ -209,7 +211,7 @@ def _disturbance_negative(content: Content, generator: np.random.Generator) -> N
 
 
 def _disturbance_left_out(content: Content, generator: np.random.Generator) -> None:
-    """Claims that the loop converges."""
+    """Claim that a loop under a disturbance converges."""
     disturbances = content["statement"]["disturbances"]
     count = len(disturbances)
     disturbances.clear()
@@ -238,7 +240,7 @@ def _ends_exchanged(content: Content, generator: np.random.Generator) -> None:
 
 
 def _edge_everywhere(content: Content, generator: np.random.Generator) -> None:
-    """The multiplier of V >= rho in place of that of V <= rho."""
+    """Use the multiplier of V >= rho in place of that of V <= rho."""
     for part in content["witness"]["parts"]:
         multipliers = part["evidence"]["multipliers"]
         multipliers["level"], multipliers["edge"] = multipliers["edge"], multipliers["level"]

@@ -35,12 +35,12 @@ V = PolynomialFunction.quadratic(np.array([[2.648, 0.1393], [0.1393, 0.06878]]))
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    """The pendulum."""
+    """Return the pendulum."""
     return load_model(PENDULUM)
 
 
 def proved(path: Path, aircraft: str, *words: str) -> str:
-    """Write a new certificate; what was printed."""
+    """Write a new certificate and return the printed text."""
     command = ["prove", "region", "--aircraft", aircraft, "-q", "-o", str(path), *words]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         assert main(command) == 0
@@ -53,13 +53,13 @@ def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
 
 
 def pendulum_loop(model: Model) -> SaturatedLoop:
-    """The LQR of the pendulum, as in the command."""
+    """Return the LQR of the pendulum, as in the command."""
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
 
 
 def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
-    """The certificate of one level of V, proved without a search."""
+    """Return the certificate of one level of V, proved without a search."""
     search = EdgeSearch if loop.disturbances else LevelSearch
     T = holding_ball(V, rho, V.coordinates())
     assert T is not None
@@ -71,15 +71,14 @@ def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
 
 
 def read_and_check(content: dict[str, Any], model: Model) -> int:
-    """Number of parts of content that is proved, its seal set aside, or one of `NOT_PROVED`
-    otherwise."""
+    """Return the number of parts of proved content, ignoring its digest, or one of `NOT_PROVED`."""
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     statement, witness = read_content(closing | content, model)
     return check_region(statement, witness)
 
 
 def passes(content: dict[str, Any], model: Model) -> bool:
-    """Return whether the checker accepts content, a digest set aside."""
+    """Return whether the checker accepts content, ignoring its digest."""
     try:
         read_and_check(content, model)
     except NOT_PROVED:
@@ -90,8 +89,9 @@ def passes(content: dict[str, Any], model: Model) -> bool:
 def accepted_forgeries(
     certificate: Path, model: Model, count: int, seed: int = 0
 ) -> tuple[set[str], list[str]]:
-    """The kinds of so many forgeries of a certificate, which the checker accepts itself; and the
-    name of each forgery that it accepts too."""
+    """Return the kinds of this number of forgeries of an accepted certificate, and the name of each
+    accepted forgery.
+    """
     content = json.loads(certificate.read_text())
     assert passes(content, model)
     tried: Counter[str] = Counter()

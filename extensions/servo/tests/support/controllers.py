@@ -1,4 +1,4 @@
-"""Scheduled controllers for tests: small, and made of plain numbers."""
+"""Small scheduled controllers made of plain numbers."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from hfa_support.provenance import parameter_hash
 
 
 def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
-    """Three angles, one integral, one input; every matrix 10 times its number at the first angle
-    plus the angle's."""
+    """Return a controller with three angles, one integral and one input.
+
+    Every matrix is 10 times its number at the first angle plus the angle's number.
+    """
     angles = np.radians([5.0, 10.0, 20.0])
     shapes = {"A": (1, 1), "B": (1, 4), "C": (1, 1), "D": (1, 4), "W": (1, 1)}
     stacks = {
@@ -40,7 +42,7 @@ def small_controller(aircraft: Model, **changed: object) -> ScheduledController:
 
 
 def integrating_controller(aircraft: Model, **changed: object) -> ScheduledController:
-    """u = -(k e + g (dihedral - r)), e' = dihedral - r, k rising with the angle."""
+    """Return u = -(k e + g (dihedral - r)), e' = dihedral - r, with k increasing with the angle."""
     gains = np.array([0.02, 0.03, 0.04])[:, None, None]
     one = np.ones((3, 1, 1))
     row = np.array([0.0, 1.0, -1.0, 0.0])

@@ -1,4 +1,6 @@
-"""Results of SLICOT for a generalized plant, through slycot, which shares no code with ours."""
+"""Results of SLICOT for a generalized plant through slycot, which shares no code with this
+project.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from hfa_servo.generalized_plant import GeneralizedPlant, closed_plant
 
 
 def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
-    """The smallest gain that SLICOT's SB10AD states, and that of the loop which it returns."""
+    """Return the smallest gain that SLICOT's SB10AD states, and that of the loop which it
+    returns.
+    """
     slycot = pytest.importorskip("slycot")
     B = np.hstack([plant.B1, plant.B2])
     C = np.vstack([plant.C1, plant.C2])
@@ -26,7 +30,7 @@ def of_slycot(plant: GeneralizedPlant) -> tuple[float, float]:
 
 
 def norm(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
-    """The gain by SLICOT's AB13DD, which shares nothing with ours."""
+    """Return the L2 gain by SLICOT's AB13DD."""
     slycot = pytest.importorskip("slycot")
     E = np.eye(len(A))
     return float(

@@ -18,7 +18,7 @@ A_Z = "vertical_acceleration_short_period"
 
 
 def measured_servo(**changed: object) -> Design:
-    """The settings of `simvfa-1` from the three measurements of its servo."""
+    """Return the settings of `simvfa-1` with the three measurements of its servo."""
     settings: dict[str, object] = {
         "sensors": {"pitch_rate": 1e-4, "dihedral_integral": 1e-4, f"{A_Z}_integral": 1e-2}
     }
