@@ -6,7 +6,9 @@ import hashlib
 import importlib
 import sys
 import types
+from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -86,9 +88,21 @@ def load_model(text: str) -> Model:
 
 
 def _loaded(model: Model, text: str, digest: str) -> Model:
-    """Return the model with its source, from which another process can load it."""
+    """Return the model with its source, from which another process can load it.
+
+    It takes the equations of the same text and fingerprint that were loaded before, whose functions
+    are known already.
+    """
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
-    return replace(model, extras=extras)
+    known = _known_equations(text, digest)
+    known.append(model.equations)
+    return replace(model, equations=known[0], extras=extras)
+
+
+@lru_cache(maxsize=16)
+def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
+    """Return the equations that were loaded for a text and a fingerprint, the first one first."""
+    return []
 
 
 def forms_of_packages() -> list[str]:

@@ -50,19 +50,27 @@ def test_installed_modules_do_not_count(tmp_path: Path) -> None:
 
 
 def test_a_neighbouring_table_is_in_the_fingerprint(tmp_path: Path) -> None:
-    """The hash covers the numbers of a .csv file that the equations or the limits read."""
+    """The hash covers the numbers of a .csv file that the equations or the limits read.
+
+    Models of one hash share their equations, whose functions are then constructed once.
+    """
     (tmp_path / "plant.py").write_text(
         "import pathlib\nimport hfa\n"
         "gain, most = map(float, pathlib.Path(__file__).with_name('a.csv').read_text().split(','))\n"
         "PLANT = hfa.Model('plant', {'a': hfa.Signal(max=most)}, {'u': hfa.Signal()},\n"
         "    lambda x, u, p, w: ({'a': u.u - gain * x.a}, {}))\n"
     )
-    hashes = []
+    models = []
     for table in ("1.0,2.0", "1.0,2.0", "1.5,2.0", "1.0,2.5"):
         (tmp_path / "a.csv").write_text(table)
-        hashes.append(load_model(f"{tmp_path / 'plant.py'}:PLANT").extras.source[1])
+        models.append(load_model(f"{tmp_path / 'plant.py'}:PLANT"))
+    hashes = [model.extras.source[1] for model in models]
     assert hashes[0] == hashes[1]
     assert len({*hashes}) == 3
+    assert models[0].equations is models[1].equations
+    assert len({model.equations for model in models}) == 3
+    rates = [float(model.at([1.0], [0.0]).f[0]) for model in models]
+    assert rates == [-1.0, -1.0, -1.5, -1.0]
 
 
 def test_a_changed_outer_module_is_another_model(
