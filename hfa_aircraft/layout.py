@@ -166,7 +166,7 @@ def _symbolic(layout: Layout, still: bool) -> tuple[list[ca.SX], ca.SX, Mapping[
 
     still: whether the disturbances are 0; w then has no symbols
 
-    Raises BadInputError that names the fault of the equations.
+    Raises a BadInputError that names the fault of the equations.
     """
     if still and not layout.names[3]:
         symbols, f_of_all, seen_of_all = _symbolic(layout, False)

@@ -40,7 +40,7 @@ def load_model(text: str) -> Model:
     Python files and modules are executed. A package reads other schemes and suffixes
     (`hfa_support.entry_points.AIRCRAFT`).
 
-    Raises BadInputError that names the file and its fault.
+    Raises a BadInputError that names the file and its fault.
 
     >>> import hfa
     >>> list(hfa.load_model("examples/navion.py:NAVION").inputs)

@@ -179,7 +179,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
     name: name of a set in the package (`NAMED`), or the path of a file
 
-    Raises BadInputError that names the file, the entry and the fault.
+    Raises a BadInputError that names the file, the entry and the fault.
     """
     if str(name) not in NAMED:
         return _read(str(name))

@@ -46,7 +46,7 @@ def offered(group: str) -> dict[str, EntryPoint]:
 def loaded(entry: EntryPoint) -> Any:
     """Return the object of an entry point.
 
-    Raises BadInputError that names the package where the object is missing.
+    Raises a BadInputError that names the package where the object is missing.
     """
     try:
         return entry.load()

@@ -64,7 +64,7 @@ def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     declared: its declaration
     entry: name of the entry, for the message
 
-    Raises BadInputError that names the file, the entry and the requirement.
+    Raises a BadInputError that names the file, the entry and the requirement.
     """
     if isinstance(declared, Number):
         number = declared.of(value)

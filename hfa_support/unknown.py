@@ -21,7 +21,7 @@ def attribute_of(value: Any, name: str, *more: str) -> Any:
 
     more: further attributes for the message
 
-    Raises AttributeError, which suggests the nearest attributes, where no package adds it.
+    Raises an AttributeError, which suggests the nearest attributes, where no package adds it.
     """
     if "notebook.attribute" in offered(PARTS):
         return part(PARTS, "notebook.attribute", "")(value, name, *more)
@@ -44,7 +44,7 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
 def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
     """Return the error of an argument that does not match its annotation.
 
-    Raises BadInputError that names the faulty row of rows that are not an array of numbers.
+    Raises a BadInputError that names the faulty row of rows that are not an array of numbers.
 
     name: name of the function in messages
     wanted: description of the argument
@@ -113,7 +113,7 @@ def unknown_name(
 ) -> Callable[..., Any]:
     """Return the function that an installed package means by an unknown public name.
 
-    Raises AttributeError with the nearest names where there is none.
+    Raises an AttributeError with the nearest names where there is none.
 
     get: returns the object of a public name
     known: the public names

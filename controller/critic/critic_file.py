@@ -78,7 +78,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
     of an array without a name follows from its shape. A file in other units than the plant is
     converted.
 
-    Raises BadInputError that names the file.
+    Raises a BadInputError that names the file.
     """
     reading = reading or Reading()
     suffix = Path(path).suffix
@@ -112,7 +112,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
     """Return the critic in a file, or the last critic of a history.
 
-    Raises BadInputError that names the file.
+    Raises a BadInputError that names the file.
     """
     return critics_in(path, game, reading)[-1]
 
@@ -137,7 +137,7 @@ def read_critic(
     activation: activation between the layers of a state dict, and after a comma at its output
     scale: (n,), factors on the states at the network's inputs
 
-    Raises BadInputError that names the file.
+    Raises a BadInputError that names the file.
 
     >>> import hfa
     >>> critic = hfa.read_critic("policy.pt", game, activation="tanh")  # doctest: +SKIP

@@ -28,7 +28,7 @@ def features_of(text: str, states: int, names: tuple[str, ...] = ()) -> ca.Funct
     """Return the CasADi Function z (n,) -> functions of a list such as "x1**2, x1*x2, sin(alpha)".
 
     The list may contain numbers, x1 ... xn or the names of the states, + - * / **, and the
-    functions in `_FUNCTIONS`. Raises BadInputError, one line, that names anything else.
+    functions in `_FUNCTIONS`. Raises a BadInputError of one line that names anything else.
     """
     z = ca.SX.sym("z", states)
     symbols = {f"x{index + 1}": z[index] for index in range(states)}

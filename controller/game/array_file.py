@@ -23,7 +23,7 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     A .npy or .csv file is a matrix with the name of the file, W.npy or P.csv. A.csv is read with
     B.csv and so on in its folder. A .npy file with any other name is stored under
     `file_entries.UNKNOWN`. In .csv files a first row and a first column of words are names, with
-    units as in "speed [ft/s]". Raises BadInputError that names the file.
+    units as in "speed [ft/s]". Raises a BadInputError that names the file.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in _READERS:

@@ -19,7 +19,7 @@ _STATES = {"A": (0, 1), "B": (0,), "E": (0,), "Q": (0, 1), "P": (0, 1), "K": (1,
 def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     """Return the matrix of each file by its name, and the names and units of states and inputs.
 
-    Names and units are omitted where the files have none. Raises ValueError that names the fault.
+    Names and units are omitted where the files have none. Raises a ValueError that names the fault.
     """
     sides: dict[str, list[list[str]]] = {}
     matrices = {}

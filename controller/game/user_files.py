@@ -79,7 +79,7 @@ def stored_game(
     the identity and delta is inf (no disturbance: the linear quadratic regulator). A structure with
     A and B is read where the top level of the file has neither. With time = "discrete" the plant is
     a step of a game in discrete time, with `discount` and cross weights `N` where the file has
-    them. Raises BadInputError that names the file.
+    them. Raises a BadInputError that names the file.
     """
     contents = read_arrays(path) if found is None else found
     with said_of(path):

@@ -231,7 +231,7 @@ def raise_disturbance(
     For δ above its minimum the solution exists for every s in [0, 1] and grows with s (monotonicity
     of the H-infinity Riccati equation in δ; Basar and Bernhard 1995). A step is accepted only when
     the iteration converges to the P >= 0 with A - S_s P Hurwitz, which is unique. Otherwise it is
-    halved. Raises NoSolutionError with the δ at which the solution ceases to exist.
+    halved. Raises a NoSolutionError with the δ at which the solution ceases to exist.
     """
     if not equations.disturbance.any():
         return here._replace(problem=here.problem._replace(share=target))

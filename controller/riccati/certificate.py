@@ -117,8 +117,8 @@ def certified_solution(form: NormalForm) -> Certified:
     """Return the certified solution of the normal form of one game.
 
     Eigenvectors and doubling are tried first. Where these lack digits, the Schur form and refined
-    doubling decide, in coordinates in which X is of moderate size. Raises NoSolutionError with the
-    reason of the first failed test.
+    doubling decide, in coordinates in which X is of moderate size. Raises a NoSolutionError with
+    the reason of the first failed test.
     """
     stack = certified_stack(form[None])
     if stack.holds[0]:
@@ -179,7 +179,7 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
 def carefully_certified(form: NormalForm) -> Certified:
     """Return `certified_solution` by the Schur form and refined doubling.
 
-    Raises NoSolutionError with the reason in the last coordinates where all fail.
+    Raises a NoSolutionError with the reason in the last coordinates where all fail.
     """
     _refuse_overflow(form)
     reached = reach_checks(form)

@@ -137,7 +137,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
     game: which game
     progress: called by the search for delta_min, where there is no solution
 
-    Raises NoSolutionError with one line: the mode that rules out a solution at any delta, or the
+    Raises a NoSolutionError with one line: the mode that rules out a solution at any delta, or the
     test of the certificate that failed together with delta_min.
     Source: Basar and Bernhard, H-infinity Optimal Control, Theorem 4.11.
 
@@ -151,7 +151,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
 
 def certified(form: NormalForm, progress: Progress | None = None) -> Certified:
-    """Return `certified_solution`. Raises NoSolutionError that names a sufficient delta."""
+    """Return `certified_solution`. Raises a NoSolutionError that names a sufficient delta."""
     try:
         return certified_solution(form)
     except NoSolutionError as failure:

@@ -203,7 +203,7 @@ def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
     """Return name -> values of a CSV file of conditions.
 
     The first row is a header of names. Each further row is one point, with values as in --hold
-    (degrees). Raises BadInputError that names the row, counted from the header, and the column.
+    (degrees). Raises a BadInputError that names the row, counted from the header, and the column.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

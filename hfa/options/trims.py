@@ -380,7 +380,7 @@ class TrimOptions(HfaOptions):
     def operating_point(self, aircraft: Model) -> OperatingPoint:
         """Return the trim of the options, searched from the point of --start.
 
-        Raises TrimError, which names a held angle of attack where that prevents a trim.
+        Raises a TrimError, which names a held angle of attack where that prevents a trim.
         """
         condition = self.trim_condition
         by = self.model.schedule

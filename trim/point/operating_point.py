@@ -267,7 +267,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def load(path: Path, model: Model) -> OperatingPoint:
         """Return a saved point of a model, from its own file or from a saved trim or linear model.
 
-        Raises BadInputError that names the fault.
+        Raises a BadInputError that names the fault.
         """
         from trim.point.saved_point import loaded_point
 

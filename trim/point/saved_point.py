@@ -32,7 +32,7 @@ _FILE: dict[Any, Any] = {
 def loaded_point(path: Path, model: Model) -> OperatingPoint:
     """Return a saved point of a model, from its own file or from a saved trim or linear model.
 
-    Raises BadInputError that names the fault.
+    Raises a BadInputError that names the fault.
     """
     try:
         data = read_json(path)

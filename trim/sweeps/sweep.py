@@ -461,7 +461,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """Return the linear model of a point, sweep[0], or the values of a name, sweep["alpha"],
         (N,).
 
-        A name is a swept variable, a state or an input. Raises NoSolutionError with the reason
+        A name is a swept variable, a state or an input. Raises a NoSolutionError with the reason
         where the point has no trim.
         """
         from trim.sweeps.sweep_points import column, linear_model_at

@@ -22,8 +22,8 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
 
     index: number of the point, counted from the end where negative
 
-    Raises IndexError beyond the points. Raises NoSolutionError with the reason where the point has
-    no trim.
+    Raises IndexError beyond the points. Raises a NoSolutionError with the reason where the point
+    has no trim.
     """
     count = len(swept.reasons)
     if not -count <= index < count:

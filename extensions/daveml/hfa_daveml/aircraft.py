@@ -44,7 +44,7 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 def read_model(text: str) -> Model:
     """Return the aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
 
-    Raises BadInputError that names the file and the variable that is missing, unknown or given
+    Raises a BadInputError that names the file and the variable that is missing, unknown or given
     twice, has another unit, or is not positive.
     """
     paths = text.split("+")

@@ -139,8 +139,8 @@ class Document:
 def read_document(path: str) -> Document:
     """Return the content of a DAVE-ML file, version 1 or 2.
 
-    Raises BadInputError that names the file and the element that is missing, unknown, defined twice
-    or not a number. Raises OSError where the file cannot be read.
+    Raises a BadInputError that names the file and the element that is missing, unknown, defined
+    twice or not a number. Raises OSError where the file cannot be read.
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:

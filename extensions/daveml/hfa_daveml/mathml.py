@@ -60,7 +60,7 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
     value_of: value of a variable by its varID
 
-    Raises BadInputError that names an operator that is unknown or has a wrong number of
+    Raises a BadInputError that names an operator that is unknown or has a wrong number of
     arguments."""
     if element.tag == "ci":
         return value_of((element.text or "").strip())

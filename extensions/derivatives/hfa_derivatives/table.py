@@ -83,7 +83,7 @@ class Table:
 def read_table(path: str) -> Table:
     """Return the table of a TOML file, or of a CSV file with rows name, value, unit.
 
-    Raises BadInputError that names the entry and its row.
+    Raises a BadInputError that names the entry and its row.
     """
     with file_faults(path):
         content = regular_file(path).read_bytes()

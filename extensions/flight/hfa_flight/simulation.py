@@ -112,7 +112,7 @@ class CompiledLoop:
         ticks: number of ticks; default: those of the scenario
         stop: rows of a flight -> mask of those that end it, at the end of that tick
 
-        Raises NoSolutionError with the time if a number is not finite and there is no `stop`.
+        Raises a NoSolutionError with the time if a number is not finite and there is no `stop`.
         """
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:

@@ -117,7 +117,7 @@ def record_of(
     columns: name -> (N,): "time" (s), every input, and at least one state or output
     held: input without a column -> its constant value
 
-    Raises BadInputError with the column and its fault.
+    Raises a BadInputError with the column and its fault.
     """
     for column in columns:
         known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -161,7 +161,7 @@ def read_record(
     held: input without a column -> its constant value
     table: TOML file of the columns of a .ulg file
 
-    Raises BadInputError with the file and its fault.
+    Raises a BadInputError with the file and its fault.
     """
     try:
         file = regular_file(path)

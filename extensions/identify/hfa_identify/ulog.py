@@ -79,7 +79,7 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
 def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedColumn]:
     """Return the columns of a table.
 
-    Raises BadInputError with the column and its fault."""
+    Raises a BadInputError with the column and its fault."""
     for key in data:
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
     rows = data.get("columns")

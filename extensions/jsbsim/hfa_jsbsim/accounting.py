@@ -55,7 +55,7 @@ _NOT_READ = "JSBSim does not read them either"
 def account(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes on the omitted elements of an aircraft.
 
-    Raises BadInputError, with file and line, for elements that must not be omitted.
+    Raises a BadInputError, with file and line, for elements that must not be omitted.
     """
     reached = equations.properties
     notes = _of_writers(equations)

@@ -93,7 +93,7 @@ def read_model(text: str, partial: bool = False) -> Model:
     partial: whether to omit motors, rotors and gas cells, which cannot be read, and not to refuse
         them
 
-    Raises BadInputError, with file and line, where an element cannot be read.
+    Raises a BadInputError, with file and line, where an element cannot be read.
     """
     name, _, chosen = text.partition("?")
     path, folders = _find(name)

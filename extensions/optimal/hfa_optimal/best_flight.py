@@ -351,7 +351,7 @@ def best_flight(
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
     Raises BadInputError for unknown names, an initial condition outside the limits and a horizon
-    that is too short. Raises NoSolutionError with the reason if no flight was found or the
+    that is too short. Raises a NoSolutionError with the reason if no flight was found or the
     simulation refutes it.
 
     >>> import hfa

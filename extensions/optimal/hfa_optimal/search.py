@@ -137,8 +137,9 @@ class BestFlights:
 
         seconds: the horizon; default: so long that the end costs almost nothing
 
-        Raises NoSolutionError with the reason if no flight was found or the simulation refutes it,
-        and BadInputError if a given horizon is too short."""
+        Raises a NoSolutionError with the reason if no flight was found or the simulation refutes
+        it, and BadInputError if a given horizon is too short.
+        """
         self.problem.refuse_outside(start)
         horizon = self.horizon(start) if seconds is None else seconds
         for _ in range(_EXTENSIONS):
@@ -220,7 +221,7 @@ class BestFlights:
 
         meshes: intervals -> cost so far
 
-        Raises NoSolutionError with the reason if the last ones do not agree.
+        Raises a NoSolutionError with the reason if the last ones do not agree.
         """
         agreed = None
         intervals = len(best.lengths)

@@ -41,7 +41,7 @@ TRIM = "trim"
 class Deployed:
     """Deployment with the names of a model.
 
-    Raises BadInputError with the wrong entry of the deployment file and the known names.
+    Raises a BadInputError with the wrong entry of the deployment file and the known names.
     """
 
     deployment: Deployment

@@ -124,7 +124,7 @@ class Deployment(Reported):
     def load(path: str | Path) -> Deployment:
         """Return the deployment in a TOML file.
 
-        Raises BadInputError with the file, the entry and the remedy.
+        Raises a BadInputError with the file, the entry and the remedy.
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(

@@ -163,7 +163,7 @@ def _episodes(
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
-    """Return a class of a library. Raises BadInputError with the command that installs it."""
+    """Return a class of a library. Raises a BadInputError with the command that installs it."""
     try:
         import_module(library)
     except ImportError:

@@ -86,8 +86,8 @@ class Normalizer:
 def read_normalizer(path: str | Path) -> Normalizer | None:
     """Return the normalizer in a file of `VecNormalize.save`, without running its code.
 
-    The result is None where observations are not normalized. Raises BadInputError with the file and
-    its fault.
+    The result is None where observations are not normalized. Raises a BadInputError with the file
+    and its fault.
     """
     with said_of(path):
         try:

@@ -97,7 +97,7 @@ class Zip:
 def read_zip(path: str | Path) -> Zip:
     """Return the settings in the zip of a policy. No code in it is run.
 
-    Raises BadInputError with the file and its actual content.
+    Raises a BadInputError with the file and its actual content.
     """
     with said_of(path):
         try:

@@ -369,7 +369,7 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
     """Return the controller in a .npz file of `save_controller`, in the names and units of a model.
 
-    Raises BadInputError that names the file and its fault.
+    Raises a BadInputError that names the file and its fault.
     """
     if Path(path).suffix.lower() != ".npz":
         raise BadInputError(f"{path}: a controller is read from a .npz file; save it as one")

@@ -102,7 +102,7 @@ def read_content(
 ) -> tuple[BoxStatement, BoxWitness]:
     """Return statement and witness of a certificate's content.
 
-    Raises Malformed, which names an invalid entry.
+    Raises a Malformed, which names an invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

@@ -115,7 +115,7 @@ def check_cost_certificate(
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
     """Return statement and witness of a certificate's content.
 
-    Raises Malformed, which names an invalid entry.
+    Raises a Malformed, which names an invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

@@ -85,7 +85,7 @@ def _operation(code: int, name: str) -> Callable[..., Any]:
     code: `ca.OP_...`
     name: name of the function, for the message
 
-    Raises BadInputError that names an operation that balls do not support.
+    Raises a BadInputError that names an operation that balls do not support.
     """
     if code in _OPERATIONS:
         return _OPERATIONS[code]

@@ -97,7 +97,7 @@ def steady_flight(
     limited: names of variables with limits
     measured: outputs of the linear model
 
-    Raises BadInputError that names an unsupported operation, such as that of a table.
+    Raises a BadInputError that names an unsupported operation, such as that of a table.
     """
     imposed_outputs = tuple(name for name in imposed if name not in model.variables)
     limited_outputs = [name for name in limited if name in model.outputs]

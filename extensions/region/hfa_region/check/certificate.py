@@ -60,7 +60,7 @@ def read_content(
 ) -> tuple[RegionStatement, RegionWitness]:
     """Return statement and witness of a certificate's content.
 
-    Raises Malformed, which names an invalid entry.
+    Raises a Malformed, which names an invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)

@@ -98,7 +98,7 @@ def attribute(value: Any, name: str, *more: str) -> Any:
 
     more: further attributes for the message
 
-    Raises AttributeError, which suggests the nearest attributes, where they find none.
+    Raises an AttributeError, which suggests the nearest attributes, where they find none.
     """
     for source in _SOURCES:
         found = source(value, name)
