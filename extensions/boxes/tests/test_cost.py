@@ -371,7 +371,7 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
 
 
 def test_an_input_without_slope_may_be_used() -> None:
-    """A bound is refused if an input without slope at 0 reduces the cost.
+    """The radii of the best inputs include an input without slope at 0.
 
     x' = pull + 0.9 pull push, and the best push is 0.14.
     """

@@ -420,8 +420,8 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
 
 
 def test_coinciding_modes_have_a_positive_decay() -> None:
-    """Coinciding modes have a positive decay: for x' = diag(-1, -4) x and a unit ball it is the
-    mean of 2 and 8.
+    """Coinciding modes have a positive decay matrix. For the distinct modes of diag(-1, -4) and a
+    unit ball it is diag(1, 4).
     """
     ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
     assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)

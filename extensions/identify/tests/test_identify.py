@@ -171,8 +171,8 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 
 
 def test_slow_noise_beside_white_noise_is_seen():
-    """Slow noise beside white noise is included: the autocorrelation 0.2 0.98^lag has a sum of 20.6
-    over all lags.
+    """The sum of the autocorrelation includes slow noise beside white noise: 0.2 0.98^lag has a sum
+    of 20.6.
     """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
@@ -381,8 +381,8 @@ def test_delays_below_the_noise_have_bands():
 
 
 def test_biases_that_nothing_tells_are_stated():
-    """The report states how far a bias of one degree of alpha, which no sensor shows, changes CL_0
-    and Cm_0.
+    """A bias of alpha that CL_0 and Cm_0 absorb is stated with its effect on the bands, because the
+    record does not determine it.
     """
     wrong = record(seed=1)
     wrong["alpha"] = wrong["alpha"] + math.radians(1.0)

@@ -270,7 +270,9 @@ def test_outputs_fit_nothing_or_two_things_are_refused(game: Game) -> None:
 
 
 def test_the_lines_of_the_readme_judge_a_policy() -> None:
-    """The lines of the README judge a policy. Without the activation the report has its error."""
+    """The command in the README judges a policy. Without the activation it is refused, and the
+    message has the whole command.
+    """
     plant = Game([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], np.eye(2), [1, 1], [1], np.inf)
     K = solve_game(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)

@@ -54,8 +54,8 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 
 
 def test_half_a_period_of_the_slowest_oscillation():
-    """Half a period is that of the slowest mode that half a period does not damp to 5 %, of 0.5 and
-    3 rad/s.
+    """The slowest swing is half a period of 0.5 rad/s. If this mode decays to 5 % within it, the
+    swing is half a period of 3 rad/s.
     """
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)

@@ -1,4 +1,4 @@
-"""Bounds as text, rounded so that the printed bounds are proved too."""
+"""Bounds as text, rounded outward, so that the printed bounds are also proved."""
 
 from __future__ import annotations
 

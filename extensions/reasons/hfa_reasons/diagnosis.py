@@ -151,7 +151,8 @@ def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
     """Return the hypothesis that explains most of the error, with the remaining error, or "".
 
-    Noise may be of every entry's own size, or of the size of all."""
+    Noise may be relative to every entry, or relative to the largest one.
+    """
     for weighted in (view.relative(), view):
         cause = named(weighted, hypotheses, _WITH_NOISE)
         if cause.says:

@@ -152,7 +152,9 @@ def test_a_turned_plant_is_solved_as_given_one() -> None:
 
 
 def test_axes_are_left_as_they_were_entered() -> None:
-    """T⁻¹ T with one rounding each way leaves the axes, relative to the size of the fast states."""
+    """A change of axes and its inverse leave matrices unchanged up to rounding of their largest
+    entry.
+    """
     turned = [copy.problem for copy in copies(mixed_sensitivity(15), 15, 4)][-1]
     axes = turned.axes
     for name, into, back in (

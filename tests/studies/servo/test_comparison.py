@@ -182,7 +182,9 @@ def test_a_loop_ends_at_its_delay_margin(published_aircraft: Model) -> None:
 
 @pytest.mark.parametrize("dynamics", ["published", "newton"])
 def test_20_ms_stood_half_effectiveness_planted_gain_not(dynamics: str) -> None:
-    """At half the effectiveness the servo tolerates 20 ms of delay, and a planted gain does not."""
+    """At half the effectiveness the servo tolerates 20 ms of delay. With 20 times its gain it does
+    not.
+    """
     aircraft = hfa.aircraft(dynamics)
     controller = designed_servo(aircraft)
     assert slowest_delayed(aircraft, controller, (0.0, 11.0, 20.0)) < 0.0

@@ -286,8 +286,8 @@ def test_wrong_limits_and_constants_are_named(game: Game) -> None:
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
 def test_a_state_at_its_limit_has_no_box(speed: float, half_width: float | None) -> None:
-    """A model that is valid from 100 to 150 has no box of deviations at a trim on a limit, and is
-    judged at other speeds too.
+    """A state that is valid from 100 to 150 has a box up to its nearer limit. At or beyond a limit
+    the trim has no box.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -477,8 +477,8 @@ def test_names_and_units_decide(
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:
-    """A plant with the names of the aircraft has its box. Six states and five inputs without names
-    do not.
+    """Six states and five inputs without names have a box by convention, and not that of the
+    aircraft.
     """
     Q = np.diag([1.0, 1e6, 1.0, 1.0, 1.0, 1.0])
     game = Game(-np.diag(np.arange(1.0, 7.0)), np.ones((6, 5)), np.eye(6), Q, np.eye(5), 5.0)

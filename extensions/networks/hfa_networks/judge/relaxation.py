@@ -272,7 +272,7 @@ class Relaxation:
         return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
 
     def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
-        """Return the lines, with the radius of their contribution to rows."""
+        """Return the lines with the rounding error of their evaluation added to the radius."""
         rounding = np.abs(line.constant)
         for slope, argument in zip(line.slopes, group.arguments, strict=True):
             rounding = rounding + np.abs(slope) * _sizes_of(argument, sizes)

@@ -300,7 +300,9 @@ def test_limits_of_outputs_are_checked(load: float) -> None:
 
 
 def test_an_equation_within_rounding_of_0_counts() -> None:
-    """0 x = 0 needs no unknown, and 0 x = e with |e| <= 1e-60 is undecided."""
+    """An equation 0 x = 0 needs no unknown. 0 x = e with |e| <= 1e-60 is not known to be 0 and is
+    rejected.
+    """
     slopes = SimpleNamespace(slopes=[[arb(1)], [arb(0)]])
     assert _root_offsets([arb(0), arb(0)], slopes, [arb(1)])[0].contains(0)
     with pytest.raises(Rejected, match="as many equations as unknowns"):
@@ -425,8 +427,9 @@ def test_weights_that_are_no_cost_are_refused() -> None:
 
 
 def test_a_determinant_of_one_sign_proves_no_axis() -> None:
-    """A determinant of one sign proves that H has no eigenvalue on the axis, for x' = -x + u
-    without disturbance.
+    """A determinant of one sign does not prove that H has an eigenvalue on the axis.
+
+    H of x' = -x + u without disturbance has none.
     """
     one = np.eye(1)
     weights = Weights(one, one, one, 1e6)
@@ -524,7 +527,9 @@ def test_gains_follow_from_both_values_of_critics() -> None:
 
 
 def test_trims_apart_by_an_error_are_different() -> None:
-    """The trim 0.5 ± 0.7 of another box is refused if this box has no other trim within 1 of 0."""
+    """A trim 0.5 ± 0.3 of another box is the one that this box has within 1 of 0, and a trim 0.5 ±
+    0.7 may be another.
+    """
 
     def box_at(center: float, error: float) -> Any:
         polynomial = [arb(center), arb(0), arb(0), arb(error)]

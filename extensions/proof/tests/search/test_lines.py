@@ -45,9 +45,7 @@ def test_an_eigenvalue_on_the_axis_is_left_open(A: list[list[float]]) -> None:
 
 
 def test_ball_holds_both_and_dependent_eigenvectors_left_open() -> None:
-    """A ball that contains both kinds of matrices, and dependent eigenvectors, are left
-    undecided.
-    """
+    """A ball of stable and unstable matrices, and dependent eigenvectors, are left undecided."""
     A = np.diag([-1.0, -1e-9])
     assert unstable_modes(matrix(A)) == 0
     assert unstable_modes(widened(A, np.full((2, 2), 2e-9))) is None

@@ -151,8 +151,8 @@ def test_what_has_no_value_or_not_fit_refused() -> None:
 
 
 def test_a_plant_below_delta_min_has_a_certificate(tmp_path: Path) -> None:
-    """A plant of a file with delta below delta_min, where H has an eigenvalue on the axis, is
-    certified.
+    """The bracket of delta_min is proved by an eigenvalue of H on the axis below it. A lower
+    bracket is refused.
     """
     own = content(proved("scalar"))
     assert "frequencies" in own["witness"]
