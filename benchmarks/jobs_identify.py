@@ -204,7 +204,7 @@ def _ahead(x: Sequence[float], step: float, rates: Sequence[float]) -> list[floa
 
 
 def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> list[float]:
-    """Return the rates of the ten states of examples/uav.toml, written by hand.
+    """Return the rates of the ten states of examples/uav.toml in plain NumPy.
 
     x: speed, alpha, beta, roll, pitch and yaw rate, roll, pitch, yaw, altitude
     u: thrust, elevator, aileron, rudder

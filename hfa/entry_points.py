@@ -143,7 +143,7 @@ def command_named(name: str) -> CommandEntry:
     entry = loaded(offer)
     if not isinstance(entry, CommandEntry):
         raise BadInputError(
-            f"{offer.value} offers `hfa {name}` and is not a CommandEntry; correct that package"
+            f"{offer.value} offers `hfa {name}` but is not a CommandEntry; correct that package"
         )
     return entry
 
@@ -178,7 +178,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
         raise BadInputError(f"name what to {first} first: hfa {name} {shortened(words[1])} ...")
     known = words_after(first)
     if known and len(words) > 1 and not words[1].startswith("-"):
-        what = f"word {shortened(words[1])!r} behind `hfa {first}`"
+        what = f"word {shortened(words[1])!r} after `hfa {first}`"
         raise BadInputError(unknown(what, words[1].lower(), known, f"hfa {first}"))
     if first in offered(COMMANDS):
         return first, words[1:]

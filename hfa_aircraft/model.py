@@ -341,7 +341,9 @@ class Model(Reported):
             if not signal.min <= value <= signal.max:
                 which, limit = ("most", signal.max) if value > signal.max else ("least", signal.min)
                 unit = "" if signal.unit == "1" else f" {signal.unit}"
-                raise BadInputError(f"{name} is {value:g}{unit}; it is at {which} {limit:g}{unit}")
+                raise BadInputError(
+                    f"{name} is {value:g}{unit}; it must be at {which} {limit:g}{unit}"
+                )
             changed[name] = signal._replace(start=float(value))
             if native is not None:
                 native_values[name] = float(value) / si_factor(native.unit(name))
@@ -469,7 +471,7 @@ def _check_signal(where: str, signal: Signal) -> None:
     if not isinstance(signal, Signal):
         raise BadInputError(f"{where} is {shown(signal)}; declare it as a Signal")
     if not isinstance(signal.unit, str):
-        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give a text")
+        raise BadInputError(f"{where}: the unit is {shown(signal.unit)}; give text")
     rate = signal.nominal if signal.rate is None else signal.rate
     numbers = (signal.nominal, rate, signal.start)
     if not all(map(is_finite, numbers)) or min(signal.nominal, rate) <= 0.0:

@@ -66,9 +66,7 @@ def part(group: str, name: str, what: str) -> Any:
     Raises BadInputError where no package offers it.
     """
     if name not in offered(group):
-        raise BadInputError(
-            f"{what} needs a package that offers {name!r} in {group}; install one that does"
-        )
+        raise BadInputError(f"{what} needs a package that provides {name!r} in {group}; install it")
     return loaded(offered(group)[name])
 
 

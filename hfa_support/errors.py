@@ -138,7 +138,7 @@ def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
     """Raise BadInputError unless the value is a whole number, `least` or larger."""
     if not isinstance(value, Integral) or int(value) < least:
-        raise BadInputError(f"{what} is {shown(value)}; give a whole number from {least}")
+        raise BadInputError(f"{what} is {shown(value)}; give a whole number of at least {least}")
 
 
 def pair_of(what: str, ends: Any) -> tuple[float, float]:

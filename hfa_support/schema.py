@@ -33,7 +33,7 @@ class Number(NamedTuple):
         form = "a number" if self.infinite else "a finite number"
         if self.lowest > -math.inf:
             lowest = f"{self.lowest:g}"
-            form += f" above {lowest}" if self.above else f" from {lowest} on"
+            form += f" above {lowest}" if self.above else f" of at least {lowest}"
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:

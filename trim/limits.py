@@ -78,7 +78,7 @@ class Limits:
             name = self.names[index]
             needed = self.model.describe(name, float(values[index]))
             sentences.append(
-                f"{name} would have to be {needed}, it must lie between {self.between(name)}"
+                f"{name} would have to be {needed}, but must lie between {self.between(name)}"
             )
         return sentences
 

@@ -30,4 +30,4 @@ def ordinary_box(
         speed = f"{widths[0]:.4g} m/s"
     elif any(state_units) and state_units != LINEAR_UNITS:
         return None
-    return Box(widths, f"ordinary deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")
+    return Box(widths, f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s")

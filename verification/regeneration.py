@@ -108,7 +108,7 @@ class Regeneration(ByValue, Result, Reported):
 
     def picture(self) -> Picture:
         """Return the picture of every entry's difference from the printed value."""
-        text = "Difference of every entry from its print"
+        text = "Difference of every entry from its printed value"
         return Picture("regeneration.png", text, lambda: _figure(self.pairs))
 
     def summary(self) -> Report:

@@ -104,7 +104,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         functions = reading.functions(len(game.A), game.names.states)
         parts = single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
-            raise BadInputError("a list of --basis belongs to weights W; none are given")
+            raise BadInputError("--basis accepts a list only for weights W; none are given")
         return (from_parts(game, parts, functions),)
 
 
@@ -214,7 +214,7 @@ def single_parts(
     parts = {name: numbers_in(name, entries[name]) for name in DIMENSIONS if name in entries}
     if not parts and "H" in entries:
         raise BadInputError(
-            'H belongs to a plant in discrete time; did you mean time = "discrete"?'
+            'H applies only to a plant in discrete time; did you mean time = "discrete"?'
         )
     if not parts:
         raise BadInputError(

@@ -88,7 +88,7 @@ def _named(sides: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
             if here != of_A and sorted(here) == sorted(of_A):
                 where = f"the {('rows', 'columns')[side]} of {matrix}"
                 raise ValueError(
-                    f"{where} are {', '.join(here)} and A has {', '.join(of_A)}; give one order"
+                    f"{where} are {', '.join(here)}, but A has {', '.join(of_A)}; use that order"
                 )
     return names
 

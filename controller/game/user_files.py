@@ -87,7 +87,7 @@ def stored_game(
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
         if "disturbances" in stored and "E" in parts:  # of `hfa linearize`
             del parts["E"]
-            notes.append("its E belongs to the wind and is not used")
+            notes.append("its E describes the wind and is not used")
         for key in ("A", "B"):
             if key not in parts:
                 beside = "a model file contains A and B (.csv, .npy: A.csv and B.csv in one folder)"
@@ -162,7 +162,7 @@ def _discrete(stored: Mapping[str, Any], game: Game) -> Any:
         for key in DISCRETE_KEYS:
             if key in stored and key != "time":
                 raise BadInputError(
-                    f'{key} belongs to discrete time; did you mean time = "discrete"?'
+                    f'{key} applies only to discrete time; did you mean time = "discrete"?'
                 )
         return None
     discount = 1.0

@@ -585,7 +585,7 @@ def learn(
         refuse_unknown(f"law '{law}' has no setting", name, settings_of_law)
     if not game.Q.any():
         raise BadInputError(
-            "Q is zero: every law divides its residual by z'Qz; give a state a cost"
+            "Q is zero: every law divides its residual by z'Qz; give at least one state a weight"
         )
     settings = CertifiedSettings(**options)
     if progress is not None:

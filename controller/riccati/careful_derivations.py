@@ -69,7 +69,9 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
                 warnings.simplefilter("error", RuntimeWarning)
                 Z = solve_continuous_lyapunov((form.A - form.S @ X).T, -form.residual(X))
         except (LinAlgError, ValueError, RuntimeWarning) as error:
-            raise NoSolutionError("Newton's step for P is singular within rounding") from error
+            raise NoSolutionError(
+                "the equation of Newton's step for P is singular within rounding"
+            ) from error
         X = X + (Z + Z.T) / 2.0
         correction = float(np.abs(Z).max())
         if correction < smallest:

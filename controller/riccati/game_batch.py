@@ -72,7 +72,7 @@ def _refuse_bad_plants(A: np.ndarray, B: np.ndarray, like: Game) -> None:
     number."""
     if A.ndim != 3 or B.ndim != 3 or A.shape[:2] != B.shape[:2] or A.shape[1] != A.shape[2]:
         raise BadInputError(
-            f"A is of shape {A.shape} and B of {B.shape}; give stacks (N, n, n) and (N, n, m)"
+            f"A has shape {A.shape} and B has shape {B.shape}; give stacks (N, n, n) and (N, n, m)"
         )
     sound = (np.abs(A) <= LARGEST).all(axis=(1, 2)) & (np.abs(B) <= LARGEST).all(axis=(1, 2))
     suspects = [*range(min(len(A), 1)), *np.flatnonzero(~sound)[:1]]

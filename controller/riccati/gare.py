@@ -104,7 +104,7 @@ class Solution(Result, Reported):
         """Return z'P z, the value of the game from the state z, (n,)."""
         state = numbers_in("z", z)
         if state.shape != (len(self.P),):
-            raise BadInputError(f"z is of shape {state.shape}; give ({len(self.P)},)")
+            raise BadInputError(f"z has shape {state.shape}; give ({len(self.P)},)")
         return float(state @ self.P @ state)
 
     def report(self) -> Report:

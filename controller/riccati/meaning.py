@@ -72,7 +72,7 @@ def cost_check(game: Game, P: np.ndarray, initial: np.ndarray) -> Check:
         return at_most(name, math.inf, COST_TOLERANCE, reason)
     claimed = float(initial @ P @ initial)
     error = abs(cost - claimed) / max(abs(claimed), np.finfo(float).tiny)
-    reason = f"the policies of P cost {cost:.10g} where P claims {claimed:.10g}"
+    reason = f"the policies of P cost {cost:.10g}, but P predicts {claimed:.10g}"
     return at_most(name, error, COST_TOLERANCE, reason)
 
 

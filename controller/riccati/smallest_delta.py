@@ -167,11 +167,11 @@ def lqr_obstacle(form: NormalForm, failure: str) -> str:
     failure: the failed test of its certificate
     """
     unreached = (
-        "to rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave that"
-        " mode out of A"
+        "within rounding (A, B) is not stabilizable: no input reaches the {}; change B or leave"
+        " that mode out of A"
     )
     hidden = (
-        "to rounding (A, Q) is not detectable: the undamped {} has no cost; give it weight in Q"
+        "within rounding (A, Q) is not detectable: the undamped {} has no cost; give it weight in Q"
     )
     cause = obstacle(form, unreached, hidden)
     if cause.sentence:

@@ -73,7 +73,7 @@ class AnalysedGame(Solution):
         return replace(
             solved,
             title=(
-                f"Exact game solution for {self.names.origin}\n"
+                f"Exact game solution for {self.names.origin}: certified\n"
                 f"delta {self.delta:.6g}, smallest possible {self.delta_min:.7g}"
                 f"{doubt}, margin {self.delta_margin:.4g}"
             ),

@@ -215,11 +215,11 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
     """Raise BadInputError for options that would change nothing."""
     if not any(map(is_network, paths)):
-        request.refuse(("network",), "belongs to a network; give its file by --weights")
+        request.refuse(("network",), "applies only to a network; name its file with --weights")
         for name in ("activation", "scale") if paths else ():
             if name in request.set:
                 raise BadInputError(
-                    f"--set {name} belongs to networks; give the file of one by --weights"
+                    f"--set {name} applies only to a network; name its file with --weights"
                 )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("give --discount and --dt together; neither has a default")
@@ -230,9 +230,9 @@ def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
         if "predefined_time" in request.set:
             raise BadInputError("--discount excludes --set predefined_time; leave it out")
     if not paths:
-        request.refuse(("basis",), "belongs to --weights; for a law, use --set basis=...")
+        request.refuse(("basis",), "applies only to --weights; for a law, use --set basis=...")
         return
-    request.refuse(("law", "seed"), "belongs to a law; leave it out with --weights")
+    request.refuse(("law", "seed"), "applies only to a law; leave it out with --weights")
     for name in request.set:
         refuse_unknown("a critic of a file has no setting", name, _SETTINGS)
 
@@ -254,7 +254,7 @@ def _check_file(
         return _check_history(path, critics, request, named, scope)
     if "predefined_time" in request.set:
         raise BadInputError(
-            f"--set predefined_time belongs to a critic over time; {path} has no time"
+            f"--set predefined_time applies only to a critic over time; {path} has no time"
         )
     if files > _MANY:
         scope = replace(scope, flights=_FEW_FLIGHTS)

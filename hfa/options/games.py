@@ -241,7 +241,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         if self.at is not None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
-        self.refuse(of_the_aircraft, "belongs to the aircraft; leave it out with --model")
+        self.refuse(of_the_aircraft, "applies only to the aircraft; leave it out with --model")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,7 +19,8 @@ def help_text(parser: Parser, more: bool) -> str:
         lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
         texts.append("".join(lines))
     if parser.example:
-        texts.append(f"example: {parser.example}\n")
+        gap = " " if len(parser.example) <= 70 else "\n"
+        texts.append(f"example:{gap}{parser.example}\n")
     return "\n".join(texts)
 
 

@@ -169,7 +169,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         for name in ("dynamics", "parameters"):
             if name in typed:
                 raise BadInputError(
-                    f"--{name} belongs to the HFA; --hold imposes parameters of --aircraft"
+                    f"--{name} applies only to the HFA; --hold imposes parameters of --aircraft"
                 )
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])

@@ -113,7 +113,7 @@ def new_figure(width: float, height: float) -> Figure:
         from matplotlib.figure import Figure
     except ValueError as error:
         raise BadInputError(
-            f"matplotlib does not start, check MPLBACKEND and matplotlibrc: {error}"
+            f"matplotlib does not start ({error}); check MPLBACKEND and matplotlibrc"
         ) from error
 
     figure = Figure(figsize=(width, height), layout="constrained")

@@ -48,7 +48,7 @@ class Result:
     schema: name and number of the format of a result that is written separately, or "" for a part
     made_by: command that writes it
     json_keys: entries in their order, each the name of a field or property, or KEY=FIELD.PROPERTY.
-        A ? after the key omits the entry when it is None or empty. "" stands for all fields; those
+        A ? after the key omits the entry when it is None or empty. "" selects all fields; those
         with the default None are omitted when None.
     """
 

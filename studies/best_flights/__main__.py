@@ -61,8 +61,8 @@ def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, flo
     search = BestFlights(problem)
     found = search.found(problem.deviations(START))
     gains = {
-        "learned critic, clipped": hfa.learn(game, seed=0).K,
-        "exact game policy, clipped": hfa.solve_game(game).K,
+        "learned critic, saturated": hfa.learn(game, seed=0).K,
+        "exact game policy, saturated": hfa.solve_game(game).K,
     }
     flown = []
     for name, K in gains.items():
@@ -126,7 +126,7 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
     figure = new_figure(10.0, 7.0)
     panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
     for column, (degrees, best) in enumerate(zip(DEGREES, flights, strict=True)):
-        panels[0, column].set_title(f"{degrees:g} deg, lowest cost found: {best.cost:,.0f}")
+        panels[0, column].set_title(f"dihedral {degrees:g} deg, lowest cost {best.cost:,.0f}")
         for name, axes in zip(_DRAWN, panels[:, column], strict=True):
             _draw(axes, best, name)
         panels[-1, column].set_xlabel("time, s")

@@ -92,7 +92,7 @@ def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]
 def rows_of(aircraft: dict[str, Any]) -> list[tuple[str, ...]]:
     """Return rows of the table: the linear optimum, then each algorithm over its seeds."""
     starts = aircraft["starts"]
-    rows = [_row(aircraft["aircraft"], "LQR, clipped", [aircraft["lqr"]], starts)]
+    rows = [_row(aircraft["aircraft"], "LQR, saturated", [aircraft["lqr"]], starts)]
     for algorithm in BUDGETS:
         of_algorithm = [each for each in aircraft["policies"] if each["algorithm"] == algorithm]
         if of_algorithm:
@@ -163,13 +163,13 @@ def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
         np.nan if one["lqr"]["over_best"] is None else one["lqr"]["over_best"]["median"]
         for one in aircraft
     ]
-    axes.scatter(lqr, range(len(names)), color="black", marker="|", s=200, label="LQR, clipped")
+    axes.scatter(lqr, range(len(names)), color="black", marker="|", s=200, label="LQR, saturated")
     axes.set_xscale("log")
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set_xlabel("median cost of a policy's flights over the best found (1 is the best)")
     axes.grid(axis="x", alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=3)
+    figure.legend(loc="outside lower center", ncols=3, title="policy, a mark for each training run")
     return figure
 
 

@@ -25,7 +25,7 @@ from studies.update_law.published_law import PublishedSettings, published_law
 from verification import relative_error
 
 SCHEMA = "hfa.published-study/2"
-#: Half-widths of a box of ordinary deviations, ft/s, rad and rad/s, in the order of
+#: Half-widths of a box of typical deviations, ft/s, rad and rad/s, in the order of
 #: `LINEAR_STATES`.
 FLIGHT_BOX = (7.0, 0.1, 0.1, 0.1, 0.1, 0.1)
 #: A stack residual below this fraction of its first value counts as settled.

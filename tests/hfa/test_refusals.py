@@ -111,9 +111,9 @@ REFUSED = {
         ("--dihedral 15 --Q 1,two,3,4,5,6", "--Q is 'two'; give a finite number"),
         (
             "--model given.json --hold speed=70",
-            "--hold belongs to the aircraft; leave it out with --model",
+            "--hold applies only to the aircraft; leave it out with --model",
         ),
-        ("--model given.json --units si", "--units belongs to the aircraft"),
+        ("--model given.json --units si", "--units applies only to the aircraft"),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; use one of certified"),
@@ -131,7 +131,7 @@ REFUSED = {
         ("--dihedral 15 --basis quadratic", "use --set basis="),
         (
             "--dihedral 15 --weights given.npz --law certified",
-            "--law belongs to a law; leave it out with --weights",
+            "--law applies only to a law; leave it out with --weights",
         ),
     ],
 }

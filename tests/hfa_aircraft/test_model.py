@@ -42,7 +42,7 @@ def cart(**declared: Any) -> Model:
         ({"trim": {"x": 0.0}, "replaced": {"x": "position"}}, "trim imposes the unknown"),
         ({"trim": {"height": 1.0}}, "trim imposes the unknown variable 'height'"),
         ({"states": {"x": Signal(nominal=-1.0)}}, "nominal and rate positive"),
-        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give a text"),  # type: ignore[arg-type]
+        ({"states": {"x": Signal(3)}}, "x: the unit is 3; give text"),  # type: ignore[arg-type]
     ],
 )
 def test_wrong_declarations_are_refused(declared: dict[str, Any], message: str) -> None:

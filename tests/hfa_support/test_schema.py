@@ -51,7 +51,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
         ({"open": {"b": 1}}, "f.toml: open.a is missing; add it"),
         (
             {"open": {"a": 1e200}},
-            "f.toml: open.a is 1e+200; give a finite number from 0 on, at most 1e+100",
+            "f.toml: open.a is 1e+200; give a finite number of at least 0, at most 1e+100",
         ),
         ({"limit": {}}, "f.toml: unknown entry limit; did you mean limits?"),
         ({"zzz\x1b": 1}, "f.toml: unknown entry zzz\\x1b; choose from name, kind, sizes"),

@@ -115,7 +115,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results: list[Result]) -> None
     assert "\npoint mass" in overview.out
     assert "\n  level thrust    thrust and lift-to-drag ratio" in overview.out
     assert (unknown.code, unknown.out) == (2, "")
-    assert "unknown word 'speed' behind `hfa level`" in unknown.err
+    assert "unknown word 'speed' after `hfa level`" in unknown.err
     assert "FILE.pm" in trim_help.out
     assert broken.err.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")
     assert broken.err.endswith("; correct the file\n")

@@ -19,7 +19,7 @@ from trim.limits import SLACK, Limits
         (
             2.7999,
             "no trim within limits: pitch would have to be 2.8 deg, "
-            "it must lie between -60 deg and 2.7999 deg",
+            "but must lie between -60 deg and 2.7999 deg",
         ),
     ],
 )

@@ -229,7 +229,7 @@ def test_the_back_side_is_another_trim() -> None:
         assert begun.inputs.throttle == pytest.approx(0.2, rel=1e-9)
     words = ("trim", *OWN, "--free", "speed", "--hold", "throttle=0.2")
     message = re.search(
-        r"Another trim: speed 225\.314 ft/s, .*, the start (\S+) leads to the other",
+        r"Another trim exists: speed 225\.314 ft/s, .*; the initial point (\S+) leads to it",
         hfa(*words).out,
     )
     assert message

@@ -92,5 +92,7 @@ def test_a_trim_from_another_start_says_what_failed() -> None:
     )
     point = hfa.find_operating_point(bumpy)
     lines = repr(point).splitlines()
-    assert lines[0] == "Trim, bumpy: trimmed; not from the usual start"
-    assert any(line.startswith("From the usual start no trim: these rates") for line in lines)
+    assert lines[0] == "Trim, bumpy: trimmed; not from the default initial point"
+    assert any(
+        line.startswith("From the default initial point: no trim: these rates") for line in lines
+    )

@@ -363,11 +363,11 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
     """
     if model.states != LINEAR_STATES:
         raise BadInputError(
-            f"bands are known for the states {', '.join(LINEAR_STATES)} only; select them"
+            f"bands exist only for the states {', '.join(LINEAR_STATES)}; select these"
         )
     if not bands_known(parameters):
         raise BadInputError(
-            "bands are known for the identified parameters with their covariance only; "
+            "bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
     own = replace(aircraft(), equations=Equations(variant_named(model.point.dynamics)))

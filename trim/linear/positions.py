@@ -8,7 +8,7 @@ from hfa_support.errors import BadInputError, refuse_unknown
 
 
 def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) -> list[int]:
-    """Return the positions of one or several names among the known ones; None stands for all."""
+    """Return the positions of one or several names among the known ones, or of all for None."""
     chosen = known if names is None else names
     if isinstance(chosen, str):
         chosen = (chosen,)

@@ -236,7 +236,7 @@ def refuse_unfit(condition: TrimCondition, model: Model) -> None:
     """Raise BadInputError when one of condition and model is in SI units and the other is not."""
     if (condition.model.extras.native is None) != (model.extras.native is None):
         raise BadInputError(
-            "the condition is not in the units of the model; make both of the same model"
+            "the condition is not in the units of the model; use the same model for both"
         )
 
 

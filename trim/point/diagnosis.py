@@ -32,7 +32,7 @@ def failure(problem: TrimProblem, found: np.ndarray) -> str:
         return f"no trim within limits: {'; '.join(problem.system.watched.broken(problem.at(z).y))}"
     can_balance = problem.balanced(found)
     binding = _binding(problem, z, found if can_balance else z)
-    reasons = [f"limits that bind: {'; '.join(binding)}" if binding else "no limit binds"]
+    reasons = [f"active limits: {'; '.join(binding)}" if binding else "no limit is active"]
     equations, unknowns = problem.count
     if equations > unknowns and not can_balance:
         reasons.append(f"{equations} equations for {unknowns} unknowns; free more variables")
@@ -121,8 +121,8 @@ def _binding(problem: TrimProblem, z: np.ndarray, wanted: np.ndarray) -> list[st
         if not (low[i] or high[i]):
             continue
         word, limit = ("lowest", limits.lowest[i]) if low[i] else ("highest", limits.highest[i])
-        sentence = f"{name} at its {word}, {describe(name, float(limit))}"
+        sentence = f"{name} at its {word} value, {describe(name, float(limit))}"
         if beyond[i]:
-            sentence += f", would have to be {describe(name, float(needed[i]))}"
+            sentence += f", but {describe(name, float(needed[i]))} would be needed"
         sentences.append(sentence)
     return sentences

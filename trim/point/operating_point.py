@@ -228,7 +228,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         if self.far_out:
             words.append(f"far out, {self.far_out[0]}")
         if self.started:
-            words.append("not from the usual start")
+            words.append("not from the default initial point")
         return "; ".join(words)
 
     def report(self) -> Report:

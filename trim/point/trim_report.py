@@ -245,7 +245,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
         if unknowns > equations:
             sentences.append(
                 f"Least effort: {unknowns} unknowns for {equations} equations, so this is the trim "
-                "with the least Σ (input / scale)² near the start"
+                "with the least Σ (input / scale)² near the initial point"
             )
         note = _singular_note(problem, problem.unknowns(point.values))
         if note:
@@ -254,8 +254,8 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
         from trim.point.diagnosis import failure
 
         usual = failure(problem, problem.newton(problem.clip(problem.system.start)))
-        sentences.append(f"From the usual start {usual}")
-        sentences.append(f"Start {point.started} of {STARTS} between the limits led here")
+        sentences.append(f"From the default initial point: {usual}")
+        sentences.append(f"Found from initial point {point.started} of {STARTS} between the limits")
     limits = problem.system.limits
     free = np.isinf(limits.lowest) & np.isinf(limits.highest)
     if free.any():
@@ -263,7 +263,7 @@ def _search(condition: TrimCondition, point: OperatingPoint) -> tuple[dict[str, 
         sentences.append(f"No limits are declared for {names}; check that they are reachable")
     if problem.idle:
         names = ", ".join(problem.idle)
-        sentences.append(f"In no equation, kept at the initial value: {names}")
+        sentences.append(f"Used by no equation, kept at the initial value: {names}")
     sentences += [_other_trim(problem, point, other) for other in others]
     search = {
         "equations": equations,
@@ -303,7 +303,4 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
     typed = ",".join(
         f"{name}={shown_value(other.values[name], model.unit(name))}" for name in begin
     )
-    return (
-        f"Another trim: {values}; the one above is where the search ends, the start {typed} leads "
-        "to the other"
-    )
+    return f"Another trim exists: {values}; the initial point {typed} leads to it"

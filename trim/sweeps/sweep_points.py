@@ -31,7 +31,7 @@ def linear_model_at(swept: Sweep, index: int) -> LinearModel:
     index %= count
     if swept.reasons[index]:
         raise NoSolutionError(
-            f"point {index} has no trim: {swept.reasons[index]}; `trimmed` marks those that have"
+            f"point {index} has no trim: {swept.reasons[index]}; choose one of `trimmed`"
         )
     values = swept.values[index]
     model = model_at(swept.model, swept.variables, values)

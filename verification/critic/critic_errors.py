@@ -64,7 +64,7 @@ class Box(NamedTuple):
 
 def balanced_box(game: Game) -> Box:
     """Return the box of balanced units of the game, where usual deviations are unknown."""
-    about = "balanced units of the game; a convention, no ordinary deviations are given"
+    about = "balanced units of the game (a convention, because no typical deviations are given)"
     return Box(NormalForm.of(game).units, about)
 
 
@@ -84,8 +84,8 @@ def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
     exact = np.asarray(exact, dtype=float)
     if value.shape != exact.shape:
         raise BadInputError(
-            f"the value is of shape {value.shape} and the exact one of {exact.shape}; compare "
-            "values of one shape"
+            f"the value has shape {value.shape} and the exact one has shape {exact.shape}; compare "
+            "values of equal shape"
         )
     if not np.all(np.isfinite(value)):
         return math.inf

@@ -29,7 +29,7 @@ _LEAST_DIFFERENCE = 1e-6
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
     """Return heat maps of the learned and the exact P, and of their relative difference.
 
-    K replaces P where there is none. The colors have a signed logarithmic scale. Errors over time
+    K is drawn for a critic without P. The colors have a signed logarithmic scale. Errors over time
     are added where there is a table.
 
     make: function (width, height) -> empty figure

@@ -50,7 +50,9 @@ def check_history(
     Raises BadInputError when the critics have no times.
     """
     if not critics or any(critic.time is None for critic in critics):
-        raise BadInputError("a history needs critics with times; make them by critics_over_time")
+        raise BadInputError(
+            "a history needs critics with times; create them with critics_over_time"
+        )
     verdict = check_critic(game, critics[-1], limit=limit, scope=scope)
     box = scope.box if scope is not None else None
     rows = []

@@ -34,7 +34,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
         below = np.mean(piece.bound(starts) < piece.c)
         times = (f"{fit:.1f} s", f"{proof:.1f} s")
         rows.append((at_least(piece.c, 6), f"{below:.0%}", str(boxes), *times))
-    header = ("level", "usual initial conditions below it", "boxes", "fit", "proof")
+    header = ("level", "default initial conditions below it", "boxes", "fit", "proof")
     lines = [_sentence(statement)]
     if found.stopped:
         lines.append(f"Further pieces: {found.stopped}.")
@@ -77,9 +77,9 @@ def _sentence(statement: CostStatement) -> str:
     held = statement.plant.held
     kept = f" {', '.join(held)} held at trim values." if held else ""
     return (
-        "No flight within the limits that ends at the trim costs less than W at its initial "
-        "condition, or than the level where W is larger, whatever moves the inputs. Cost: the "
-        f"integral of x'Qx + u'Ru, deviations from the trim.{kept}"
+        "No flight within the limits that ends at the trim costs less than the smaller of the "
+        "level and W at its initial condition. Cost: the integral of x'Qx + u'Ru, in deviations "
+        f"from the trim.{kept}"
     )
 
 

@@ -181,7 +181,7 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
     entry = entries[name]
     allowed = _TEXTS[name]
     if not isinstance(entry.value, str):
-        raise entry.error(f"{name} is {shown(entry.value)}; give a text")
+        raise entry.error(f"{name} is {shown(entry.value)}; give text")
     if allowed is not None and entry.value not in allowed:
         known = " or ".join(allowed)
         raise entry.error(f"{name} is {shown(entry.value)}; use {known}")
@@ -284,7 +284,7 @@ def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> 
         if name in values and values[name] <= 0.0:
             raise entries[name].error(f"{name} is {values[name]:g}; give a positive number")
     if {"mass", "weight"} <= set(values):
-        raise entries["weight"].error("mass and weight are given; leave one out")
+        raise entries["weight"].error("both mass and weight are given; leave one out")
     if values["Ixx"] * values["Izz"] <= values.get("Ixz", 0.0) ** 2:
         raise entries["Ixz"].error(
             "these Ixx, Izz and Ixz are not those of a rigid body; correct them"

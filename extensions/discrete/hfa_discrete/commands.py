@@ -27,7 +27,7 @@ RESULTS = (
     " hfa.options.games:Weights hfa.options.games:NamedGame",
 )
 #: Why an option is refused.
-_CONTINUOUS = "belongs to continuous time; leave it out of a plant with time = discrete"
+_CONTINUOUS = "applies only to continuous time; leave it out of a plant with time = discrete"
 
 
 def question_of_time(game: Game) -> str:

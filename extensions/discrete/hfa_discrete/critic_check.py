@@ -91,7 +91,7 @@ def check_discrete(
     discounted cost depends, and A - B K itself. The exact solution of a discounted problem may fail
     to stabilize. The verdict on an exact critic is then FAIL too. A network, or a value that is not
     quadratic, is also searched over a box of states and flown from there. L2 gain and margins
-    belong to continuous time and are not checked.
+    apply only to continuous time and are not checked.
 
     more: further matrices of the critic: L (k, n) of w = L x, H of its Q-function over (x, u, w) or
         (x, u)
@@ -149,7 +149,9 @@ def _judged(
         reason = f"the residual of Bellman's equation is {residual:.2g}"
         checks.append(at_most("bellman_residual", residual, limit, reason, kind="error"))
     lost = discounted_cost_lost(exact, critic.K)
-    text = "L2 gain, margins and the box of states belong to continuous time and are not checked"
+    text = (
+        "L2 gain, margins and the box of states apply only to continuous time and are not checked"
+    )
     data = Details(discount=problem.discount, cost_lost_worst_percent=lost)
     sections = [Section((text,), data)]
     states = 0
@@ -163,7 +165,7 @@ def _judged(
         proof = network.proof
         lost = max(lost, network.flown.cost_lost_flown_percent)
         where = f"Box of states: {box.about}"
-        text = "L2 gain and margins belong to continuous time and are not checked"
+        text = "L2 gain and margins apply only to continuous time and are not checked"
         sections = [Section((where, text), replace(data, box=box)), network.section]
     diagnosis = ""
     if not all(check.ok for check in errors):

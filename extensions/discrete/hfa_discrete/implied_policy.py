@@ -21,7 +21,7 @@ _LEFT = 1e-9
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     """Return the critic with the policy that its value implies in discrete time.
 
-    A critic that has a policy of its own keeps it. A value that is not quadratic, of a network or
+    A critic that contains a policy keeps it. A value that is not quadratic, of a network or
     of more weights, becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:

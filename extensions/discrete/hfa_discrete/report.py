@@ -67,7 +67,7 @@ def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
     delta = solution.game.delta
     stabilizes = "stabilizes" if solution.radius < 1.0 else "does NOT stabilize"
     return Report(
-        title=f"Exact game solution in discrete time for {solution.names.origin}\n"
+        title=f"Exact game solution in discrete time for {solution.names.origin}: certified\n"
         f"delta {delta:.6g}, smallest possible {analysed.delta_min.value:.7g}, "
         f"margin {analysed.delta_margin:.4g}, discount {solution.discount:g} a step",
         parts=(

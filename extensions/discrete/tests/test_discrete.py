@@ -298,10 +298,10 @@ def test_a_time_that_fits_is_asked_for():
     assert question in refused.err
     for key, value in (("discount", 0.9), ("N", np.zeros((2, 1)))):
         refused = hfa("solve", "--model", stored("other.json", **parts, **{key: value}))
-        assert f"{key} belongs to discrete time; {question}" in refused.err
+        assert f"{key} applies only to discrete time; {question}" in refused.err
     for words in (("solve",), ("verify", "--weights", stored("K.npz", K=solution.K))):
         refused = hfa(*words, "--model", steps, "--draws", "3")
-        assert "--draws belongs to continuous time" in refused.err
+        assert "--draws applies only to continuous time" in refused.err
     # No input moves the second state, which decays in steps and grows in continuous time.
     decays = {"A": np.diag([0.5, 0.9]), "B": [[1.0], [0.0]], "Q": np.eye(2), "R": [[1.0]]}
     refused = hfa("solve", "--model", stored("decays.json", **decays))

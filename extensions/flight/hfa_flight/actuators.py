@@ -41,7 +41,7 @@ class ActuatorFault:
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
         if not (math.isfinite(self.begin) and self.begin >= 0.0):
-            raise BadInputError(f"a fault begins at {self.begin:g} s; give a time from 0 on")
+            raise BadInputError(f"a fault begins at {self.begin:g} s; give a time of at least 0")
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,9 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
             raise BadInputError(f"the steps of {name} are {shown(given[name])}; {_FORMS}")
         times = pairs[:, 0].tolist()
         if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-            raise BadInputError(f"the times of {name} are {times}; they must increase from 0 on")
+            raise BadInputError(
+                f"the times of {name} are {times}; they must increase, starting at 0 or later"
+            )
     times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
     values = np.zeros((len(times), len(steps)))
     for column, pairs in enumerate(steps.values()):

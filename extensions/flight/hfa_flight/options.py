@@ -88,7 +88,7 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
     steps = [(number(time), quantity(model, name, value)) for time, value in pairs]
     times = [time for time, _ in steps]
     if times[0] < 0.0 or any(later <= earlier for earlier, later in pairwise(times)):
-        raise BadInputError(f"is {text!r}; the times must increase from 0 on")
+        raise BadInputError(f"is {text!r}; the times must increase, starting at 0 or later")
     return steps
 
 
@@ -141,11 +141,11 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             self.refuse(without_effect, f"has no effect with --{name}; leave it out")
         if self.law == NONE:
             of_law = [name for name in ("delta", "Q", "R") if name not in self.prices]
-            self.refuse(of_law, f"belongs to a law; leave it out with --law {NONE}")
+            self.refuse(of_law, f"applies only to a law; leave it out with --law {NONE}")
         reads = {*READING_SETTINGS} & {*self.set}
         if reads and self.weights is None:
             raise BadInputError(
-                f"--set {min(reads)} belongs to a network; name its file by --weights"
+                f"--set {min(reads)} applies only to a network; name its file with --weights"
             )
         if self.law == DEFAULT_LAW and not instead:
             return
@@ -153,10 +153,10 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             nothing = f"with --law {self.law} nothing is learned"
             if instead:
                 nothing = f"with --{instead[0]} nothing is learned"
-            self.refuse(("set",), f"belongs to a learning law; {nothing}")
+            self.refuse(("set",), f"applies only to a learning law; {nothing}")
         if self.members is None and self.turbulence is None:
             nothing = "here nothing is random"
-            self.refuse(("seed",), f"belongs to a learning law or to --turbulence; {nothing}")
+            self.refuse(("seed",), f"applies only to a learning law or --turbulence; {nothing}")
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
         """Return the policy about a trim: from a file, exact, or learned on the linear model.
@@ -555,7 +555,7 @@ def actuators_of(
     """
     if typed is None:
         if fault is not None:
-            raise BadInputError("--fault belongs to --actuators; give both")
+            raise BadInputError("--fault requires --actuators; add it")
         return None
     lag, degrees_per_second, order = typed
     if degrees_per_second <= 0:

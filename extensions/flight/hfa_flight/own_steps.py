@@ -32,13 +32,13 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
         raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
     if method != JSBSIM and step is not None:
         raise BadInputError(
-            f"--step (step= in Python) belongs to --method {JSBSIM}; leave it out, or fly by"
+            f"--step (step= in Python) applies only to --method {JSBSIM}; leave it out, or use"
             " that method"
         )
     if method == JSBSIM and not hasattr(model.equations, "jsbsim_steps"):
         raise BadInputError(
-            f"{model.name}: --method {JSBSIM} is for aircraft of JSBSim in their own units; use"
-            f" --method {RUNGE_KUTTA}"
+            f"{model.name}: --method {JSBSIM} supports only aircraft of JSBSim in their own units;"
+            f" use --method {RUNGE_KUTTA}"
         )
 
 

@@ -56,14 +56,14 @@ class Uncertainty:
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
-        """Raise BadInputError unless every standard deviation is a finite number from 0 on."""
+        """Raise BadInputError unless every standard deviation is a finite number of at least 0."""
         if not isinstance(self.turbulence, Turbulence | None):
             given = shown(self.turbulence)
             raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
         for name, value in (*self.errors.items(), *self.noise.items()):
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(
-                    f"the standard deviation of {name} is {shown(value)}; give a number from 0 on"
+                    f"the standard deviation of {name} is {shown(value)}; it must be at least 0"
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
@@ -159,7 +159,7 @@ class Scenario(Reported):
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
         if not 0.0 <= self.delay < math.inf:
-            raise BadInputError(f"delay is {self.delay:g} s; give a time from 0 on")
+            raise BadInputError(f"delay is {self.delay:g} s; give a time of at least 0")
         if not math.isclose(self.delay, self.delayed_ticks * self.tick, rel_tol=1e-6):
             raise BadInputError(
                 f"delay is {self.delay:g} s; make it a whole number of ticks of {self.tick:g} s"
@@ -169,7 +169,7 @@ class Scenario(Reported):
             raise BadInputError(f"gust is {shown(self.gust)}; give a gust such as {example}")
         if self.gust is not None and self.uncertainty.turbulence is not None:
             raise BadInputError(
-                "the scenario has a gust and turbulence to be drawn; give one of them"
+                "the scenario has both a gust and random turbulence; remove one of them"
             )
 
     @property

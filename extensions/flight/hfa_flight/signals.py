@@ -54,8 +54,8 @@ class Waveform(Result, Reported):
         ):
             if len(size) != 1 or np.shape(part) != size:
                 raise BadInputError(
-                    f"a waveform has parts of shape {size} and {np.shape(part)}; make them one"
-                    " length"
+                    f"a waveform has parts of shape {size} and {np.shape(part)}; make their"
+                    " lengths equal"
                 )
             if not np.all(np.isfinite(part)):
                 raise BadInputError("a waveform has an entry that is not finite; give numbers")
@@ -132,7 +132,7 @@ class CommandSteps(Reported):
             if self.names.count(name) > 1:
                 raise BadInputError(f"the command of {name} is given twice; give it once")
         if len(self.times) and not (self.times[0] >= 0.0 and np.all(np.diff(self.times) > 0.0)):
-            raise BadInputError("the times of the commands must increase from 0 on")
+            raise BadInputError("the times of the commands must increase, starting at 0 or later")
         for name in ("bandwidth", "damping"):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 

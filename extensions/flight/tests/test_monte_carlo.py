@@ -183,7 +183,7 @@ def test_the_envelope_counts_on_the_angle_through_air(plan: MonteCarlo) -> None:
     assert (row["left"], row["flown"], row["effort"].tolist()) == (ALPHA, 0.0, [0.0] * 5)
     for scenario, said in (
         (at_once.loop.scenario, "begins with angle_of_attack"),
-        (plan.scenario, "to be drawn"),
+        (plan.scenario, "is random"),
     ):
         with pytest.raises(BadInputError, match=said):
             fly(

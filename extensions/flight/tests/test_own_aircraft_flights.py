@@ -160,7 +160,7 @@ def test_exports_have_its_names() -> None:
         ("fly --command flap=1:1", "a gain cannot follow a command of 'flap'"),
         ("fly --law none --command flap=1:1", "unknown input 'flap'"),
         ("fly --law none --command speed=1", "give NAME=TIME:VALUE"),
-        ("fly --law none --delta 100", "belongs to a law"),
+        ("fly --law none --delta 100", "applies only to a law"),
         ("fly --disturbance rain=1", "rain is unknown; choose from"),
         ("fly --error mass=1.1", "unknown parameter 'mass'"),
         ("fly --envelope speed=200:300", "the trim has speed 176 ft/s, outside the envelope's"),

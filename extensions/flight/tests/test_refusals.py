@@ -16,14 +16,14 @@ from hfa.main import BAD_INPUT
     [
         ("fly --dihedral 15 --law exact --seed 3", "here nothing is random"),
         ("fly --dihedral 15 --gust 400:10 --turbulence own:5:1750", "exclude each other"),
-        ("fly --dihedral 15 --fault 0.2:0.5", "--fault belongs to --actuators"),
+        ("fly --dihedral 15 --fault 0.2:0.5", "--fault requires --actuators"),
         ("fly --dihedral 15 --command gamma=1:1", "a gain cannot follow a command of 'gamma'"),
         (
             "fly --dihedral 15 --duration 1e8",
             "duration is 1e+08 s; with a step of 0.001 s it must not exceed 10000 s",
         ),
         ("fly --dihedral 15 --delay 1e-9", "delay is 1e-09 s; make it a whole number of ticks"),
-        ("fly --dihedral 15 --resume", "--resume belongs to --samples"),
+        ("fly --dihedral 15 --resume", "--resume applies only to --samples"),
         ("fly --dihedral 15 -o a.zarr", "a.zarr is the store of many members; add --samples N"),
         ("fly --dihedral 15 --samples 2 --resume", "-o FILE.zarr"),
         ("fly --dihedral 15 --samples 2 -o a.json", "the members of --samples go to a store"),
@@ -33,8 +33,11 @@ from hfa.main import BAD_INPUT
             "export -o aircraft.zip",
             "aircraft.zip: unknown suffix '.zip'; use one of .fmu, .m, or a folder",
         ),
-        ("export -o out --set samples=30", "--set belongs to a learning law"),
-        ("export -o out --actuators 0.5:60", "--actuators belongs to --controller; leave it out"),
+        ("export -o out --set samples=30", "--set applies only to a learning law"),
+        (
+            "export -o out --actuators 0.5:60",
+            "--actuators applies only to --controller; leave it out",
+        ),
     ],
 )
 def test_bad_requests(folder: Path, words: str, named: str) -> None:

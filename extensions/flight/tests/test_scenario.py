@@ -143,7 +143,7 @@ def test_noise_and_air_as_strong_as_asked_for(plan: MonteCarlo) -> None:
     [
         (
             lambda: Uncertainty({"lift_slope": -0.1}),
-            "deviation of lift_slope is -0.1; give a number from 0 on",
+            "deviation of lift_slope is -0.1; it must be at least 0",
         ),
         (lambda: Scenario(step=0.003), "whole number of steps"),
         (lambda: Scenario(duration=np.inf), "duration is inf"),

@@ -46,7 +46,7 @@ def test_the_command_flies_game_s_policy_and_critics():
     for refused, message in (
         (("fly", "--model", continuous, "--initial", "x1=1"), 'needs time = "discrete"'),
         (("fly", "--model", plant), "add --initial NAME=VALUE"),
-        ((*words, "--gust", "400:5"), "--gust belongs to an aircraft"),
+        ((*words, "--gust", "400:5"), "--gust applies only to an aircraft"),
         (("fly", "--model", plant, "--initial", "y=1"), "y is unknown; choose from x1, x2"),
         ((*words[:-1], "2.5"), "give a whole number of steps"),
     ):

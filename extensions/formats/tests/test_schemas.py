@@ -23,7 +23,7 @@ from hfa_support.reporting.results import Matrix, Result, Roots, Vector
 class Leaf(Result):
     """A part.
 
-    name: what it is called.
+    name: name of the part.
     roots: (k,) complex,
         1/s."""
 

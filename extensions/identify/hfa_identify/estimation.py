@@ -98,7 +98,7 @@ def identify(
     logs = [each for each in (*listed, *validate) if isinstance(each, str | Path)]
     if columns is not None and not any(Path(each).suffix == ".ulg" for each in logs):
         raise BadInputError(
-            "columns belongs to PX4 logs (.ulg), and no record is one; leave it out"
+            "columns applies only to PX4 logs (.ulg), and no record is one; leave it out"
         )
     read = _as_records(model, listed, held, inputs, columns)
     kept_out = _as_records(model, validate, held, inputs, columns)

@@ -40,8 +40,8 @@ _ALIKE = 0.02
 _LIKELIER = 6.0
 #: Whether inputs were taken for steps -> what fits better.
 _OF_STEPS = {
-    False: "inputs are steps between their samples; add --inputs steps",
-    True: "inputs are linear between their samples; leave out --inputs steps",
+    False: "inputs are constant between samples; add --inputs steps",
+    True: "inputs are linear between samples; leave out --inputs steps",
 }
 _KNOT = 0.514444  # m/s
 _FOOT = 0.3048  # m
@@ -60,7 +60,11 @@ _UNITS = {
     "ft": {_FOOT: "is in m"},
     "m/s": {1.0 / _FOOT: "is in ft/s", 1.0 / _KNOT: "is in knots", 3.6: "is in km/h"},
     "ft/s": {_FOOT: "is in m/s", _FOOT / _KNOT: "is in knots", 3.6 * _FOOT: "is in km/h"},
-    "1": {9.80665: "is in m/s^2, read as g", 100.0: "is in percent", 0.01: "is a share of percent"},
+    "1": {
+        9.80665: "is in m/s^2, read as g",
+        100.0: "is in percent",
+        0.01: "is a fraction, read as percent",
+    },
     "m/s^2": {1.0 / 9.80665: "is in g, read as m/s^2"},
     "s": {1.0 / 60.0: "is in min"},
     "N": {1.0 / _POUND: "is in lbf", 0.001: "is in kN"},
@@ -186,13 +190,13 @@ def sensor_fault(
     ]
     value = found[names[0]].value
     if names[0] in freed:
-        stated = f"another {names[0]} than given ({value:.3g})"
+        stated = f"{names[0]} = {value:.3g} instead of the given value"
     else:
         stated = _with_value(search, names[0], value)
     if alike:
-        other_name = f"another {alike[0]}" if alike[0] in freed else alike[0]
-        return f"{stated}, or {other_name}, explains residuals"
-    return f"{stated} explains residuals; add it to --free"
+        other_name = f"another value of {alike[0]}" if alike[0] in freed else alike[0]
+        return f"{stated}, or {other_name}, explains the residuals"
+    return f"{stated} explains the residuals; add it to --free"
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:

@@ -162,7 +162,7 @@ class Identified(Result, Reported):
             found = self.parameters[name].value
             records = "records" if len(self.records) > 1 else "record"
             yield (
-                f"a second estimate explains the {records} as well: {name} = {value:.4g} (or"
+                f"a second estimate explains the {records} equally well: {name} = {value:.4g} (or"
                 f" {found:.4g})"
             )
         if self.parts_disagree:
@@ -215,13 +215,8 @@ class Identified(Result, Reported):
         them.
         """
         findings = list(self.faults[:2]) or list(self.findings)[:2]
-        line = f"{self._subject}: FAIL: {'; '.join(findings)}"
+        line = f"FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]
-
-    @property
-    def _subject(self) -> str:
-        """Beginning of the title."""
-        return f"Identification, {self.model.title}"
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
         """Return aircraft with parameters drawn from the estimates' normal distribution, within the
@@ -256,11 +251,9 @@ class Identified(Result, Reported):
         parts += self._columns()
         if self.plan:
             parts.append(self._planned())
-        widened = f"widen them up to {self.coloured:.2g} times"
-        is_widened = self.coloured > _WIDENED
-        parts.append(
-            f"The bands are 95 %; colored residuals {widened if is_widened else 'widen none'}."
-        )
+        factor = f"widen them up to {self.coloured:.2g} times"
+        widened = factor if self.coloured > _WIDENED else "do not widen them"
+        parts.append(f"The bands are 95 %; colored residuals {widened}.")
         if self.turbulence:
             parts.append(self._turbulence())
         coloured = [name for name, each in self.quantities.items() if each.white < WHITE]
@@ -269,7 +262,7 @@ class Identified(Result, Reported):
             causes = f"{why}motion that the model lacks"
             sentence = f"The residuals of {', '.join(coloured)} are colored: {causes}."
             parts.append(wrapped(sentence, _WIDTH))
-        title = f"{self._subject}: {self.first_line}"
+        title = f"{self.first_line}\nIdentification of {self.model.title}"
         estimates = [
             (name, each.value, each.low, each.high, each.start, each.unit)
             for name, each in self.parameters.items()
@@ -307,8 +300,8 @@ class Identified(Result, Reported):
             unit = self.model.unit(name) if name in self.model.states else "rad"
             changes.append(f"{name} {shown_value(size, unit)} {shown_unit(unit)}")
         return (
-            f"Turbulence: random changes in 1 s of {', '.join(changes)}. Residuals are those of"
-            " predictions from each sample to the next."
+            f"Turbulence: random changes in 1 s of {', '.join(changes)}. Residuals are one-step"
+            " prediction errors."
         )
 
     def _assumed(self) -> list[str]:

@@ -131,7 +131,7 @@ def record_of(
         if len(values) != len(time):
             raise BadInputError(
                 f"{name}: {column} has {len(values)} samples and time has {len(time)}; "
-                "give equal numbers"
+                "make the numbers equal"
             )
     missing = [each for each in model.inputs if each not in arrays and each not in held]
     if missing:
@@ -225,7 +225,7 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(
-            f"{path}: the first row has {shown(cell)}; write names with or without units, as"
+            f"{path}: the first row has {shown(cell)}; write names with or without units, such as"
             ' "alpha [deg]"'
         )
     name, stated = match[1], match[2]

@@ -92,7 +92,7 @@ def test_a_part_of_a_log_is_cut_out(folder):
         ("[columns]\npitch = 3", "pitch is 3; write"),
         ("[columns]\npitch = { field = 'vehicle_attitude.pitch', scale = 'x' }", "scale of pitch"),
         ("[columns]\nelevator = 'actuator_servos.control[1]'", "no measured state"),
-        (TABLE + "[flight]\nbegin = 9.0", "has no samples; the log has 0.0 to 4.0 s"),
+        (TABLE + "[flight]\nbegin = 9.0", "contains no samples; the log covers 0.0 to 4.0 s"),
     ],
 )
 def test_a_wrong_table_is_refused(table, text, folder):
@@ -149,4 +149,6 @@ def test_columns_without_a_log_are_refused(folder, capsys):
     Path("columns.toml").write_text("")
     words = ["identify", "flight.csv", "--aircraft", UAV, "--free", "Cm_q"]
     assert main([*words, "--columns", "columns.toml"]) == 2
-    assert "columns belongs to PX4 logs (.ulg), and no record is one" in capsys.readouterr().err
+    assert (
+        "columns applies only to PX4 logs (.ulg), and no record is one" in capsys.readouterr().err
+    )

@@ -375,7 +375,7 @@ class Equations:
         if copy:
 
             def refuse() -> Any:
-                raise element.error(f"{shortened(copy)} is a copy; read {shortened(name)}")
+                raise element.error(f"{shortened(copy)} is a copy; use {shortened(name)}")
 
             self.properties.compute(copy, Writer(refuse, element.where, element=element))
 

@@ -170,7 +170,7 @@ def _tank(element: Element) -> Tank:
     for amount, what in ((contents, "contents"), (unusable, "what cannot be used")):
         if amount > capacity:
             raise element.error(
-                f"{what}, {amount:g} lb, is more than the capacity, {capacity:g} lb; correct them"
+                f"{what}, {amount:g} lb, exceeds the capacity, {capacity:g} lb; correct them"
             )
     full = element.find("location")
     location = np.zeros(3) if full is None else full.vector("IN")

@@ -195,9 +195,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        raise element.error(
-            f"<{shortened(name)}> is not a supported function; write it with others"
-        )
+        raise element.error(f"<{shortened(name)}> is not a supported function; use others")
     operation, fewest, most = _OPERATIONS[name]
     values = [
         _value(child.take(), properties, number)
@@ -208,7 +206,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         wanted = str(fewest) if fewest == most else f"{fewest} or more"
         raise element.error(f"<{name}> has {len(values)} values; give {wanted}")
     if name == "atan2" and any(_is_minus_zero(value) for value in values):
-        raise element.error("<atan2> of a zero with a sign is not read; write 0")
+        raise element.error("<atan2> with a signed zero is not supported; write 0")
     return operation(*(ca.SX(value) for value in values))
 
 
@@ -283,7 +281,9 @@ def _stacked(nested: list[Element]) -> Table:
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
     if first.dimensions < 2:
-        raise nested[0].error("a table over a further axis has no columns; give a row of them")
+        raise nested[0].error(
+            "a table of a further axis has no columns; add a row of column values"
+        )
     if any(table.dimensions != first.dimensions for table in tables):
         raise nested[0].error("the tables over the last axis differ in dimensions; correct them")
     alike = all(

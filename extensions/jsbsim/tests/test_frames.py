@@ -99,7 +99,7 @@ def test_other_aircraft_are_refused(capsys):
     assert main(["fly", "--method", "jsbsim"]) == 2
     assert "use --method runge-kutta" in capsys.readouterr().err
     assert main(["fly", "--step", "0.01"]) == 2
-    assert "--step (step= in Python) belongs to --method jsbsim" in capsys.readouterr().err
+    assert "--step (step= in Python) applies only to --method jsbsim" in capsys.readouterr().err
     words = ["fly", "--aircraft", "jsbsim:737", "--method", "jsbsim", "--actuators", "0.05:60"]
     assert main(words) == 2
     assert "does not support --actuators" in capsys.readouterr().err

@@ -89,16 +89,16 @@ def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters,
 
 @needs_jsbsim
 def test_more_fuel_than_a_tank_takes_is_refused():
-    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; it is at most 185 lbf"):
+    with pytest.raises(BadInputError, match=r"tank0 is 1e[+]06 lbf; it must be at most 185 lbf"):
         read_model("jsbsim:c172p").with_parameters(tank0=1e6)
 
 
 @needs_jsbsim
 def test_an_engine_runs_or_is_out():
     model = read_model("jsbsim:c172p")
-    with pytest.raises(BadInputError, match=r"engine0 is 2; it is at most 1$"):
+    with pytest.raises(BadInputError, match=r"engine0 is 2; it must be at most 1$"):
         model.with_parameters(engine0=2.0)
-    with pytest.raises(BadInputError, match=r"feather0 is -1; it is at least 0$"):
+    with pytest.raises(BadInputError, match=r"feather0 is -1; it must be at least 0$"):
         read_model("jsbsim:c182").with_parameters(feather0=-1.0)
 
 

@@ -274,7 +274,9 @@ def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
         else:
             path.write_bytes(content)
         assert (
-            "mkdir, which is refused; save state_dict() alone" if packed else "since torch 1.6"
+            "mkdir, which is refused; save state_dict() alone"
+            if packed
+            else "of torch 1.6 or later"
         ) in refusal(path)
         assert not Path("executed").exists()
     pickle.loads(content)  # as torch.load without weights_only

@@ -221,7 +221,7 @@ def test_wrong_graphs_are_refused() -> None:
     onnx_file("good.onnx", QUADRATIC, constants)
     network_in("good.onnx", 6)
     assert (
-        "belongs to a state dict"
+        "applies only to a state dict"
         in hfa("verify", *AT_15, "--weights", "good.onnx", "--set", "activation=tanh").err
     )
     Path("damaged.onnx").write_bytes(Path("good.onnx").read_bytes()[:-40])

@@ -231,14 +231,14 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         """Return a sentence on the known distance of the cost from the least cost."""
         if self.bracket is None:
             return (
-                "No cheaper flight from this initial condition was found; that none exists is not "
-                "proved."
+                "No cheaper flight from this initial condition was found. This does not prove that "
+                "none exists."
             )
         bound = f"{self.bracket.lower_bound:.6g}"
         level = ", the level of the certificate, beyond which W is larger" * self.bracket.beyond
         return (
-            f"The least cost is in [{bound}, {self.cost:.6g}]. It is proved that no flight within "
-            f"the limits from this initial condition to the trim costs less than {bound}{level}."
+            f"The least cost is in [{bound}, {self.cost:.6g}]: every flight within the limits from "
+            f"this initial condition to the trim is proved to cost at least {bound}{level}."
         )
 
     def _checked(self) -> str:

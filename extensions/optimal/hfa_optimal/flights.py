@@ -129,7 +129,7 @@ class Flights:
 
     @cached_property
     def _linear(self) -> CompiledLoop:
-        return self.compiled(self.gain_policy("linear optimum, clipped", self.problem.K))
+        return self.compiled(self.gain_policy("linear optimum, saturated", self.problem.K))
 
     def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
         """Return the policy v = -K z, K (m, k), within the limits; the other inputs are held."""

@@ -232,7 +232,7 @@ class FlightProblem:
         """
         z = self._deviations_of(start)
         if not z.any():
-            raise BadInputError("the initial condition is the final trim; give one off the trim")
+            raise BadInputError("the initial condition is the final trim; give a different one")
         self.refuse_outside(z)
         return z
 

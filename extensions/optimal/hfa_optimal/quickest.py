@@ -147,13 +147,13 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
             values = (self.start.get(name, 0.0), farthest, self.arrival[name], self.box[name])
             numbers = [short_number(value, unit) for value in values]
             rows.append((name, shown_unit(unit), *numbers))
-        header = ("off the trim", "unit", "begin", "largest", "arrival", "box")
+        header = ("deviation", "unit", "begin", "largest", "arrival", "box")
         parts = (
             self._checked(),
             Table(header, rows),
             f"Saturated: {', '.join(self.saturated) or 'no input'}.",
             limits_table(self.problem),
-            "No quicker flight was found; it is not proved that none exists.",
+            "No quicker flight was found. This does not prove that none exists.",
             Picture("flight", "The quickest flight found", self.figure),
         )
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
@@ -163,7 +163,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
         found = f"Quickest flight, to {whose}: found, {self.seconds:.4g} s"
-        return f"{found}\nfrom {begin} off this trim"
+        return f"{found}\nfrom {begin} relative to this trim"
 
     def _checked(self) -> str:
         meshes = " and ".join(map(str, list(self.meshes)[-2:]))

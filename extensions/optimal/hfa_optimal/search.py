@@ -152,7 +152,7 @@ class BestFlights:
                 return self._refined(horizon, linear, proposals)
             if seconds is not None:
                 raise BadInputError(
-                    f"{seconds:g} s are too short: {unfinished}; give {_LONGER * seconds:.3g} s or "
+                    f"{seconds:g} s is too short: {unfinished}; give {_LONGER * seconds:.3g} s or "
                     "more, or leave it out"
                 )
             horizon *= _LONGER

@@ -200,7 +200,7 @@ def test_an_input_that_does_not_move() -> None:
         ({"position": 30.0}, {}, "position begins at 30 m"),
         ({"position": 0.0}, {}, "is the final trim"),
         ({"position": float("nan")}, {}, "give a number"),
-        ({"position": 5.0}, {"seconds": 1.0}, "1 s are too short"),
+        ({"position": 5.0}, {"seconds": 1.0}, "1 s is too short"),
         ({"position": 5.0}, {"seconds": -1.0}, "must be a positive number"),
         ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
         ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),

@@ -28,7 +28,7 @@ def test_the_exact_policy_loses_the_hfa(capsys: pytest.CaptureFixture[str]) -> N
     assert main(["optimize", "--dihedral", "15", "--start", "speed=5,alpha=2.8648", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     linear, exact = data["policies"]
-    assert exact["policy"] == "exact game policy, clipped"
+    assert exact["policy"] == "exact game policy, saturated"
     assert exact["departure"]["state"] == "pitch_rate"
     assert exact["over_best"] > 4.0
     assert linear["over_best"] > 4.0
@@ -87,8 +87,8 @@ def test_an_interruption_keeps_what_is_found() -> None:
         (["--start", "speed=1,speed=2"], "speed is given twice, 1 and 2"),
         (["--start", "speed=500"], "begin within the limits"),
         (["--start", "speed=1", "--limit", "mass=0:1"], "mass"),
-        (["--start", "speed=1", "--seconds", "0.5"], "s are too short"),
-        (["--starts", "2", "--picture", "a.png"], "belongs to one flight"),
+        (["--start", "speed=1", "--seconds", "0.5"], "s is too short"),
+        (["--starts", "2", "--picture", "a.png"], "applies only to one flight"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -108,7 +108,7 @@ def test_verify_flies_the_critic(tmp_path: Path, capsys: pytest.CaptureFixture[s
     data = json.loads(capsys.readouterr().out)
     assert complaints_about(data) == []
     linear, critic = data["flights"]["policies"]
-    assert critic["policy"] == "this critic, clipped"
+    assert critic["policy"] == "this critic, saturated"
     assert critic["median"] > linear["median"] > 0.999
 
 

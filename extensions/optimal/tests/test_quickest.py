@@ -111,9 +111,9 @@ def test_the_cheapest_flight_between_two_trims(capsys: pytest.CaptureFixture[str
     [
         (["--to", "speed=45", "--start", "alpha=1"], "give one of --start"),
         (["--to", "height=3"], "height"),
-        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "give one off the trim"),
+        (["--at", "45", "--to", "speed=45", "--minimize", "time"], "give a different one"),
         (["--to", "speed=45", "--minimize", "fuel"], "use one of cost, time"),
-        (["--starts", "3", "--minimize", "time"], "belongs to --minimize cost"),
+        (["--starts", "3", "--minimize", "time"], "applies only to --minimize cost"),
     ],
 )
 def test_bad_words(words: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:

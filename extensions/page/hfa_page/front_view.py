@@ -80,7 +80,7 @@ def scale_text(model: Model, scale: float) -> str:
     scale: length of a force in the picture divided by the force, in the units of the model
     """
     length = "foot" if unit_of(model, "ft") == "ft" else "meter"
-    return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} to the {length}"
+    return f"arrows: {1 / scale:.3g} {unit_of(model, 'lbf')} per {length}"
 
 
 def trim_figure(aircraft: Model, point: OperatingPoint) -> Figure:

@@ -39,7 +39,7 @@ def test_lift_is_across_panels_and_carries_weight(
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
     scale = np.linalg.norm(drawn[0]) / np.linalg.norm(forces[0])
     np.testing.assert_allclose(drawn, np.array(forces) * scale, atol=1e-9)
-    assert f"{1 / scale:.3g} lbf to the foot" in axes.get_title()
+    assert f"{1 / scale:.3g} lbf per foot" in axes.get_title()
     sense = "up" if loads.hinge_moment > 0.0 else "down"
     label = f"{abs(loads.hinge_moment):.1f} ft lbf, tips {sense}" if degrees else "0.0 ft lbf"
     assert [text.get_text() for text in axes.texts].count(label) == 2

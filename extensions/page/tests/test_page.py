@@ -178,7 +178,7 @@ def test_plotly_takes_it_and_arrows_are_to_scale(job: MainJob) -> None:
     assert plot is not None
     (spec,) = plot.figures
     figure = Figure(spec)
-    found = re.search(r"arrows: ([\d.e+-]+) lbf to the foot", plot.text)
+    found = re.search(r"arrows: ([\d.e+-]+) lbf per foot", plot.text)
     assert found is not None
     assert len(figure.frames) == len(job.points)
     for frame, point in zip(spec["frames"], job.points, strict=True):

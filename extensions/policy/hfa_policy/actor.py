@@ -89,8 +89,8 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
     for name, value in said.items():
         if name in entries and entries[name] != value:
             raise BadInputError(
-                f"policy.{name} is {shown(entries[name])} and in {path} {shown(value)}; leave "
-                "it out"
+                f"policy.{name} is {shown(entries[name])}, but {path} contains {shown(value)}; "
+                "leave it out"
             )
     frames, rest = divmod(stored.observations, observations)
     if rest == 0 and frames != history:

@@ -60,7 +60,7 @@ def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
         _draw_margins(right, assessment, shades)
         if flown:
             end = "converges" if converge else "leaves the envelope"
-            right.set_title(f"every flight {end}", fontsize=10)
+            right.set_title(f"disk margins; every flight {end}", fontsize=10)
     else:
         _draw_outcomes(right, outcomes)
     right.set_xlim(-1.0, len(labels))

@@ -134,7 +134,7 @@ class Assessment(Result, Reported):
             verdicts.reverse()
         bad = [*filter(None, [self._mistaken(), *verdicts, *self.unmet, self._changed()])]
         flown = [self._departing(), self._cycling(), self._chattering(), self._flying()]
-        costs = [self._flown_costs(), self._costing()]
+        costs = [self._flown_costs(), self._drifting(), self._costing()]
         bounded = self._bounded_costs()
         loop = [self._saturating(), self._delaying(), self._offset(), *costs]
         own = self._leaving_alone()
@@ -165,7 +165,13 @@ class Assessment(Result, Reported):
     def further(self) -> list[str]:
         """Findings that are not in the first line, worst first, then assumptions."""
         line = self.first_line
-        found = [headline for headline in self.headlines if headline not in line]
+        found = []
+        for headline in self.headlines:
+            if headline in line:
+                continue
+            short, _, detail = headline.partition(" (")
+            is_begun = short in line and detail.endswith(")")
+            found.append(detail.removesuffix(")") if is_begun else headline)
         return [*found, *filter(None, [self.assumed])]
 
     def _mistaken(self) -> str:
@@ -250,7 +256,7 @@ class Assessment(Result, Reported):
         if not departures:
             return text
         first = min(departures, key=lambda departure: departure.time)
-        return f"{text} ({departure_text(first)})"
+        return f"{text} (first: {departure_text(first)})"
 
     def _chattering(self) -> str:
         """Return a sentence on the trims at which the loop chatters about an unstable
@@ -328,7 +334,7 @@ class Assessment(Result, Reported):
         assert farthest is not None
         share, name, offset = farthest
         if share < _AT_TRIM:
-            return "no steady-state error"
+            return "no steady-state error" if self.holds else ""
         unit = self.deployed.model.unit(name)
         size = f"{'+' if offset > 0 else '-'}{short_number(abs(offset), unit)} {shown_unit(unit)}"
         many = "up to " if len(self.points) > 1 else ""
@@ -369,9 +375,13 @@ class Assessment(Result, Reported):
         flown = [point.best for point in self.points if point.best is not None]
         if not flown:
             return ""
-        worst = max(flown, key=_median)
-        rate = worst.offset_rate or 0.0
-        return f"{worst.sentence()}; off the trim {rate:.2g} a second"
+        return max(flown, key=_median).sentence()
+
+    def _drifting(self) -> str:
+        """Return the largest cost per second of an equilibrium that is not the trim."""
+        flown = [point.best for point in self.points if point.best is not None]
+        rate = max((best.offset_rate or 0.0 for best in flown), default=0.0)
+        return f"the steady-state error costs {rate:.2g} per second" if rate > 0.0 else ""
 
     def _bounded_costs(self) -> str:
         """Return a sentence on the cost of flights above the proved lower bound, which exists for

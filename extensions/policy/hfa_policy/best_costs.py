@@ -73,13 +73,13 @@ class BestCosts(Result):
     def sentence(self) -> str:
         """Return a sentence that compares the costs."""
         if self.policy_over_best is None:
-            return f"no flight of {self.found} ends at the trim where a best flight was found"
+            return f"none of the {self.found} flights with a best flight ends at the trim"
         least, median, worst = self.policy_over_best
         text = f"flights cost {least:.3g} to {worst:.3g} x the best found (median {median:.3g})"
         if self.lqr_over_best is not None:
             text += f", LQR {self.lqr_over_best.worst:.3g}"
         if self.lost:
-            text += f", {self.lost} of {self.found} lost"
+            text += f", {self.lost} of {self.found} do not converge"
         return text
 
     def bound_sentence(self) -> str:

@@ -21,7 +21,7 @@ def departure_text(left: Departure) -> str:
     s"."""
     when = f"at {left.time:.4g} s"
     if not math.isfinite(left.value):
-        return f"{left.state} is no number {when}"
+        return f"{left.state} is not a number {when}"
     suffix = "" if left.unit == "1" else f" {shown_unit(left.unit)}"
     side = "below" if left.value < left.limit else "above"
     return f"{left.state} {side} {short_number(left.limit, left.unit)}{suffix} {when}"

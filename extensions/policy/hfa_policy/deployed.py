@@ -99,7 +99,7 @@ class Deployed:
             refuse_unknown("cost.R names the input that no action moves,", name, self.commanded)
         for name in self.commanded:
             if name not in cost["R"]:
-                raise BadInputError(f"cost.R has no {name}; add it; every action needs a weight")
+                raise BadInputError(f"cost.R has no {name}; every action needs a weight")
 
     # Symbols.
 

@@ -286,8 +286,8 @@ class Deployment(Reported):
             of_file = np.array([stored[0][index], stored[1][index]])
             if "box" in entry and not np.allclose(entry["box"], of_file, rtol=1e-6, atol=1e-9):
                 raise BadInputError(
-                    f"{self.origin}: action.{name}.box is {shown(entry['box'])} and the file has "
-                    f"{of_file.tolist()}; leave it out"
+                    f"{self.origin}: action.{name}.box is {shown(entry['box'])}, but the policy "
+                    f"contains {of_file.tolist()}; leave it out"
                 )
             low[index], high[index] = of_file
         squash = self.actor.squash if "file" in self.policy else False

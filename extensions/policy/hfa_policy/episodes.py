@@ -208,11 +208,11 @@ class Episodes:
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():
             return departure_at(envelope, self.states[number], time)
-        # A row stays where it was when what follows is no number.
+        # A row stays where it was when what follows is not a number.
         moved, _ = self._flight.moved()(self._flown[number], self._actions[number])
         after = np.array(moved).ravel()[: self.states.shape[1]]
         if np.isfinite(after).all():
-            return f"the command is no number at {time:.4g} s"
+            return f"the command is not a number at {time:.4g} s"
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:

@@ -85,7 +85,9 @@ class AircraftEnvironment(gymnasium.Env):
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
-            raise BadInputError(f"options: trim is {number}; there are {count} trims, from 0 on")
+            raise BadInputError(
+                f"options: trim is {number}; there are {count} trims, numbered from 0"
+            )
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:

@@ -67,7 +67,7 @@ class _Kind:
     def __init__(self, kind: str, *_: Any) -> None:
         if not isinstance(kind, str) or kind not in _KINDS:
             named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
-            raise BadInputError(f"it has an array of {named}, which is not a number")
+            raise BadInputError(f"it has an array of {named}, which is not a numeric type")
         self.kind = kind
         self.order = "="
 

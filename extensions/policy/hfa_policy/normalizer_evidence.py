@@ -52,7 +52,7 @@ def mistakes_of_normalizer(
             "another checkpoint's normalizer",
             True,
             f"{normalizer.origin} has counted {normalizer.count:.0f} observations, the policy "
-            f"{stored.timesteps + stored.environments}: it is of another checkpoint",
+            f"{stored.timesteps + stored.environments}: it belongs to another checkpoint",
         )
 
 

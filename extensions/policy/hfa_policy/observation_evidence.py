@@ -188,15 +188,15 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
         yield Mistake(
             "deviations for absolute values",
             True,
-            f"{', '.join(absolute)}: the training used absolute values, the deployment "
-            "file deviations from trim; give about = 0.0",
+            f"{', '.join(absolute)}: the training used absolute values, but the "
+            "deployment file uses deviations from trim; give about = 0.0",
         )
     if deviations:
         yield Mistake(
             "absolute values for deviations",
             True,
-            f"{', '.join(deviations)}: the training used deviations from trim, the "
-            'deployment file absolute values; give about = "trim"',
+            f"{', '.join(deviations)}: the training used deviations from trim, but the "
+            'deployment file uses absolute values; give about = "trim"',
         )
 
 

@@ -272,7 +272,7 @@ class _Trial:
             gains = (*faster_gains, *of_gains)
             is_too_strong = any(faster.times(gain) >= _CLEARLY for gain in gains)
             if _brings_most_back(faster) and is_third and not is_too_strong:
-                why = f"it were sampled every {1e3 * dt:.4g} ms or faster"
+                why = f"the policy were sampled every {1e3 * dt:.4g} ms or faster"
                 return [_Found(faster, "sample time", why)]
         return []
 

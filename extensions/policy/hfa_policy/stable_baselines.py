@@ -172,7 +172,7 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
         found = _stored(data, entry)
     except BadInputError as error:  # names the class, or what would make it
         raise BadInputError(
-            f"{error}: its {entry} is not of Stable-Baselines3; export the policy to ONNX"
+            f"{error}: its {entry} is not part of Stable-Baselines3; export the policy to ONNX"
         ) from error
     made_of = getattr(found, "made_of", None) or shown(found)
     if made_of not in known:
@@ -190,7 +190,7 @@ def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
         raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
     if any(name.startswith("actor.") and "running_mean" in name for name in tensors):
         raise BadInputError(
-            "its actor normalizes batches, as in CrossQ, which is not supported in a zip; "
+            "its actor uses batch normalization, as in CrossQ, which is not supported in a zip; "
             "export the policy to ONNX"
         )
     if "lstm" in names:

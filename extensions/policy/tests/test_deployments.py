@@ -69,7 +69,7 @@ def message_of(folder, text):
     ("typed", "instead", "said"),
     [
         ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
-        ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number from 0.0001 on, at most 10"),
+        ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
         ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 samples"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
@@ -83,7 +83,7 @@ def message_of(folder, text):
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
         ("speed = {scale = 20.0}", "", "expects 4 observations and the deployment file has 3"),
         ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
-        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "and the file has"),
+        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
         ('"trim + 14 * a"', '"trim + 14 * b"', "contains the unknown name 'b'"),
         ('"trim + 14 * a"', '"trim"', "does not contain the action"),

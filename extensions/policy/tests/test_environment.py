@@ -157,7 +157,10 @@ def test_an_episode_ends_where_numbers_end() -> None:
     """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
-    for delay, said in ((0.0, "speed is no number at 0.04 s"), (0.02, "the command is no number")):
+    for delay, said in (
+        (0.0, "speed is not a number at 0.04 s"),
+        (0.02, "the command is not a number"),
+    ):
         timing = {"dt": 0.02, "delay": delay}
         env = environment(model, gtm_card({}, action=action, timing=timing), points, seconds=1.0)
         env.reset(seed=1)

@@ -121,4 +121,4 @@ def test_a_gain_alone_is_assessed(folder, capsys):
     assert main(["assess", "K.npz", *words]) == 2
     assert "add --sample-time" in capsys.readouterr().err
     assert main(["assess", "card.toml", *SAMPLED, *words]) == 2
-    assert "--sample-time is for a gain" in capsys.readouterr().err
+    assert "--sample-time applies only to a file with a gain" in capsys.readouterr().err

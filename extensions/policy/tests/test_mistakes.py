@@ -257,7 +257,7 @@ def rescaled(name, of):
     [
         (rescaled("ppo_raw", lambda scale: scale / DEGREES), "its angles were observed in radians"),
         (rescaled("ppo_raw", lambda scale: scale * DEGREES), "its angles were observed in degrees"),
-        (card("ppo_raw").changed(timing={"dt": 0.16}), "it were sampled every"),
+        (card("ppo_raw").changed(timing={"dt": 0.16}), "the policy were sampled every"),
     ],
 )
 def test_degrees_and_the_sample_time_are_suggested(changed, said):

@@ -106,8 +106,8 @@ def not_searched(file: PrintedFile) -> str:
     if count * states**3 <= _MOST:
         return ""
     return (
-        "neither one changed entry of the plant nor interchanged states were searched for: "
-        f"{count} values with {states} states are more than the limit, {_MOST / states**3:.0f}"
+        "changed entries of the plant and interchanged states were not searched for: "
+        f"{count} values with {states} states exceed the limit, {_MOST / states**3:.0f}"
     )
 
 

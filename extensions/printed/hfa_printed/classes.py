@@ -179,7 +179,7 @@ def _by_search(
         return "wrong", mistake
     if is_evident:
         return "the answer belongs to another plant", explanations[0]
-    return "wrong", f"perhaps {explanations[0]}, for which too few other entries speak"
+    return "wrong", f"perhaps {explanations[0]}, supported by too few other entries"
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:

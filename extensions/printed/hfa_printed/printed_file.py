@@ -127,7 +127,7 @@ def read_block(
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
     if not isinstance(text, str):
-        raise BadInputError(f"{name} is not a text; put its numbers in quotes, digits as printed")
+        raise BadInputError(f"{name} is not text; put its numbers in quotes, digits as printed")
     factor = _FIRST_LINE.match(text)
     if factor is not None:
         text = text[factor.end() :]
@@ -282,7 +282,9 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
     parameters: dict[str, float] = {}
     texts = content["parameters"]
     if not isinstance(texts, dict):
-        raise BadInputError('parameters is not a table; give [parameters] with lines as g = "9.81"')
+        raise BadInputError(
+            'parameters is not a table; give [parameters] with lines such as g = "9.81"'
+        )
     for name, text in texts.items():
         parameters[name] = _scalar(name, read_block(name, text, parameters))
     return parameters
@@ -292,7 +294,7 @@ def _exponent(scale: Any) -> int:
     """Return the exponent of the power of ten that multiplies all printed numbers."""
     match = _FACTOR.fullmatch(str(scale))
     if match is None:
-        raise BadInputError(f'scale is {shown(scale)}; give a power of ten as "1.0e+04"')
+        raise BadInputError(f'scale is {shown(scale)}; give a power of ten such as "1.0e+04"')
     return int(match["exponent"])
 
 
@@ -300,7 +302,9 @@ def _discount(content: dict[str, Any]) -> float:
     if "discount" not in content:
         return 1.0
     if content.get("time") != "discrete":
-        raise BadInputError('discount belongs to discrete time; did you mean time = "discrete"?')
+        raise BadInputError(
+            'discount applies only to discrete time; did you mean time = "discrete"?'
+        )
     return _scalar("discount", read_block("discount", content["discount"]))
 
 
@@ -327,7 +331,7 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
     m = typed["B"].values.shape[1]
     if ("E" in typed) != ("gamma" in typed):
         missing = "gamma" if "E" in typed else "E"
-        raise BadInputError(f"{missing} is missing; a game has both E and gamma")
+        raise BadInputError(f"{missing} is missing; a game needs both E and gamma")
     shapes = {"A": (n, n), "B": (n, m), "N": (n, m), "Q": (n, n), "R": (m, m)}
     for name, (rows, columns) in shapes.items():
         if name in typed:
@@ -370,9 +374,9 @@ def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant)
     k = plant.E.shape[1]
     size = n + m + k
     if "H" in answer and not plant.is_discrete:
-        raise BadInputError('H belongs to discrete time; did you mean time = "discrete"?')
+        raise BadInputError('H applies only to discrete time; did you mean time = "discrete"?')
     if "L" in answer and not k:
-        raise BadInputError("L is printed, and the plant has no E and gamma")
+        raise BadInputError("L is printed, but the plant has no E and gamma")
     shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}
     for name, block in answer.items():
         if name == "W":

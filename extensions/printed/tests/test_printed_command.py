@@ -97,7 +97,7 @@ def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
     judged = hfa("printed", str(file), "-o", str(tmp_path / "large.json"))
     assert judged.code == FAILED
     data = json.loads((tmp_path / "large.json").read_text("utf-8"))
-    assert data["not_searched"].startswith("neither one changed entry of the plant nor")
-    assert "60 states are more than the limit, 46296" in data["not_searched"]
+    assert data["not_searched"].startswith("changed entries of the plant and interchanged states")
+    assert "60 states exceed the limit, 46296" in data["not_searched"]
     assert data["not_searched"] in judged.out
     assert "Q diag of 60 entries from 1 to 1 (printed)" in judged.out

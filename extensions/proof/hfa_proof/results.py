@@ -11,7 +11,7 @@ from hfa_aircraft.model import Model
 from hfa_support.reporting.results import Result
 
 #: What the extents of a set are not.
-NO_BOX = "The set is {V <= rho}, no box: states that are each within these ends may lie outside it."
+NO_BOX = "The set is {V <= rho}, not a box: a state within all of these ranges may lie outside it."
 
 
 class Subject(Protocol):

@@ -388,8 +388,8 @@ def _of_network(
     if not own_policy and box_errors[0] <= NEAR and box_errors[-1] > FAR:
         rule = "the step that it implies" if critic.implies_policy else "u = -½ R⁻¹B'∂V/∂z"
         says = (
-            f"V is near and its policy off by {box_errors[-1]:.2g}: {rule} amplifies what V hardly "
-            "shows"
+            f"V is close, but its policy is off by {box_errors[-1]:.2g}: {rule} amplifies small "
+            "errors of V"
         )
         causes.append(Cause(1.0, box_errors[0], says))
     return min(causes).says

@@ -384,7 +384,9 @@ def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None
         scale=1.0 / BOX,
     )
     reason = named(game, candidate, None, BOX)
-    assert reason.startswith("V is near and its policy off by") if name == "V" else reason == ""
+    assert (
+        reason.startswith("V is close, but its policy is off by") if name == "V" else reason == ""
+    )
 
 
 def random_value(

@@ -121,7 +121,7 @@ def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple
     if "policy" in not_given or not statement.loop.inputs:
         return ()
     return (
-        "Proved for the policy in the certificate. The one that was given is the same to within "
+        "Proved for the policy in the certificate. The given policy agrees with it to "
         f"{SAME_GAIN:g} of its largest entry.",
     )
 
@@ -167,19 +167,20 @@ def _sizes(statement: RegionStatement) -> str:
 def _where_proved(statement: RegionStatement, parts: int) -> str:
     if statement.loop.disturbances:
         return (
-            f"V' < 0 is proved by sums of squares on {parts} parts of V = rho, by what each input "
-            "does and the end that each disturbance is at."
+            f"V' < 0 is proved by sums of squares on {parts} parts of V = rho. The parts differ in "
+            "the saturated inputs and the signs of the disturbances."
         )
     return (
-        f"V' < 0 is proved by sums of squares on {parts} parts of the set, by what each input does."
+        f"V' < 0 is proved by sums of squares on {parts} parts of the set, which differ in the "
+        "saturated inputs."
     )
 
 
 def _not_covered(statement: RegionStatement) -> str:
     gusts = "other disturbances" if statement.loop.disturbances else "disturbances"
     return (
-        f"Not covered: sampling, actuators, delays, {gusts}, errors of the model; the loop is that "
-        "of the model as it is, its inputs saturated at their limits."
+        f"Not covered: sampling, actuators, delays, {gusts}, errors of the model. Inputs saturate "
+        "at the limits of the model."
     )
 
 

@@ -111,7 +111,7 @@ def test_the_first_line_names_what_was_not_given(
     assert main([*words, "--delta", "inf"]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].endswith("without sampling, delay, actuators, disturbances")
-    assert "The one that was given is the same to within 1e-09 of its largest entry." in out
+    assert "The given policy agrees with it to 1e-09 of its largest entry." in out
     assert main([*words, "--Q", "4,4"]) == 1
     assert "K differs from that of the game" in capsys.readouterr().err
     assert main([*words, "--degree", "2"]) == 2

@@ -86,8 +86,8 @@ def design_controller(
     if by not in model.linear:
         choices = f"one of {', '.join(model.linear)}"
         raise BadInputError(
-            f"a controller is scheduled over a linear state; declare in {model.name}"
-            f" schedule=NAME, {choices}"
+            f"a controller is scheduled over a state of the linear model; declare schedule=NAME"
+            f" in {model.name}, {choices}"
         )
     design = design.of(model)
     controllers: list[LinearController] = []

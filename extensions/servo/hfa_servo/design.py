@@ -381,7 +381,7 @@ def _shaping_of(
     for game_entry in ("integrals", "disturbance", "delta", "weights", "sensors"):
         if game_entry in entries:
             raise BadInputError(
-                f"{name}: {game_entry} belongs to a game, not to [shaping]; leave one of them out"
+                f"{name}: {game_entry} applies to a game, not to [shaping]; leave one of them out"
             )
     table = dict(entries["shaping"])
     values = [float(value) for value in table.pop(breakpoints)]

@@ -62,16 +62,16 @@ COUPLING = "coupling condition"
 #: on the axis.
 _OBSTACLES = (
     (
-        "to rounding no input reaches the {}, which is not stable; change B2",
+        "within rounding no input reaches the {}, which is not stable; change B2",
         (
-            "to rounding z does not observe the {}, which does not decay (a zero from u to z on the"
-            " imaginary axis); let z weigh it"
+            "within rounding z does not observe the {}, which does not decay (a zero from u to z on"
+            " the imaginary axis); include it in z"
         ),
     ),
     (
-        "to rounding the sensors do not observe the {}, which is not stable; measure more",
+        "within rounding the sensors do not observe the {}, which is not stable; measure more",
         (
-            "to rounding the disturbance does not reach the {}, which does not decay, so its"
+            "within rounding the disturbance does not reach the {}, which does not decay, so its"
             " estimate would never settle; let the disturbance enter there"
         ),
     ),
@@ -122,7 +122,7 @@ class GeneralizedPlant(Reported):
             needed.append("D21")
         elif "D21" in matrices or "D22" in matrices:
             raise BadInputError(
-                "there is a D21 or D22 and no C2; give C2, or none of them for state feedback"
+                "D21 or D22 is given without C2; add C2, or remove both for state feedback"
             )
         for name in needed:
             if name not in matrices:

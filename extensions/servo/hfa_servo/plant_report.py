@@ -89,7 +89,7 @@ class PlantSolution(Result, Reported):
         if self.smallest.condition != "none":
             limits += f", where the {self.smallest.condition} ends it"
         return Report(
-            title=f"{self.law} for {self.plant}\n{limits}",
+            title=f"{self.law} for {self.plant}: certified\n{limits}",
             parts=(*matrices, f"closed loop, 1/s: {upper}", checks_block(self.solution.checks)),
             data=self.as_data(),
             records=self._records(),

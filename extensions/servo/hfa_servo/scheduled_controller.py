@@ -115,7 +115,7 @@ class ScheduledController(ByValue, Reported):
                     f"{where} a state is called {shown(name)}; give letters, digits and _ as in C"
                 )
         if len({name.upper() for name in self.states}) < len(self.states):
-            raise BadInputError(f"{where} two states have one name; give each its own")
+            raise BadInputError(f"{where} two states have the same name; give each its own")
 
     def _check_names(self, where: str) -> None:
         """Raise BadInputError for a measurement, a command or an input that the model lacks."""
@@ -258,9 +258,9 @@ class ScheduledController(ByValue, Reported):
             delta = self.about.get("delta")
             parts.append(f"delta {'inf' if delta is None else format(delta, 'g')}")
         parts.append(f"measured: {', '.join(self.measurements)}")
-        parts.append(f"moved: {', '.join(self.inputs)}")
+        parts.append(f"inputs: {', '.join(self.inputs)}")
         if self.commands:
-            parts.append(f"told: {', '.join(self.commands)}")
+            parts.append(f"commands: {', '.join(self.commands)}")
         if self.command_filter:
             bandwidth, damping = self.command_filter
             parts.append(f"of a command filter of {bandwidth:g} rad/s, damping {damping:g}")

@@ -107,7 +107,7 @@ def test_what_cannot_be_designed_says_why_and_where(published_aircraft: Model) -
         design_controller(published_aircraft, measured_servo(delta=50.0), ANGLES)
     with pytest.raises(
         NoSolutionError,
-        match="at dihedral 9 deg: to rounding the sensors do not observe the mode with eigenvalue",
+        match="at dihedral 9 deg: within rounding the sensors do not observe the mode with eigenvalue",
     ):
         design_controller(published_aircraft, measured_servo(sensors={"pitch_rate": 1.0}), ANGLES)
 

@@ -124,7 +124,12 @@ def test_design_with_sensors_is_designed_from_its_measurements() -> None:
             2,
             "the noise of sensor speed is 0.0; it must be a positive number",
         ),
-        ("[sensors]\nspeed = 'x'", {}, 2, "sensors.speed is 'x'; give a finite number from 0 on"),
+        (
+            "[sensors]\nspeed = 'x'",
+            {},
+            2,
+            "sensors.speed is 'x'; give a finite number of at least 0",
+        ),
         (
             "[sensors]\npitch_rate = 1",
             {},

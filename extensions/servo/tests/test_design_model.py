@@ -59,7 +59,7 @@ def test_disturbances_are_a_table_and_actuators_are_read(tmp_path: Path) -> None
         ("weight = 3", "unknown entry weight; did you mean weights?"),
         (
             "[weights.inputs]\nthrottle = -1",
-            "weights.inputs.throttle is -1; give a finite number from 0 on",
+            "weights.inputs.throttle is -1; give a finite number of at least 0",
         ),
         (
             "[actuators]\nthrottle = 3",

@@ -418,7 +418,7 @@ def test_rounding_of_a_double_integrator_is_no_reach() -> None:
         ({"D21": None}, "there is no D21"),
         ({"B1": None}, "there is no B1"),
         ({"A": 5.0}, "A has 0 dimension"),
-        ({"C2": None}, "no C2"),
+        ({"C2": None}, "without C2"),
         ({"A": [[0.0, math.nan], [0.0, 0.0]]}, r"A\[0\]\[1\] is nan"),
     ],
 )
@@ -456,7 +456,7 @@ def test_command_solves_file_and_says_what_to_change(tmp_path: Any) -> None:
     for words, said, code in (
         (("--delta", "1"), "delta = 1 is below delta_min = 1.286", 1),
         (("--Q", "1,1"), "--Q is in C1 and D12 of a generalized plant", 2),
-        (("--design", "paper"), "--design belongs to the aircraft", 2),
+        (("--design", "paper"), "--design applies only to the aircraft", 2),
     ):
         refused = hfa("solve", "--model", str(path), *words)
         assert refused.code == code

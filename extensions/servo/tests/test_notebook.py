@@ -137,7 +137,7 @@ def test_a_free_response_is_the_matrix_exponential() -> None:
         linear.simulate(initial={"aoa": 0.05})
     with pytest.raises(BadInputError, match="u is a function"):
         linear.simulate(lambda t: 0.1, time=1.0)
-    with pytest.raises(BadInputError, match=r"initial is of shape \(2,\); give \(6,\)"):
+    with pytest.raises(BadInputError, match=r"initial has shape \(2,\); give \(6,\)"):
         linear.simulate(initial=[0.0, 1.0])
 
 

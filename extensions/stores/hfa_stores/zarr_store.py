@@ -340,7 +340,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     other = _first_difference(path, expected)
     if other:
         raise BadInputError(
-            f"{path} is damaged or of other origin: {other} differs from that of this "
+            f"{path} is damaged or has another origin: {other} differs from that of this "
             f"{job.what}; start again"
         )
     if not _same_labels(path, job.row, labels):

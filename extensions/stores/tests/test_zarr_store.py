@@ -314,7 +314,7 @@ def test_another_description_of_an_array_is_refused(path: Path, what: str) -> No
     every number.
     """
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
-    with pytest.raises(BadInputError, match="damaged or of other origin"):
+    with pytest.raises(BadInputError, match="damaged or has another origin"):
         fill_store(row_job(), path, resume=True)
 
 

@@ -175,11 +175,11 @@ def test_a_plant_with_and_without_names(texts: dict[str, str], names: dict[str, 
         ({"A": "0;1\n-2;-3\n"}, "could not convert string to float: '-2;-3'"),
         (
             {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
-            "the columns of A are x, y and A has y, x; give one order",
+            "the columns of A are x, y, but A has y, x; use that order",
         ),
         (
             {"A": NAMED[0], "B": ",push\nalpha,1\nspeed,0.5\n"},
-            "the rows of B are alpha, speed and A has speed, alpha",
+            "the rows of B are alpha, speed, but A has speed, alpha",
         ),
         ({"plant": BARE[0]}, "use .json, .npz or .mat for a table"),
         ({"A": ""}, "A has no numbers"),

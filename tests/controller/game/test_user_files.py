@@ -111,7 +111,7 @@ def test_misnamed_entries_and_defaults_are_noted() -> None:
     game, notes, *_ = stored_game(wind, delta=200.0)
     assert game == Game(**PLANT, E=np.eye(2), delta=200.0)
     assert notes == (
-        "wind.npz: its E belongs to the wind and is not used",
+        "wind.npz: its E describes the wind and is not used",
         "wind.npz: there is no E; used: E the identity",
     )
 

@@ -153,7 +153,7 @@ def test_copies_of_an_identification_have_its_bands(
         bands_of(elsewhere).A, bands_of(parameter_set).A, rtol=0.01, atol=1e-6
     )
     for factor in (1.1, 1 + 1e-6):
-        with pytest.raises(BadInputError, match="bands are known for the identified parameters"):
+        with pytest.raises(BadInputError, match="bands exist only for the identified parameters"):
             bands_of(heavier(factor))
 
 

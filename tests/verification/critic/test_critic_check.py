@@ -464,7 +464,7 @@ Names = tuple[str, ...]
 def test_names_and_units_decide(
     states: Names, inputs: Names, units: Names, speed: float | None
 ) -> None:
-    """The box of ordinary deviations is used only for plants with names and units of the
+    """The box of typical deviations is used only for plants with names and units of the
     aircraft.
     """
     box = ordinary_box(states, inputs, units)
@@ -473,7 +473,7 @@ def test_names_and_units_decide(
         return
     assert box is not None
     assert box.half_widths.tolist() == [speed, *ORDINARY_DEVIATIONS[1:]]
-    assert box.about.startswith("ordinary deviations of the aircraft")
+    assert box.about.startswith("typical deviations of the aircraft")
 
 
 def test_a_plant_like_the_aircraft_has_its_box() -> None:

@@ -300,7 +300,7 @@ class CostInequality(OnPiece):
             if radii is not None and self._is_convex(box, radii):
                 return k
         raise Rejected(
-            "the inequality is not proved about the equilibrium: a kink is there, the cost of the "
+            "the inequality is not proved near the equilibrium: a kink is there, the cost of the "
             "inputs is not convex, or W is too large"
         )
 

@@ -147,7 +147,8 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         smallest = np.flatnonzero(is_smallest)
         if len(smallest):
             raise SmallestBoxError(
-                "the inequality is not decided on a box of least size", wide.centres[smallest[0]]
+                "the inequality is not decided on a box of the smallest size",
+                wide.centres[smallest[0]],
             )
         waiting = _joined(waiting, wide.halves(edges[open_boxes]))
         turn += 1

@@ -171,6 +171,6 @@ class Decrease(OnPiece):
                 if is_positive_definite(-(S + S.transpose())):
                     return k
         raise Rejected(
-            "V' < 0 is not proved about the equilibrium: V is not a Lyapunov function of the "
+            "V' < 0 is not proved near the equilibrium: V is not a Lyapunov function of the "
             "linearization, or a kink is at the equilibrium"
         )

@@ -90,7 +90,7 @@ def export(request: ExportRequest) -> int:
     if request.output.suffix.lower() == ".m":
         return _write_function(request)
     if request.controller is None:
-        request.refuse(("actuators",), "belongs to --controller; leave it out")
+        request.refuse(("actuators",), "applies only to --controller; leave it out")
     elif _is_fmu(request) and request.actuators is None:
         raise BadInputError("--controller needs actuators in an FMU; add --actuators LAG:RATE")
     request.check_policy()

@@ -91,7 +91,7 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
-    request.refuse(("workers", "resume"), "belongs to --samples; leave it out")
+    request.refuse(("workers", "resume"), "applies only to --samples; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
     refuse_method(request.model, request.method, request.frame)
@@ -137,7 +137,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 
     used = {"steps", "initial", "duration", "weights", *ReadingOptions.declared()}
     others = request.typed - used - {*OutputOptions.declared()} | (request.typed & {"picture"})
-    request.refuse(sorted(others), "belongs to an aircraft; leave it out with --model")
+    request.refuse(sorted(others), "applies only to an aircraft; leave it out with --model")
     stored = stored_game(path)
     problem = stored.discrete
     assert problem is not None

@@ -51,7 +51,7 @@ class InterpolatedModel:
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
                 raise BadInputError(
-                    f"{name} has one value in the sweep; models are interpolated over two or more"
+                    f"{name} has one value in the sweep; an interpolation needs at least two"
                 )
         for values, reason in zip(self.sweep.values, self.sweep.reasons, strict=True):
             if reason:
@@ -80,7 +80,7 @@ class InterpolatedModel:
             if not np.all((axis[0] <= column) & (column <= axis[-1])):
                 describe = self.sweep.model.describe
                 raise BadInputError(
-                    f"{name} lies outside of the sweep, which goes from {describe(name, axis[0])} "
+                    f"{name} lies outside the sweep, which goes from {describe(name, axis[0])} "
                     f"to {describe(name, axis[-1])}"
                 )
         flat = self._interpolator(np.stack(columns, axis=-1))

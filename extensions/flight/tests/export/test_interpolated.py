@@ -84,7 +84,7 @@ def test_the_error_falls_with_the_square_of_step(model: InterpolatedModel) -> No
 
 def test_what_cannot_be_interpolated_is_named(model: InterpolatedModel) -> None:
     with pytest.raises(
-        BadInputError, match="speed lies outside of the sweep, which goes from 60 ft/s to 76 ft/s"
+        BadInputError, match="speed lies outside the sweep, which goes from 60 ft/s to 76 ft/s"
     ):
         model.at(dihedral=0.1, speed=50.0)
     with pytest.raises(BadInputError, match="give dihedral, speed, by name"):

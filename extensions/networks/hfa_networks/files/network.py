@@ -102,7 +102,7 @@ def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
     suffix = Path(path).suffix.lower()
     if suffix == ".onnx" and reading.activation is not None:
         raise BadInputError(
-            f"{path}: --set activation belongs to a state dict; an ONNX file contains it"
+            f"{path}: --set activation applies only to a state dict; an ONNX file contains it"
         )
     if suffix == ".zip":
         warnings.warn(

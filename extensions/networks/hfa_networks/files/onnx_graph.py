@@ -460,8 +460,8 @@ def check_width(width: int, states: int, inputs: int) -> None:
         raise BadInputError(f"the network has {width} inputs; {states} numbers were given")
     if width != states + inputs:
         raise BadInputError(
-            f"the network has {width} inputs and the plant {states} states; a Q of them and the "
-            f"{inputs} inputs of the plant has {states + inputs}"
+            f"the network has {width} inputs; this plant needs {states} (its states) or, for a Q, "
+            f"{states + inputs} (states and inputs)"
         )
 
 

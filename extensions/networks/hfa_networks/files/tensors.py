@@ -52,7 +52,7 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     if content[:2] != b"PK":
         raise BadInputError(
-            "it is not a file of torch.save since torch 1.6; save state_dict() with it again"
+            "it was not written by torch.save of torch 1.6 or later; save state_dict() again"
         )
     return _torch_zip(content)
 
@@ -110,7 +110,9 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     (torch._utils._rebuild_tensor_v2)."""
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
-        raise BadInputError("it is damaged: the shape of a tensor is not of whole numbers")
+        raise BadInputError(
+            "it is damaged: the shape of a tensor contains a number that is not whole"
+        )
     if any(abs(number) > LARGEST for number in numbers):
         raise BadInputError("it is damaged: a tensor exceeds the largest size of a file")
     steps = zip(size, stride, strict=True)
@@ -221,7 +223,7 @@ class _Restricted(pickle.Unpickler):
             return _dtype(name)
         if (module, name) not in _ALLOWED:
             raise BadInputError(
-                f"it would make {shortened(f'{module}.{name}')}, which is refused; save "
+                f"it would create {shortened(f'{module}.{name}')}, which is refused; save "
                 "state_dict() alone"
             )
         return _ALLOWED[module, name]

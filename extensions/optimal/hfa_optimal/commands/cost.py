@@ -70,7 +70,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         """Problem of the flights to the trim."""
         from hfa_optimal.problem import flight_problem
 
-        self.refuse(("delta",), "belongs to a game; the cost of a flight has no disturbance")
+        self.refuse(("delta",), "applies only to a game; the cost of a flight has no disturbance")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))

@@ -47,7 +47,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     to: Mapping[str, float] = option(
-        "fly from the trim of the other options to the trim with this value; repeatable",
+        "fly to the trim with this value, from that of the other options; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,
@@ -127,7 +127,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         flights = search.flights
         pilots = []
         if np.isfinite(game.delta):
-            pilots.append(gain_pilot(flights, "exact game policy, clipped", solve_game(game).K))
+            pilots.append(gain_pilot(flights, "exact game policy, saturated", solve_game(game).K))
         if self.weights is not None:
             with said_of(self.weights):
                 critic = critic_in(self.weights, game, Reading())
@@ -152,10 +152,12 @@ def optimize(request: OptimizeRequest) -> int:
     if begins.count(True) != 1:
         raise BadInputError("give one of --start NAME=VALUE,..., --starts N or --to NAME=VALUE")
     if request.minimize == "time":
-        request.refuse(_OF_COST, "belongs to --minimize cost; leave it out")
+        request.refuse(_OF_COST, "applies only to --minimize cost; leave it out")
         return _quickest(request)
     if request.starts is not None:
-        request.refuse(("picture", "seconds"), "belongs to one flight; leave it out with --starts")
+        request.refuse(
+            ("picture", "seconds"), "applies only to one flight; leave it out with --starts"
+        )
     search, game = request.search()
     pilots = request.pilots(search, game)
     bound = None if request.bound is None else _bound(request.bound, search)

@@ -39,14 +39,14 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
     game = named.game
     problem = flight_problem(point.model, point, game.Q, game.R)
     search = BestFlights(problem, count)
-    pilots = [critic_pilot(search.flights, "this critic, clipped", verdicts[0].critic)]
+    pilots = [critic_pilot(search.flights, "this critic, saturated", verdicts[0].critic)]
     if np.isfinite(game.delta):
         exact = solve_game(game).K
-        pilots.append(gain_pilot(search.flights, "exact game policy, clipped", exact))
+        pilots.append(gain_pilot(search.flights, "exact game policy, saturated", exact))
     starts = drawn_starts(problem, count, _SEED)
     table = starts_table(search, starts, pilots, ProgressLine("flights"))
     section = table.report()
-    lost = [f"{each.policy.removesuffix(', clipped')} {each.lost}" for each in table.policies]
+    lost = [f"{each.policy.removesuffix(', saturated')} {each.lost}" for each in table.policies]
     line = f"nonlinear flights that leave the envelope or do not converge, of {table.found}: "
     title = f"{report.title}\n{line}{', '.join(_of_critic(lost))}"
     parts = (*report.parts, section)

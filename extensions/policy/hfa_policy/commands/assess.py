@@ -59,7 +59,7 @@ def _need(name: str, text: str) -> float:
     refuse_unknown("is unknown:", name, NEEDS)
     value = number(text)
     if value < 0.0:
-        raise BadInputError(f"is {text}; give a number from 0 on")
+        raise BadInputError(f"is {text}; give a number of at least 0")
     return value
 
 
@@ -189,7 +189,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             raise BadInputError(f"{gains[0]}: a gain has no sample time; add --sample-time, s")
         if self.sample_time is not None and not gains:
             raise BadInputError(
-                "--sample-time is for a gain K in a critic's file; give one, or leave it out"
+                "--sample-time applies only to a file with a gain K; name one, or leave it out"
             )
         return [
             sampled_gain(card, model, self.sample_time)
@@ -268,11 +268,11 @@ def assess(request: AssessRequest) -> int:
             origin = each.deployment.origin
             raise BadInputError(f"--best: {origin} has no [cost]; add the Q and R")
     if request.bound is not None and not request.best:
-        raise BadInputError("--bound is for flights compared with the best ones; add --best K")
+        raise BadInputError("--bound requires flights compared with the best ones; add --best K")
     changes = [changes_of(each, request.vary) for each in deployed]
     points = tuple(request.points())
     if request.bound is not None and len(points) > 1:
-        raise BadInputError("--bound is for one trim; assess at one")
+        raise BadInputError("--bound requires a single trim; assess at one")
     scenarios = [request.scenario_at(point) for point in points] if request.is_rough() else []
     results = []
     for each, changes_of_each in zip(deployed, changes, strict=True):
@@ -287,7 +287,7 @@ def assess(request: AssessRequest) -> int:
         )
         results.append(replace(found, assumed=_assumed_trim(request, points)))
     if request.draws is not None and len(results) > 1:
-        raise BadInputError("--draws is for one deployment file; name one")
+        raise BadInputError("--draws requires a single deployment file; name one")
     if len(results) == 1:
         report = results[0].report()
         if request.draws is not None:
@@ -296,7 +296,7 @@ def assess(request: AssessRequest) -> int:
         show(report, request, figure=results[0].figure, notes=results[0].warnings)
         return 0 if results[0].ok else 1
     if request.picture is not None:
-        raise BadInputError("--picture is for one deployment file; name one")
+        raise BadInputError("--picture requires a single deployment file; name one")
     notes = [
         f"{one.deployed.deployment.origin}: {note}" for one in results for note in one.warnings
     ]

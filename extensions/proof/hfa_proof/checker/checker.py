@@ -222,7 +222,7 @@ def check_game(statement: GameStatement, witness: GameWitness) -> int:
     for name, (least, most) in statement.distances.items():
         lowest, highest = bounds[name]
         if not (highest <= arb(most) and (least == 0.0 or lowest >= arb(least))):
-            raise Rejected(f"the distance of {name} may be another one")
+            raise Rejected(f"the stated distance of {name} is not proved")
     A, B = wide
     if statement.gain_of_value:
         check_gain(weights, B, statement.critic)
@@ -280,7 +280,7 @@ def check_models(
         exact = solution_on(statement.weights, linear.A, linear.B, box, lowest=1)
         for name, most in interpolation_errors(statement, linear, exact).items():
             if not most <= arb(statement.errors[name]):
-                raise Rejected(f"the error of {name} from {trim.low} on may be larger")
+                raise Rejected(f"the stated error of {name} is not proved at {trim.low}")
         linear_models.append(linear)
     check_branches(flight, linear_models)
     return len(cells)

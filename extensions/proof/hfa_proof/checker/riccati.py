@@ -64,7 +64,9 @@ def solution_on(
         raise Rejected("A - S P is not proved Hurwitz")
     axes = matrix(np.linalg.eigh(doubles(P.parts[0]))[1])
     if min(eigenvalue_signs(P.range(), axes)) != lowest:
-        raise Rejected("the lowest eigenvalue of the solution has another sign")
+        raise Rejected(
+            "the sign of the lowest eigenvalue of the solution differs from the stated one"
+        )
     P = units.inv() * P * units.inv()
     return Solution(P, gain_matrix(weights, B) * P)
 

@@ -71,7 +71,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         )
     if edited:
         raise BadInputError(
-            f"{path}: the certificate was edited, its digest does not match; prove it again"
+            f"{path}: the certificate was edited (its digest does not match); prove it again"
         )
     return content, written
 

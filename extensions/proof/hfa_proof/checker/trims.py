@@ -113,7 +113,7 @@ def _root_offsets(residual: Sequence[Any], linear: LinearParts, radii: list[arb]
         if not _is_zero([*slopes, residual[row]]):
             moved.append(row)
     if len(moved) != len(radii):
-        raise Rejected("there are not as many equations as unknowns")
+        raise Rejected("the numbers of equations and unknowns differ")
     column = stacked([[residual[row]] for row in moved])
     derivative = stacked([linear.slopes[row] for row in moved])
     offsets: list[arb] = root_offsets(column.range(), derivative.range(), radii).entries()
@@ -191,7 +191,9 @@ def _check_branch(
                 f"stated at {start}"
             )
         if box.trim.high >= following:
-            raise Rejected(f"another branch is stated at {following}, within a box of this one")
+            raise Rejected(
+                f"a box of this branch contains {following}, where another branch is stated"
+            )
         connected.append(box)
 
 

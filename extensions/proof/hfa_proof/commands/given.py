@@ -80,7 +80,7 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
     if isinstance(statement, GameStatement):
         return given | _given_critic(statement, request)
     if request.weights is None:
-        request.refuse(("design",), "belongs to a controller; add --weights FILE")
+        request.refuse(("design",), "applies only to a controller; add --weights FILE")
         return given
     return given | _given_controller(statement, request)
 
@@ -142,9 +142,9 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     Raises NoSolutionError where the file has no K and the statement's K is not the gain of its P or
     W.
     """
-    request.refuse(("design",), "belongs to a schedule, but the certificate is about a game")
+    request.refuse(("design",), "applies to a schedule, but the certificate is about a game")
     if request.weights is None:
-        request.refuse(("basis",), "belongs to W; add --weights FILE")
+        request.refuse(("basis",), "applies only to W; add --weights FILE")
         return {}
     option = f"--weights {request.weights}"
     names = UNNAMED
@@ -178,7 +178,7 @@ def _given_controller(
     option = f"--weights {request.weights}"
     model = statement.flight.model
     if isinstance(statement, ModelsStatement):
-        request.refuse(("design",), "belongs to a controller, but the certificate is about models")
+        request.refuse(("design",), "applies to a controller, but the certificate is about models")
         gains = load_gain_schedule(request.weights, model)
         return {
             "breakpoints": Given(gains.file_breakpoints, option),

@@ -71,7 +71,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         from hfa_proof.search.loops import Intervals
 
         if self.bandwidth is None:
-            self.refuse(_INTERVALS, "belongs to actuators; add --bandwidth LOW:HIGH, rad/s")
+            self.refuse(_INTERVALS, "applies only to actuators; add --bandwidth LOW:HIGH, rad/s")
             return None
         if self.rate:
             raise BadInputError("give --rate or --bandwidth, not both")

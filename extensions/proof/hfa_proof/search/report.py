@@ -120,13 +120,13 @@ def schedule_data(statement: ScheduleStatement, moving: bool) -> Content:
 
 
 def _not_covered(statement: ScheduleStatement) -> str:
-    others = "other actuators than these"
+    others = "other actuators"
     if not isinstance(statement.actuators, UncertainActuators):
-        others = "other actuators than the loop's own, delay"
+        others = "actuators outside the loop, delay"
     return (
-        f"not covered: {others}, sampling of a controller's own states, a "
-        f"{statement.flight.model.schedule} that the loop\nitself moves and that is not imposed "
-        "from outside, limits of the inputs, the nonlinear aircraft"
+        f"not covered: {others}, sampling of the states of a controller, a "
+        f"{statement.flight.model.schedule} that the loop itself\nmoves, limits of the inputs, the "
+        "nonlinear aircraft"
     )
 
 

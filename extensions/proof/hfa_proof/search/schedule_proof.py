@@ -264,7 +264,7 @@ class ScheduleSearch:
     def linear_model(self, box: Box) -> LinearModelBox:
         """Return the aircraft on a box."""
         if self.family.spread and box.high - box.low > _WIDEST_WITH_ERRORS * self.family.step:
-            raise Rejected("the errors of the parameters are enclosed on narrower boxes only")
+            raise Rejected("the parameter errors are enclosed only on narrower boxes")
         return self.trims.linear_model(box)
 
     def closed_loop(self, box: Box) -> TaylorModel:

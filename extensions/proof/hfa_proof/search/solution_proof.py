@@ -235,7 +235,9 @@ def _newton_step(A: TaylorModel, S: TaylorModel, Q: arb_mat, P: arb_mat) -> arb_
     try:
         inverse = lyapunov_operator(loop.parts[0].mid()).inv()
     except ZeroDivisionError as error:
-        raise NoSolutionError("Newton's step for P is singular within rounding") from error
+        raise NoSolutionError(
+            "the equation of Newton's step for P is singular within rounding"
+        ) from error
     return arb_mat(n, n, (inverse * arb_mat(n * n, 1, residual.entries())).entries())
 
 

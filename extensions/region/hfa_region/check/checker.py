@@ -127,7 +127,7 @@ def _check_extents(
         high = exact(highest)
         if not (low <= -reach and reach <= high):
             if name not in extents:
-                raise Rejected(f"the set may be larger in {name} than is claimed")
+                raise Rejected(f"the set may be larger in {name} than the certificate states")
             _check_deviation(loop, index, (low, high), extents[name], inside)
         least, most = statement.loop.limits.get(name, (-float("inf"), float("inf")))
         at = loop.equilibrium.x[index]

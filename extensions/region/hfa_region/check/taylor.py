@@ -106,7 +106,7 @@ class Taylor:
         slopes = [near[k] for k in range(order + 1)]
         last = far[order + 1]
         if not (last.is_finite() and all(slope.is_finite() for slope in slopes)):
-            raise Undecided("a function may not be smooth on all of the set")
+            raise Undecided("a function is not proved to be smooth on the whole set")
         delta = Taylor(order, Polynomial([{}, *self.polynomial.parts[1:]]), self.remainder)
         total = self._of(slopes[order])
         for slope in reversed(slopes[:order]):

@@ -104,7 +104,7 @@ def loop_of(
     P is None if the game was not solved.
     """
     if request.basis is not None and request.weights is None:
-        raise BadInputError("--basis belongs to W in --weights; add --weights or leave it out")
+        raise BadInputError("--basis applies only to W in --weights; add --weights or leave it out")
     if not request.model.inputs:
         aircraft = request.flown_aircraft()
         linear = linearize(aircraft, request.operating_point(aircraft))
@@ -124,7 +124,7 @@ def loop_of(
         solution = solve_game(named.game)
     except NoSolutionError as error:
         raise NoSolutionError(
-            f"the game of the linear model has no solution ({error}), so that there is no loop;"
+            f"the game of the linear model has no solution ({error}), so no loop exists;"
             " an equilibrium whose linearization is not Hurwitz is not covered"
         ) from error
     return named.linear, solution.K, solution.P, {}

@@ -132,7 +132,7 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
     request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
-    request.refuse(("design",), "belongs to a schedule, but the certificate is about a region")
+    request.refuse(("design",), "applies to a schedule, but the certificate is about a region")
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
     given = given_for(verified.statement, request)

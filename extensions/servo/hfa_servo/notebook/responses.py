@@ -62,7 +62,7 @@ def simulated(
         values = values.T
     if values.shape != wanted:
         raise BadInputError(
-            f"u is of shape {np.shape(u)}; give {wanted}, one row for each input, or a dictionary "
+            f"u has shape {np.shape(u)}; give {wanted}, one row for each input, or a dictionary "
             "of inputs"
         )
     x = initial if initial is not None else {}
@@ -70,7 +70,7 @@ def simulated(
         x = np.array(_values("state", x, model.states))
     start = numbers_in("initial", x)
     if start.shape != (len(model.states),):
-        raise BadInputError(f"initial is of shape {start.shape}; give ({len(model.states)},)")
+        raise BadInputError(f"initial has shape {start.shape}; give ({len(model.states)},)")
     return control.forced_response(system, time, values, start, squeeze=False)
 
 
