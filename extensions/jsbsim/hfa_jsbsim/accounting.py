@@ -112,12 +112,12 @@ def _reason(parent: Element, child: Element) -> str:
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
     if known is None:
-        raise child.error(f"<{shortened(name)}> in <{shortened(parent.name)}> is not read")
+        raise child.error(f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported")
     if name in known["idle"]:
         return _NO_FORCE
     if name in known["read"]:
         raise child.error(
-            f"<{shortened(name)}> in <{parent.name}> is not read; JSBSim's forces depend on it"
+            f"<{shortened(name)}> in <{parent.name}> is not supported; JSBSim's forces depend on it"
         )
     return _NOT_READ
 
@@ -131,7 +131,7 @@ def _account_attributes(element: Element) -> None:
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
-            fault = f"the attribute {shortened(name)} of <{element.name}> is not read"
+            fault = f"the attribute {shortened(name)} of <{element.name}> is not supported"
             raise element.error(f"{fault}; remove it")
 
 
@@ -163,7 +163,7 @@ def _refuse_readers(equations: Equations) -> None:
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
-                f"{where}: {shortened(name)} is JSBSim's own and is not read; use another property"
+                f"{where}: {shortened(name)} is internal to JSBSim; use another property"
             )
 
 
@@ -188,7 +188,9 @@ def _of_writers(equations: Equations) -> list[Note]:
             continue
         if of_component(name):
             if not all(_is_zero(writer) for writer in mine):
-                fault = f"{shortened(name)} is set; failures and limits of components are not read"
+                fault = (
+                    f"{shortened(name)} is set; failures and limits of components are not supported"
+                )
                 raise _refusal(mine[-1], fault)
         elif not (name in properties.asked or without_numbers(name).startswith(_IDLE)):
             raise _refusal(

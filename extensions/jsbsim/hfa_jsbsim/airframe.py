@@ -199,7 +199,7 @@ def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], l
     kind = grain.attributes.get("type", "")
     if kind not in ("CYLINDRICAL", "ENDBURNING"):
         raise grain.error(
-            f"a grain of type {shortened(kind)!r} is not read; use CYLINDRICAL or ENDBURNING"
+            f"a grain of type {shortened(kind)!r} is not supported; use CYLINDRICAL or ENDBURNING"
         )
     length = grain.value_of("length", 0.0, "IN") / 12.0
     bore = grain.value_of("bore_diameter", 0.0, "IN") / 24.0

@@ -261,7 +261,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not read; remove it")
+            raise child.error(f"<{name}> of a sensor is not supported; remove it")
     gain = component.value_of("gain", 0.0) or 1.0
     value = _lagged(component, "lag", input_of(component, properties), properties)
     return value * gain + component.value_of("bias", 0.0)

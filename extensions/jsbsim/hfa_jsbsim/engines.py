@@ -588,4 +588,4 @@ def refusal(element: Element) -> str:
     """Return the reason why an engine or a thruster is not supported."""
     engines = ", ".join(KINDS)
     name = shortened(element.name)
-    return f"<{name}> is not read; engines: {engines}, with propeller, direct, nozzle"
+    return f"<{name}> is not supported; engines: {engines}, with propeller, direct, nozzle"

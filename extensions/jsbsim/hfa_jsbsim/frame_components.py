@@ -160,7 +160,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
-            raise child.error(f"<{name}> of a sensor is not read; remove it")
+            raise child.error(f"<{name}> of a sensor is not supported; remove it")
     value = input_of(component, properties)
     lag = component.value_of("lag", 0.0)
     if lag:

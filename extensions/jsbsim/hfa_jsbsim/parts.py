@@ -73,7 +73,7 @@ class Parts:
                 self.sections.append(folders.merged(child.take()))
         gas = self.section("buoyant_forces")
         if gas is not None and not choices.partial:
-            raise gas.error("<buoyant_forces> is not read; remove the gas cells")
+            raise gas.error("<buoyant_forces> is not supported; remove the gas cells")
         propulsion = self.section("propulsion")
         self.wings = read_metrics(self._needed("metrics"))
         self.tanks = read_tanks(propulsion)

@@ -235,7 +235,9 @@ def parsed(text: bytes, file: str) -> Element:
     except BadInputError:
         raise
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
-        raise BadInputError(f"{file}: its encoding is not read ({error}); use UTF-8") from error
+        raise BadInputError(
+            f"{file}: its encoding is not supported ({error}); use UTF-8"
+        ) from error
     _strip(roots[0])
     return roots[0]
 

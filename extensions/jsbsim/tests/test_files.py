@@ -76,7 +76,7 @@ def test_provenance_changes_with_every_file(tmp_path):
             glider(more='<system file="absent"/>'),
             r"glider.xml:\d+: the file absent is not in .*Systems",
         ),
-        (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not read"),
+        (glider(more="<buoyant_forces/>"), r"glider.xml:\d+: <buoyant_forces> is not supported"),
         (
             glider(LIFT.replace("LIFT", "SPIN")),
             r"glider.xml:\d+: SPIN is not an axis; use DRAG, AXIAL, X, SIDE",
@@ -138,7 +138,7 @@ def test_provenance_changes_with_every_file(tmp_path):
                     "</engine> </propulsion>"
                 )
             ),
-            r"glider.xml:\d+: <rotor_engine> is not read; engines: turbine_engine,",
+            r"glider.xml:\d+: <rotor_engine> is not supported; engines: turbine_engine,",
         ),
     ],
 )

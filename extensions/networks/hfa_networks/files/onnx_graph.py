@@ -549,7 +549,7 @@ def _refuse_unread(
         how = ", ".join(attributes) or "none"
         raise BadInputError(
             f"operator {name} with {len(inputs)} inputs and the attributes {shortened(how)} is not "
-            f"read ({error})"
+            f"supported ({error})"
         ) from error
 
 
