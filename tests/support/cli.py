@@ -101,7 +101,7 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:
-    """Return the .json files that -o names, or that are in the folder that it names."""
+    """Return the .json files given by -o, or that are in the folder that it names."""
     targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
     inside = [
         path

@@ -61,7 +61,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         names="--limit",
         named=True,
     )
-    resume: bool = option("continue with the pieces of the certificate that -o names", rare=True)
+    resume: bool = option("continue with the pieces of the certificate given by -o", rare=True)
     check: Path | None = option(
         "verify a certificate instead of proving", "FILE", input_file(".json")
     )

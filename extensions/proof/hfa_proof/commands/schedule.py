@@ -64,7 +64,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         not_negative,
         rare=True,
     )
-    resume: bool = option("continue the unfinished certificate that -o names", rare=True)
+    resume: bool = option("continue the unfinished certificate given by -o", rare=True)
 
     def intervals(self) -> Intervals | None:
         """Return the intervals of uncertain actuators, if any."""

@@ -81,7 +81,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         OfModel(_size),
         named=True,
     )
-    resume: bool = option("continue with V of the certificate that -o names", rare=True)
+    resume: bool = option("continue with V of the certificate given by -o", rare=True)
     picture: Path | None = picture_option(
         "sections of the proved set, with initial conditions that do not converge"
     )
