@@ -142,7 +142,8 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     scalings = _osborne_scaling(there)
     order = np.argsort(scaled_norm(there, scalings))
     scaling = scalings[order[-1]]
-    first = [*ends[order].tolist(), near]
+    first = ends[order].tolist()
+    first.append(near or first[-1])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
     looked = 0
