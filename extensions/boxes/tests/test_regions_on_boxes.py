@@ -475,3 +475,13 @@ def test_a_v_that_is_not_positive_keeps_its_coordinates() -> None:
     shape = Shape.of_matrix(np.eye(2), -np.eye(2), 4)
     saddle = replace(shape, coefficients=shape.basis.quadratic(np.diag([1.0, -1.0])))
     assert saddle.diagonal(-np.eye(2)) is saddle
+
+
+def test_a_place_beyond_the_crest_of_v_bounds_the_level_by_it() -> None:
+    """V = x² - 0.3 x⁴ has the crest 0.83 and is negative beyond the limit 2 of x."""
+    none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
+    loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
+    search = RegionSearch(loop, "", [], seconds=1.0)
+    shape = Shape.of_matrix(np.eye(1), search.J, 4)
+    crested = replace(shape, coefficients=np.array([1.0, 0.0, -0.3]))
+    assert crested.bound(search.samples, 1.5).level == pytest.approx(1.0 / 1.2, rel=0.01)

@@ -334,7 +334,8 @@ class Shape:
             order = np.lexsort((margin.min(axis=0), first))[:12]
             if first[order[0]] < len(shares):
                 place = z[first[order[0]], order[0]]
-                best = min(best, float(self.values(place[None])[0]))
+                along = np.linspace(0.0, 1.0, _SHELLS + 1)[1:, None] * place
+                best = min(best, float(self.values(along).max()))
             near = np.repeat(rays[order], count // 24, axis=0)
             noise = spread * generator.normal(size=near.shape) / np.sqrt(n)
             is_slow = np.arange(len(near)) % 2 == 0
