@@ -121,10 +121,9 @@ def test_tables_of_pandas_and_flights_are_records():
         assert residuals[name].std() == pytest.approx(size, rel=0.15)
     with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
         identify(begun(), table)
-    model = from_derivatives(UAV)
-    moved = {"elevator": [(0.0, 0.03), (1.0, -0.03), (2.0, 0.0)]}
-    flight = hfa.fly(model, policy=moved, seconds=3.0)
-    off = model.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
+    moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
+    flight = hfa.fly(LONGITUDINAL, policy=moved, seconds=1.9)
+    off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     again = identify(off, flight, ["Cm_q"], inputs="steps")
     assert again.parameters["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
 
