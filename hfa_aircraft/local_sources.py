@@ -102,8 +102,9 @@ def _imported_names(text: bytes, package: str) -> set[str]:
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
-            if node.level:
-                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+            if node.level:  # 1 is the package itself, 2 the package around it
+                parents = package.split(".")
+                parents = parents[: len(parents) - node.level + 1]
                 base = ".".join([*parents, base] if base else parents)
             names.add(base)
             names.update(f"{base}.{alias.name}" for alias in node.names)

@@ -44,12 +44,11 @@ class Number(NamedTuple):
             number = float(value)
         except OverflowError:  # TOML's integers have no limit, Python's floats do
             return None
-        inside = (
-            self.lowest < number <= self.highest
-            if self.above
-            else self.lowest <= number <= self.highest
-        )
-        return number if inside and (self.infinite or math.isfinite(number)) else None
+        if not self.lowest <= number <= self.highest:
+            return None
+        if self.above and number == self.lowest:
+            return None
+        return number if self.infinite or math.isfinite(number) else None
 
 
 NUMBER = Number()
@@ -139,7 +138,8 @@ def read_named(
     Raises BadInputError for an unknown name or an invalid file.
     """
     try:
-        data = read_toml(str(files(folder).joinpath(packaged[name])) if name in packaged else name)
+        path = str(files(folder).joinpath(packaged[name])) if name in packaged else name
+        data = read_toml(path)
     except OSError as error:
         raise BadInputError(
             f"{name}: no {what} of that name and no readable file; the names are "

@@ -31,9 +31,8 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
             f"{path}: the suffix {Path(path).suffix!r} is unknown; use {', '.join(_READERS)}"
         )
     try:
-        with warnings.catch_warnings(
-            action="ignore"
-        ):  # NumPy on headers that it would have written otherwise
+        # NumPy warns of headers that it would have written otherwise.
+        with warnings.catch_warnings(action="ignore"):
             return _READERS[suffix](Path(path))
     except (FileNotFoundError, IsADirectoryError) as error:
         raise BadInputError(f"{path}: no such file") from error

@@ -487,9 +487,9 @@ class CertifiedLaw:
             here = raise_disturbance(self.equations, here, share, normaliser, self.game.delta)
         if clock == 1.0:
             here = iterate(self.equations, here, normaliser, to_the_floor=True)[0]
-            # Where P is large in one direction, a sample shows the other ones as a small
-            # difference; the entries of the Riccati equation of the drifts' linear fit show each by
-            # itself, with the last digits.
+            # If P is large in one direction, the other directions are small differences in a
+            # sample. The Riccati equation of the drifts' linear fit has them as entries of their
+            # own, and determines their last digits.
             e = self.equations
             riccati = Riccati(e.drift_matrix, e.control, e.disturbance, e.Q)
             P = riccati.refined(self.basis.matrix(here.weights))

@@ -38,7 +38,10 @@ def _names_of(*kinds: str) -> OfModel:
     """Return the kind of option that accepts names of these "states", "inputs" or "outputs"."""
 
     def convert(model: Model, text: str) -> tuple[str, ...]:
-        return some_of(*(name for kind in kinds for name in getattr(model, kind)))(text)
+        names: list[str] = []
+        for kind in kinds:
+            names += getattr(model, kind)
+        return some_of(*names)(text)
 
     return OfModel(convert)
 

@@ -82,7 +82,8 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
     def __post_init__(self) -> None:
         """Complete the names and matrices that were not given, and index A and B by names."""
         if self.point is None:
-            vars(self).update(part(PARTS, "linear.matrices", "LinearModel(A, B)")(self))
+            completed = part(PARTS, "linear.matrices", "LinearModel(A, B)")
+            vars(self).update(completed(self))
         vars(self).update(
             A=with_names(self.A, self.states, self.states),
             B=with_names(self.B, self.states, self.inputs),

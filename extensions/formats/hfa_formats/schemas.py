@@ -67,38 +67,53 @@ def _annotation(kind: Any, name: str) -> Any:
     Raises KeyError without one.
     """
     for ancestor in kind.__mro__:
-        value = vars(ancestor).get(name)
-        function = value.func if isinstance(value, cached_property) else getattr(value, "fget", 0)
-        declared = vars(ancestor).get("__annotations__", {})
-        text = function.__annotations__.get("return") if function else declared.get(name)
-        if text is not None:
+        written = _written_annotation(ancestor, name)
+        if written is not None:
             module = sys.modules[ancestor.__module__]
-            known = _for_type_checkers(module, str(text)) | vars(module)
-            alone = types.SimpleNamespace(__annotations__={name: text})
-            return typing.get_type_hints(alone, known, include_extras=True)[name]
+            known = _imported_for_type_checkers(module, str(written)) | vars(module)
+            holder = types.SimpleNamespace(__annotations__={name: written})
+            return typing.get_type_hints(holder, known, include_extras=True)[name]
     raise KeyError(f"{kind.__name__} has no entry {name}")
 
 
-def _for_type_checkers(module: types.ModuleType, text: str) -> dict[str, Any]:
-    """Return the classes of an annotation that its module imports for type checkers alone, by
-    name."""
-    modules = _modules_for_type_checkers(module)
-    return {
-        name: getattr(import_module(place), name) for name, place in modules.items() if name in text
-    }
+def _written_annotation(kind: type, name: str) -> Any:
+    """Return the annotation in the body of a class, unevaluated, or None without one.
+
+    The annotation of a property is that of the value which its function returns.
+    """
+    value = vars(kind).get(name)
+    if isinstance(value, cached_property):
+        return value.func.__annotations__.get("return")
+    if isinstance(value, property):
+        return value.fget.__annotations__.get("return")
+    return vars(kind).get("__annotations__", {}).get(name)
+
+
+def _imported_for_type_checkers(module: types.ModuleType, annotation: str) -> dict[str, Any]:
+    """Return the classes, by name, that a module imports for type checkers alone and that occur in
+    an annotation.
+    """
+    classes = {}
+    for name, defined_in in _type_checking_imports(module).items():
+        if name in annotation:
+            classes[name] = getattr(import_module(defined_in), name)
+    return classes
 
 
 @cache
-def _modules_for_type_checkers(module: types.ModuleType) -> dict[str, str]:
-    """Return the names that a module imports for type checkers alone, with the modules that define
-    them."""
-    places: dict[str, str] = {}
+def _type_checking_imports(module: types.ModuleType) -> dict[str, str]:
+    """Return the names that a module imports under `if TYPE_CHECKING`: name -> module that defines
+    it.
+    """
+    defined_in: dict[str, str] = {}
     for block in ast.parse(inspect.getsource(module)).body:
-        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
-            for statement in block.body:
-                if isinstance(statement, ast.ImportFrom) and statement.module:
-                    places |= {each.name: statement.module for each in statement.names}
-    return places
+        if not (isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"):
+            continue
+        for statement in block.body:
+            if isinstance(statement, ast.ImportFrom) and statement.module:
+                for imported in statement.names:
+                    defined_in[imported.name] = statement.module
+    return defined_in
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:

@@ -606,10 +606,10 @@ def _response_difference(one: Controller, other: Controller) -> float:
     poles = np.abs(np.linalg.eigvals(one[0]))
     grid = np.geomspace(1e-2 * max(poles.min(), 1e-6), 1e2 * poles.max(), 60)
     first, second = (C @ responses(A, B, grid) + D for A, B, C, D in (one, other))
+    difference = np.linalg.norm(first - second, axis=(1, 2))
     size = np.linalg.norm(first, axis=(1, 2))
-    return float(
-        (np.linalg.norm(first - second, axis=(1, 2)) / np.where(size > 0.0, size, 1.0)).max()
-    )
+    relative = difference / np.where(size > 0.0, size, 1.0)
+    return float(relative.max())
 
 
 _EQUATIONS = ("control Riccati equation", "filter Riccati equation")

@@ -54,13 +54,13 @@ def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetw
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None
     kind = precision_of(max((weight for weight, _, _ in layers), key=np.size))
-    turned = [
+    transposed = [
         (np.ascontiguousarray(weight.T, dtype=kind), bias.astype(kind), activation)
         for weight, bias, activation in layers
     ]
 
     def on_some(x: np.ndarray) -> np.ndarray:
-        for weight, bias, activation in turned:
+        for weight, bias, activation in transposed:
             x = x @ weight
             x += bias
             x = ROW_ACTIVATIONS[activation](x)

@@ -167,15 +167,17 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         aircraft = self.flown_aircraft()
         if self.at is None:
             return [self.operating_point(aircraft)]
-        by = self.model.schedule
-        found: list[OperatingPoint] = []
+        schedule = self.model.schedule
+        points: list[OperatingPoint] = []
         for value in array_of("--at", self.at, _MOST_POINTS).tolist():
-            flown = aircraft
-            if by in aircraft.parameters:
-                flown = aircraft.with_parameters(**{by: value})
-            condition = self.common_condition.at(None if by in aircraft.parameters else value)
-            found.append(find_operating_point(flown, condition, self.start_point))
-        return found
+            if schedule in aircraft.parameters:
+                flown = aircraft.with_parameters(**{schedule: value})
+                condition = self.common_condition.at(None)
+            else:
+                flown = aircraft
+                condition = self.common_condition.at(value)
+            points.append(find_operating_point(flown, condition, self.start_point))
+        return points
 
     def deployments(self, model: Model) -> list[Deployment]:
         """Return the deployments of the files.
