@@ -14,7 +14,7 @@ from hfa_identify.column_errors import ColumnError
 from hfa_identify.parameter_spread import ParameterSpread
 from hfa_identify.plan import Manoeuvre
 from hfa_identify.records import Record
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import NoSolutionError, refuse_unknown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result
 from hfa_support.reporting.text import Table, shown_unit, shown_value, wrapped
@@ -125,6 +125,11 @@ class Identified(Result, Reported):
     steps: int
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
     plan: tuple[Manoeuvre, ...] = ()
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return the estimate of a parameter. Raises BadInputError for an unknown name."""
+        refuse_unknown("no estimate of", name, tuple(self.parameters))
+        return self.parameters[name]
 
     @property
     def ok(self) -> bool:

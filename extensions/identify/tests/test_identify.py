@@ -116,6 +116,10 @@ def test_tables_of_pandas_and_flights_are_records():
     table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
     same = identify(begun(), table, FREE)
     assert same.parameters["Cm_q"].value == pytest.approx(found().parameters["Cm_q"].value)
+    assert same["Cm_q"] is same.Cm_q is same.parameters["Cm_q"]
+    assert same.to_pandas().set_index("parameter").loc["Cm_q", "value"] == same.Cm_q.value
+    with pytest.raises(hfa.BadInputError, match="did you mean Cm_q"):
+        same["Cm_qq"]
     (residuals,) = same.residuals
     for name, size in SENSORS.items():
         assert residuals[name].std() == pytest.approx(size, rel=0.15)

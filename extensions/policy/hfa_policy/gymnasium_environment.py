@@ -13,6 +13,7 @@ from hfa_aircraft.model import Model
 from hfa_policy.episodes import Episodes
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole, shown
+from trim.point.operating_point import OperatingPoint
 
 _FIRST = np.array([0])
 _OBSERVED = np.dtype(np.float32)
@@ -51,6 +52,21 @@ class AircraftEnvironment(gymnasium.Env):
     def dt(self) -> float:
         """Seconds between two samples."""
         return self.episodes.deployed.deployment.dt
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The trim of the episode."""
+        return self.episodes.points[self._trim]
+
+    @property
+    def state(self) -> dict[str, float]:
+        """State -> value, in the units of the model."""
+        return dict(zip(self.model.states, self._X.tolist(), strict=True))
+
+    @property
+    def seconds(self) -> float:
+        """Length of an episode, s."""
+        return self.episodes.samples * self.dt
 
     @property
     def observation_names(self) -> tuple[str, ...]:

@@ -59,6 +59,9 @@ def test_an_environment_needs_no_deployment() -> None:
     assert env.observation_names == model.linear
     assert env.action_names == tuple(model.inputs)
     observation, info = env.reset(seed=1)
+    assert env.point == trims_of(model, None)[0]
+    assert list(env.state.values()) == info["X"].tolist()
+    assert env.seconds == pytest.approx(20.0)
     x = info["X"] - np.array(trims_of(model, None)[0].states)
     rows = [list(model.states).index(name) for name in model.linear]
     nominal = [model.states[name].nominal for name in model.linear]

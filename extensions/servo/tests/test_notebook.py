@@ -348,6 +348,18 @@ def test_a_solution_draws_its_poles() -> None:
     pyplot.close("all")
 
 
+def test_keywords_read_the_file_of_a_critic(folder: Path) -> None:
+    """verify(game, FILE, activation="tanh") judges the network of this file."""
+    game = hfa.paper.published_game(_linear())
+    K = hfa.solve_game(game).K
+    np.savez("policy.npz", **{"0.weight": 0.1 * np.eye(6), "2.weight": -10.0 * K})
+    judged = hfa.verify(game, "policy.npz", activation="tanh")
+    read = hfa.read_critic("policy.npz", game, activation="tanh")
+    assert judged.cost_lost == hfa.verify(game, read).cost_lost
+    with pytest.raises(BadInputError, match="unexpected keyword argument 'activations'"):
+        hfa.verify(game, "policy.npz", activations="tanh")
+
+
 def test_keywords_change_a_game() -> None:
     """solve_game(game, delta=...) and game.replace(delta=...) keep the other weights."""
     game = hfa.game(_linear(), np.eye(6), np.eye(5), delta=200.0)

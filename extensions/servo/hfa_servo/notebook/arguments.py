@@ -15,6 +15,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from controller.critic.critic_file import read_critic
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_aircraft.model import Model
@@ -136,6 +137,7 @@ class _Reading:
         for name, parameter in self.parameters.items():
             if parameter.kind is parameter.POSITIONAL_OR_KEYWORD:
                 self._read(name, parameter, found)
+        self._read_critic(found)
         self._build(found)
         self.arguments: tuple[Any, ...] = ()
         if any(each.kind is each.VAR_POSITIONAL for each in self.parameters.values()):
@@ -245,6 +247,17 @@ class _Reading:
             if name in known and name not in self.parameters
         }
         return import_module("hfa").find_operating_point(model, **held)
+
+    def _read_critic(self, found: dict[str, Any]) -> None:
+        """Read the file of a critic with keywords of `hfa.read_critic`: verify(game, FILE,
+        activation="tanh")."""
+        place = found if "critic" in found else self.words
+        file = place.get("critic")
+        known = inspect.signature(read_critic).parameters
+        unknown = [name for name in self.words if name not in self.parameters]
+        if isinstance(file, (str, Path)) and unknown and {*unknown} <= {*known}:
+            settings = {name: self.words.pop(name) for name in unknown}
+            place["critic"] = read_critic(file, found.get("game"), **settings)
 
     def _build(self, found: dict[str, Any]) -> None:
         """Make an argument that is a dataclass of the keywords that are its fields:
