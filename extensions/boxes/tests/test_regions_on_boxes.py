@@ -52,7 +52,7 @@ class Positive(Question):
 
     taylor: TaylorProgram
     hole: int | None
-    within: Callable[[np.ndarray], bool] = lambda place: True
+    within: Callable[[np.ndarray], np.ndarray] = lambda places: np.ones(len(places), dtype=bool)
 
     @property
     def n(self) -> int:

@@ -20,10 +20,10 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_boxes.check.cover import Boxes, refute
+from hfa_boxes.check.cover import Boxes, RefutedError, refute
 from hfa_boxes.check.piece import ROUNDING, OnPiece
-from hfa_boxes.enclosure.taylor import TaylorProgram, highest, lowest
-from hfa_proof.arithmetic.balls import doubles, hull, is_positive_definite, matrix
+from hfa_boxes.enclosure.taylor import Models, TaylorProgram, highest, lowest
+from hfa_proof.arithmetic.balls import hull, is_positive_definite
 from hfa_proof.checker.reading import Rejected
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import RowFunction
@@ -192,7 +192,7 @@ class CostInequality(OnPiece):
     def edges(self, boxes: Boxes) -> np.ndarray:
         """Return the edge to halve of each undecided box, and -1 for decided boxes, (N,).
 
-        Raises RefutedError where g < 0.
+        Raises RefutedError where g < 0 or the set meets a face of the cube.
         """
         edges = np.full(len(boxes.centres), -1)
         near = np.flatnonzero(~super().is_outside(boxes))
@@ -214,6 +214,7 @@ class CostInequality(OnPiece):
         traced = self._values.traced(*self._inputs(boxes, guess))
         models = traced.outputs
         refute(boxes.centres, models.value[0] + models.radius[0], self.within)
+        self._refute_faces(boxes.part(boxes.reach >= 1.0))
         every = np.arange(len(v))
         sharpened = self._values.sharpened(traced, np.zeros_like(every), every)
         bound = sharpened.lowest
@@ -224,6 +225,17 @@ class CostInequality(OnPiece):
         in_hole = boxes.reach <= 2.0**-self.hole
         edges = self.decisive_edges(boxes, sharpened.lowered_by)
         return np.where(is_positive | in_hole, -1, edges)
+
+    def _refute_faces(self, boxes: Boxes) -> None:
+        """Raise RefutedError at a point of a face of the cube in the set: the nearest to the center
+        of a box that meets the face."""
+        nearest = np.argmax(np.abs(boxes.centres) + boxes.half_widths, axis=1)[:, None]
+        points = boxes.centres.copy()
+        ends = np.copysign(1.0, np.take_along_axis(points, nearest, axis=1))
+        np.put_along_axis(points, nearest, ends, axis=1)
+        in_set = points[self.within(points)]
+        if len(in_set):
+            raise RefutedError("the set meets a face of the cube", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
         """Return Taylor models of y, z, v and the equilibrium error on boxes."""
@@ -317,36 +329,48 @@ class CostInequality(OnPiece):
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
-        """Return whether the Hessian of g in (z, v) is positive definite on a box with |v_i| <=
-        radii."""
+        """Return whether the Hessian H of g in (z, v) is positive definite on a box with |v_i| <=
+        radii.
+
+        J'H J is enclosed in place of H, with J such that it is near 1 at the equilibrium, by Taylor
+        models in y and v, so that terms of its entries cancel."""
         n, m = self.n, self.m
-        linear, radius = self.symbols_on(box)
-        radius[self._of_inputs] = radii[:, None]
-        models = self._hessian.of(linear, radius)
-        low = lowest(models, n)[:, 0]
-        high = highest(models, n)[:, 0]
-        if not np.all(np.isfinite(low) & np.isfinite(high)):
-            return False
         size = 2 * n + m
-        full = hull(low.reshape(size, size), high.reshape(size, size))
+        linear, radius = self.symbols_on(box)
+        of_v = np.zeros((len(linear), m, 1))
+        of_v[self._of_inputs, :, 0] = np.diag(radii)
+        models = self._hessian.of(np.concatenate([linear, of_v], axis=1), radius)
+        entries = models.c.reshape(size, size, -1)
+        off = models.radius.reshape(size, size)
         lift = np.zeros((size, n + m))
         lift[:n, :n] = self.piece.M
         lift[n:, :] = np.eye(n + m)
-        lifted = matrix(lift).transpose() * full * matrix(lift)
-        middle = doubles(lifted)
+        middle = lift.T @ entries[:, :, 0] @ lift
         try:
             C = np.linalg.inv(np.linalg.cholesky(0.5 * (middle + middle.T))).T
         except np.linalg.LinAlgError:
             return False
-        near_one = matrix(C).transpose() * lifted * matrix(C)
-        return bool(is_positive_definite(near_one + near_one.transpose()))
+        J = lift @ C
+        near_one = np.einsum("ajk,jb->abk", np.einsum("ia,ijk->ajk", J, entries), J)
+        sizes = np.abs(entries).sum(axis=2) + off
+        most = np.abs(lift) @ np.abs(C)
+        # J is a sum of n + m terms, and either product of at most `size` terms
+        rounded = 4.0 * (size + 2) * 2.0**-53 * sizes
+        rest = (most.T @ (off + rounded) @ most * (1.0 + ROUNDING)).reshape(-1, 1)
+        near_one_on_box = Models(near_one.reshape(len(rest), -1, 1), rest, rest)
+        low = lowest(near_one_on_box, n + m)
+        high = highest(near_one_on_box, n + m)
+        if not np.all(np.isfinite(low) & np.isfinite(high)):
+            return False
+        full = hull(low.reshape(n + m, n + m), high.reshape(n + m, n + m))
+        return bool(is_positive_definite(full + full.transpose()))
 
     @cached_property
     def _hessian(self) -> TaylorProgram:
-        """Program for the second derivatives of g in (y, z, v)."""
+        """Program for the second derivatives of g in (y, z, v), over boxes of y and v."""
         y, z, v, _ = self.symbols
         second = ca.hessian(self._margin, ca.vertcat(y, z, v))[0]
-        return self.taylor([ca.vec(second)])
+        return TaylorProgram(self.program([ca.vec(second)]), self.n + self.m)
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -102,17 +102,20 @@ class Question(Protocol):
         """
 
 
-def refute(centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], bool]) -> None:
+def refute(
+    centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], np.ndarray]
+) -> None:
     """Raise RefutedError at the point of the set with the lowest negative value.
 
     centres: (N, n), the points
     values: (N,)
-    within: point (n,) -> whether it is in the set
+    within: points (N, n) -> mask of those in the set
     """
-    refuted = np.flatnonzero(values < 0.0)
-    for index in refuted[np.argsort(values[refuted])]:
-        if within(centres[index]):
-            raise RefutedError("the inequality does not hold at a point of the set", centres[index])
+    negative = np.flatnonzero(values < 0.0)
+    refuted = negative[within(centres[negative])]
+    if len(refuted):
+        place = centres[refuted[np.argmin(values[refuted])]]
+        raise RefutedError("the inequality does not hold at a point of the set", place)
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:

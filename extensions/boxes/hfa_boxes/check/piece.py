@@ -179,12 +179,13 @@ class OnPiece(Question):
         radius = np.array([[float(entry.rad()) for entry in row] for row in entries])
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
-    def within(self, place: np.ndarray) -> bool:
-        """Return whether a point y (n,) is in the set and within the state limits, in doubles."""
+    def within(self, places: np.ndarray) -> np.ndarray:
+        """Return the mask (N,) of the points y (N, n) in the set and within the state limits, in
+        doubles."""
         low, high = self.plant.ends(self.plant.states).T
-        x = self.equilibrium.x[: self.n] + self.inverse[0] @ place
-        is_allowed = bool(np.all((low <= x) & (x <= high)))
-        return is_allowed and bool(self.piece.W.at(place[None])[0] <= self.piece.c)
+        x = self.equilibrium.x[: self.n] + places @ self.inverse[0].T
+        is_allowed = np.all((low <= x) & (x <= high), axis=1)
+        return np.asarray(is_allowed & (self.piece.W.at(places) <= self.piece.c))
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
         """Return the mask of the boxes on which W > c everywhere."""

@@ -45,6 +45,8 @@ _OF_ALL = 2.0
 _OF_POOR = 20.0
 #: Largest number of times that the first level is quartered while nothing is proved.
 _QUARTERED = 12
+#: Least factor between a proved level and the next, after the first level was quartered.
+_LEAST_GROWTH = 1.1
 #: Largest share of the remaining time for one level.
 _OF_TIME_LEFT = 0.5
 #: Largest distance of a good bound below the cost of a flight, in margins.
@@ -192,8 +194,13 @@ class CostSearch:
                 break
             level = _SHARES[0] * largest / 4.0**quarters
             yield level, 0.0
-            if proved:
-                yield 2.0 * level, 0.0
+            factor = 2.0
+            while proved and factor > _LEAST_GROWTH:
+                yield factor * level, 0.0
+                if _reached(proved, factor * level):
+                    level *= factor
+                else:
+                    factor **= 0.5
         # a flight that does not converge shows nothing of the least cost
         tried = ~np.isfinite(costs)
         for _ in range(_FOR_POOR):
@@ -254,9 +261,7 @@ class CostSearch:
             fitted = time.process_time()
             try:
                 boxes = self._inequality(piece).proved(_ENDLESS, self._tell)
-            except SmallestBoxError as error:
-                fit.open_at(error.place)
-            except RefutedError as error:
+            except (RefutedError, SmallestBoxError) as error:
                 fit.refuted(error.place)
             else:
                 return _Proved(piece, boxes, (fitted - begin, time.process_time() - fitted))

@@ -42,8 +42,6 @@ _VIOLATED = 0.1
 _MOST_ROWS = 6000
 #: Number of rows that are kept when there are more, those of least slack.
 _KEPT_ROWS = 4000
-#: A point so near to a face of the cube is on it.
-_ON_FACE = 1e-6
 #: Least s.
 _LEAST_SQUARE = 0.01
 #: Number of samples over which the functions are orthonormal.
@@ -185,22 +183,16 @@ class Fit:
         return rows[worst], sides[worst]
 
     def refuted(self, y: np.ndarray) -> None:
-        """Add rows at and near a point where g < 0."""
+        """Add rows at and near a point where g < 0, or W >= 1.02 c at and near a point of a face of
+        the cube."""
+        on_face = np.abs(y) == 1.0
+        if np.any(on_face):
+            near = np.clip(y + 0.05 * self._random.normal(size=(30, len(y))), -1.0, 1.0)
+            self._add_high(np.concatenate([y[None], np.where(on_face, y, near)]))
+            return
         near = y + 0.02 * self._random.normal(size=(30, len(y)))
         z = np.concatenate([y[None], near]) @ self.N.T
         self._add(z, self._best_inputs(z))
-
-    def open_at(self, y: np.ndarray) -> None:
-        """Add rows W >= 1.02 c on the faces of the cube near a point, or the rows of `refuted` at
-        it."""
-        on_face = np.abs(y) > 1.0 - _ON_FACE
-        if not np.any(on_face):
-            self.refuted(y)
-            return
-        near = y + 0.05 * self._random.normal(size=(30, len(y)))
-        near = np.where(on_face, np.sign(y), np.clip(near, -1.0, 1.0))
-        self._rows.append(self._basis.at(np.concatenate([y[None], near])) / self.c)
-        self._sides.append(np.full(1 + len(near), 1.02))
 
     def _coordinates(self) -> np.ndarray:
         problem = self._problem
@@ -208,10 +200,13 @@ class Fit:
         L = np.linalg.cholesky(problem.P)
         # the least of g to second order, in ball coordinates
         G = problem.P @ problem.inputs.linear()[:, n:]
-        price = problem.Q + G @ np.linalg.pinv(problem.R) @ G.T
+        price = problem.Q + (1.0 - problem.margin) * G @ np.linalg.pinv(problem.R) @ G.T
         inner = np.linalg.solve(L, np.linalg.solve(L, price).T)
         turn = np.linalg.eigh(0.5 * (inner + inner.T))[1]
-        reach = np.abs(self._ball(4000) @ L @ turn).max(axis=0) * 1.02
+        # where the ball meets its axes, in z; none of the samples is as far in many dimensions
+        axes = np.sqrt(self._beyond * self.c) * np.linalg.solve(L.T, turn).T
+        samples = np.concatenate([self._ball(4000), axes[problem.in_envelope(axes)]])
+        reach = np.abs(samples @ L @ turn).max(axis=0) * 1.02
         return np.asarray((L @ turn / reach).T)
 
     def _ball(self, count: int) -> np.ndarray:
@@ -305,19 +300,22 @@ class Fit:
         Return whether any was added.
         """
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
-        faces = inner[:count].copy()
+        # W is least near the centers of the faces, where few uniform points are
+        faces = inner[:count] * self._random.uniform(size=(count, 1))
         rows = np.arange(count)
         which = self._random.integers(0, len(self.M), count)
         faces[rows, which] = np.sign(faces[rows, which])
         far = inner[self._problem.linear_cost(inner @ self.N.T) > self._beyond * self.c]
         y = np.concatenate([faces, far])
         y = y[self._problem.in_envelope(y @ self.N.T)]
-        values = self._basis.at(y) / self.c
-        is_low = values @ self._coefficients < 1.01
-        chosen = np.ones(len(y), dtype=bool) if every else is_low
-        self._rows.append(values[chosen])
-        self._sides.append(np.full(int(chosen.sum()), 1.02))
+        is_low = self._values(y) < 1.01 * self.c
+        self._add_high(y if every else y[is_low])
         return bool(is_low.any())
+
+    def _add_high(self, y: np.ndarray) -> None:
+        """Add rows W >= 1.02 c at points y (k, n)."""
+        self._rows.append(self._basis.at(y) / self.c)
+        self._sides.append(np.full(len(y), 1.02))
 
     def _best_inputs(self, z: np.ndarray) -> np.ndarray:
         y = z @ self.M.T
