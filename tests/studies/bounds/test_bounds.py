@@ -14,7 +14,9 @@ from hfa_optimal.bound import plant_of
 from hfa_optimal.problem import flight_problem
 from studies.bounds.__main__ import main
 from studies.bounds.aircraft import navion_of_the_tutorial
+from studies.bounds.flexible import FLEXIBLE
 from studies.bounds.flights import FlownAbove, flown_above
+from trim.point.linearize import linearize
 
 
 def cart(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -47,6 +49,16 @@ def test_a_bound_too_large_by_one_percent_is_found() -> None:
 def test_the_navion_is_that_of_the_tutorial() -> None:
     """The Navion of the study has the four longitudinal states of the tutorial."""
     assert navion_of_the_tutorial().linear == ("speed", "alpha", "pitch", "pitch_rate")
+
+
+def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
+    """Its linear model is that of the aircraft whose altitude varies."""
+    dihedral = {"dihedral": float(np.radians(10.0))}
+    paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
+    own = hfa.find_operating_point(FLEXIBLE)
+    assert np.array_equal(linearize(FLEXIBLE, own).A, linearize(paper.model, paper).A)
+    assert np.array_equal(linearize(FLEXIBLE, own).B, linearize(paper.model, paper).B)
+    assert plant_of(flight_problem(FLEXIBLE, own)).limits["speed"] == (34.0, 136.0)
 
 
 @pytest.mark.slow
