@@ -90,5 +90,5 @@ def test_what_cannot_be_sampled_is_refused(parameter_set: ParameterSet) -> None:
         sample_parameters(zero, 3, seed=0)
     assert len(sample_parameters(parameter_set, 1, seed=0)) == 1
     for count, seed, message in ((0, 0, "count is 0"), (3, -1, "seed is -1")):
-        with pytest.raises(BadInputError, match=f"{message}; give a whole number from"):
+        with pytest.raises(BadInputError, match=f"{message}; give a whole number of at least"):
             sample_parameters(parameter_set, count, seed)
