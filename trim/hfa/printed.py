@@ -196,20 +196,16 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
     title: header of the first column
     entries: first cell of each row -> entries
     """
-    rows = [
-        (
-            *(
-                f"{begin}{entry.name}",
-                f"{entry.printed:.4f}",
-                f"{entry.computed:.6f}",
-                f"{entry.half_units:+.2f}",
-            ),
-            f"{entry.percent:+.4f}" if entry.printed else "-",
-        )
-        for begin, group in entries.items()
-        for entry in group
-        if not entry.is_zero
-    ]
+    rows = []
+    for begin, group in entries.items():
+        for entry in group:
+            if entry.is_zero:
+                continue
+            printed = f"{entry.printed:.4f}"
+            computed = f"{entry.computed:.6f}"
+            half_units = f"{entry.half_units:+.2f}"
+            percent = f"{entry.percent:+.4f}" if entry.printed else "-"
+            rows.append((f"{begin}{entry.name}", printed, computed, half_units, percent))
     return Table((title, "printed", "computed", "half units", "percent"), rows)
 
 
@@ -218,15 +214,12 @@ def entries_records(entries: Mapping[float, Iterable[EntryRow]]) -> Table:
 
     entries: printed angle (deg) -> entries
     """
-    rows = [
-        (
-            angle,
-            *(entry.name, entry.printed, entry.computed, entry.half_units, entry.percent),
-            aircraft().entry_unit(entry.row, entry.column),
-        )
-        for angle, group in entries.items()
-        for entry in group
-    ]
+    rows = []
+    for angle, group in entries.items():
+        for entry in group:
+            unit = aircraft().entry_unit(entry.row, entry.column)
+            numbers = (entry.printed, entry.computed, entry.half_units, entry.percent)
+            rows.append((angle, entry.name, *numbers, unit))
     return Table(
         ("dihedral_deg", "entry", "printed", "computed", "half_units", "percent", "unit"), rows
     )

@@ -354,12 +354,15 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 across = np.array([step.imag / height, -step.real / width])
                 across *= np.sign(across.sum()) or 1.0
                 x_offset, y_offset = 9.0 * across / max(float(np.hypot(*across)), 1e-300)
+                side = "center"
+                if abs(x_offset) > 4.0:
+                    side = "left" if x_offset > 0.0 else "right"
                 axes.annotate(
                     shown_value(self.values[trimmed[i], -1], unit, ".4g"),
                     (roots[i].real, roots[i].imag),
                     xytext=(x_offset, y_offset),
                     textcoords="offset points",
-                    ha="left" if x_offset > 4.0 else "right" if x_offset < -4.0 else "center",
+                    ha=side,
                     va="center",
                     fontsize=7,
                 )

@@ -168,12 +168,13 @@ class Responses:
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Unknown -> unit, limits, and the value at which a search begins."""
-        return {
-            name: self._errors[name].signal(self.model)
-            if name in self._errors
-            else self.model.parameters[name]
-            for name in self.free
-        }
+        signals = {}
+        for name in self.free:
+            if name in self._errors:
+                signals[name] = self._errors[name].signal(self.model)
+            else:
+                signals[name] = self.model.parameters[name]
+        return signals
 
     # Errors of sensors.
 

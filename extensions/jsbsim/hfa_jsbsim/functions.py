@@ -111,10 +111,21 @@ def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
+def _all_true(*values: Any) -> Any:
+    """Return 1 where every value counts as true, and 0 elsewhere."""
+    return reduce(ca.fmin, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
+
+
+def _any_true(*values: Any) -> Any:
+    """Return 1 where one of the values counts as true, and 0 elsewhere."""
+    return reduce(ca.fmax, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
+
+
 #: The smallest magnitude that counts as true.
 _SMALLEST_TRUE = 1e-9
-#: Operation -> its value, the number of arguments (lowest, highest).
+#: The highest number of arguments of an operation without a limit.
 _MANY = 9999
+#: Operation -> its value, and the lowest and highest number of arguments.
 _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "sum": (_sum, 1, _MANY),
     "product": (_product, 1, _MANY),
@@ -153,16 +164,8 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "ge": (_truth(lambda one, other: one >= other), 2, 2),
     "eq": (_truth(lambda one, other: one == other), 2, 2),
     "nq": (_truth(lambda one, other: one != other), 2, 2),
-    "and": (
-        lambda *values: reduce(ca.fmin, [ca.if_else(_is_true(v), 1.0, 0.0) for v in values]),
-        2,
-        _MANY,
-    ),
-    "or": (
-        lambda *values: reduce(ca.fmax, [ca.if_else(_is_true(v), 1.0, 0.0) for v in values]),
-        2,
-        _MANY,
-    ),
+    "and": (_all_true, 2, _MANY),
+    "or": (_any_true, 2, _MANY),
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
     "switch": (_switch, 2, _MANY),

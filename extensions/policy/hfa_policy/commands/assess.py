@@ -193,12 +193,13 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
             raise BadInputError(
                 "--sample-time applies only to a file with a gain K; name one, or leave it out"
             )
-        return [
-            sampled_gain(card, model, self.sample_time)
-            if card in gains and self.sample_time is not None
-            else Deployment.load(card)
-            for card in self.cards
-        ]
+        found = []
+        for card in self.cards:
+            if card in gains and self.sample_time is not None:
+                found.append(sampled_gain(card, model, self.sample_time))
+            else:
+                found.append(Deployment.load(card))
+        return found
 
     def compared(self, deployment: Deployment) -> int:
         """Return how many flights at each trim are compared with the best ones."""

@@ -190,8 +190,13 @@ class ExactGame:
         signs = set()
         for frequency in (*ends, *((a + b) / 2 for a, b in pairwise(ends))):
             value = (identity * acb(0, arb(frequency)) - H).det().real
-            sign = 1 if value > 0 else -1 if value < 0 else 0
-            if sign and sign not in signs:
+            if value > 0:
+                sign = 1
+            elif value < 0:
+                sign = -1
+            else:  # not decided
+                continue
+            if sign not in signs:
                 signs.add(sign)
                 yield frequency
 
