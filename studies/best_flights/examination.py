@@ -152,7 +152,9 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the entries of a row about flights, and the flights."""
+    """Return one row of the results: counts, largest errors and cost ratios of the flights, and the
+    flights.
+    """
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]
     ratios = [each["linear_over_best"] for each in found if each["linear_over_best"] is not None]

@@ -103,9 +103,9 @@ class Tank:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A <pointmass>: lb, inches, inertia about itself in slug ft^2.
+    """A <pointmass>: weight in lb, place in inches, and inertia about its own center in slug ft^2.
 
-    has_form: whether its inertia is in proportion to its weight; otherwise it is constant.
+    has_form: whether its inertia is proportional to its weight. Otherwise it is constant.
     """
 
     weight: float

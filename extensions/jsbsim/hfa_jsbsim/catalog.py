@@ -107,7 +107,9 @@ def access(name: str) -> str:
 
 
 def of_component(name: str) -> bool:
-    """Return whether a component of the control system sets a property itself."""
+    """Return whether the name is that of a property which a component of the control system sets
+    itself.
+    """
     return name.endswith(_OF_COMPONENTS)
 
 

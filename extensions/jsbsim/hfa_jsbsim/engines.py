@@ -501,7 +501,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def electric_power(file: EngineFile, around: Surroundings) -> Any:
-    """Power of an electric engine, hp."""
+    """Return the power of an electric engine, hp."""
     power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
     return ca.if_else(running(file, around), power, 0.0)
 

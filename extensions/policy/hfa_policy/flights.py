@@ -200,7 +200,7 @@ class SampledFlight:
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """Return the parts of a row."""
+        """Return a row as its parts, of `sizes` entries each."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:

@@ -101,8 +101,8 @@ class View(NamedTuple):
         return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
 
     def relative(self) -> View:
-        """Return the view with every entry relative to its exact value, or to a small part of the
-        largest.
+        """Return the view with every entry relative to its exact value. Entries below a small part
+        of the largest one are relative to that part.
         """
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0

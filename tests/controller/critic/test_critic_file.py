@@ -169,7 +169,7 @@ def test_what_is_no_history_is_refused(content: dict[str, Any], said: str) -> No
 
 
 def test_a_single_matrix_belongs_to_the_last_row() -> None:
-    """A gain given once is the policy of the last critic alone."""
+    """A file with a history of weights and one gain gives this gain to the last critic only."""
     first, second, last = critics_over_time(GAME, TIMES, W=W, K=K[2])
     np.testing.assert_array_equal(last.K, K[2])
     np.testing.assert_array_equal(second.weights, W[1])

@@ -138,7 +138,8 @@ def _floored(sizes: np.ndarray) -> np.ndarray:
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Search for the errors of a network over the box |z_i| <= b_i, and prove a bound.
+    """Return the errors of a network over the box |z_i| <= b_i, found by a search, with a proved
+    bound.
 
     If its linear loop is stable, flights from the box are simulated.
     """

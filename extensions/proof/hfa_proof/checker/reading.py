@@ -218,7 +218,9 @@ def rows_of(terms: Terms) -> list[list[Any]]:
 
 
 def _walked(where: str, part: Any, shape: list[int | None], leaf: Callable[[str, Any], Any]) -> Any:
-    """Return the nested list with `leaf` of each number. Raises Malformed for another shape."""
+    """Return the nested list with `leaf` applied to each number. Raises Malformed for another
+    shape.
+    """
     if not shape:
         return leaf(where, part)
     require(isinstance(part, list), where, part)

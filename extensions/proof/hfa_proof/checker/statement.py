@@ -540,7 +540,9 @@ def _content(value: Any) -> Any:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return the model's identity, the variable, and the units of all numbers."""
+    """Return the name and source of a model, its scheduling variable, and the units of all
+    numbers.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

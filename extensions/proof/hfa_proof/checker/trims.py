@@ -216,9 +216,10 @@ def _is_same(box: LinearModelBox, other: LinearModelBox) -> bool:
 
 
 def _holds_root(box: LinearModelBox, other: LinearModelBox, scheduling_value: float) -> bool:
-    """Return whether the trim of the other box lies where this box has only its own trim.
+    """Return whether the trim of the other box lies in the interval in which this box has only its
+    own trim.
 
-    It must do so for all errors of the parameters if both boxes have them, otherwise without
+    If both boxes include errors of the parameters, this must hold for all errors, otherwise without
     errors.
     """
     for name, offset in other.offsets.items():
