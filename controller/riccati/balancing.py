@@ -149,9 +149,8 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     if np.any(free):
         free &= S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
         in_y = S / (units[..., :, None] * units[..., None, :])
-        sizes = [largest(matrix) for matrix in (in_y, A)]
         with np.errstate(all="ignore"):
-            exponent = np.round(0.5 * (np.log2(sizes[0]) - np.log2(sizes[1])))
+            exponent = np.round(0.5 * (np.log2(largest(in_y)) - np.log2(largest(A))))
         units = units * np.exp2(np.where(free, exponent, 0.0))[..., None]
     return units
 

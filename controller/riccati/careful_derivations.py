@@ -88,4 +88,5 @@ def by_refined_doubling(form: NormalForm) -> np.ndarray:
     Raises NoSolutionError where no solution is left by rounding.
     """
     with np.errstate(all="ignore"):
-        return refined(form, by_doubling(form[None])[0])
+        X = by_doubling(form[None], np.linalg.eigvals(form.hamiltonian[None]))
+        return refined(form, X[0])

@@ -163,7 +163,8 @@ def certified_stack(form: NormalForm) -> CertifiedStack:
         good &= derived.axis_distance >= AXIS_DISTANCE
         X = np.where(good[:, None, None], X, 0.0)
         loops = closed_loops(form, X, derived.loop)
-        measured = measured_solution(form, X, loops) | measured_agreement(X, by_doubling(form))
+        measured = measured_solution(form, X, loops)
+        measured |= measured_agreement(X, by_doubling(form, derived.eigenvalues))
         measured["game_loop_abscissa"] += derived.spread
         measured["reach"] = shown_reach(form, X, loops)
         hidden = good & ~(measured["reach"] > CLEAR_REACH)

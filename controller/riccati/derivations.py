@@ -34,6 +34,7 @@ class FromEigenvectors(NamedTuple):
     correction: (N,), last Newton step, relative to X
     stable: (N,), number of eigenvalues of the Hamiltonian with a negative real part
     axis_distance: (N,), lower bound of `Spectrum.axis_distance` of the Hamiltonian
+    eigenvalues: (N, 2n), of the Hamiltonian
     loop: (N, n), eigenvalues of A - S X
     spread: (N,), possible change of these due to rounding of their eigenvectors
     """
@@ -42,6 +43,7 @@ class FromEigenvectors(NamedTuple):
     correction: np.ndarray
     stable: np.ndarray
     axis_distance: np.ndarray
+    eigenvalues: np.ndarray
     loop: np.ndarray
     spread: np.ndarray
 
@@ -90,22 +92,25 @@ def by_eigenvectors(form: NormalForm) -> FromEigenvectors:
     U = V1 @ (inverse @ form.S @ inverse.mT / sums)
     condition = 2.0 * n**0.5 * np.hypot(norms(U), norms(X @ U + inverse.mT))
     distance = np.abs(values.real).min(axis=1) / condition / norms(form.hamiltonian)
-    return FromEigenvectors(X, correction, stable, distance, loop, spread)
+    return FromEigenvectors(X, correction, stable, distance, values, loop, spread)
 
 
-def by_doubling(form: NormalForm) -> np.ndarray:
+def by_doubling(form: NormalForm, eigenvalues: np.ndarray) -> np.ndarray:
     """Return X, (N, n, n), the limit of the costs of 2^k steps with the final cost p I.
 
     T = -2c [[A - S p - c I, -S], [-Q - p (A + A' - S p), -(A - S p - c I)']]^-1 gives a game in
     discrete time with E = I - T11, G = T12 and the cost X = T21 of one step. Each doubling is X <-
     X + E'X V E, G <- G + E V G E', E <- E V E with V = (I + G X)^-1, until E is 0 except for
     rounding. The X of the game is p I + X. With p > 0 an unstable mode without cost has a final
-    cost. c differs slightly from |det H|^(1/2n), where an eigenvalue may be. Source: Chu, Fan and
-    Lin, Linear Algebra Appl. 396 (2005), 55-80.
+    cost. c differs slightly from the geometric mean of the largest and the smallest |λ|, where an
+    eigenvalue may be. Source: Chu, Fan and Lin, Linear Algebra Appl. 396 (2005), 55-80.
+
+    eigenvalues: λ of the Hamiltonians, (N, 2n), on which only the number of doublings depends
     """
     n = form.A.shape[-1]
     one = np.eye(n)
-    c = 0.85 * np.exp(np.linalg.slogdet(form.hamiltonian)[1] / (2 * n))[:, None, None]
+    sizes = np.abs(eigenvalues)
+    c = 0.9 * np.sqrt(sizes.max(axis=1) * sizes.min(axis=1))[:, None, None]
     A = form.A - LAST * form.S
     Q = form.Q + LAST * (A + form.A.mT)
     T = -2.0 * c * inverses(hamiltonian(A - c * one, form.S, Q))

@@ -46,7 +46,9 @@ def test_the_schur_form_decides_where_doubling_contradicts(monkeypatch):
     like = published_game(A[0], B[0])
     assert certified_stack(NormalForm.of_plants(A, B, like)).holds.all()
     # The planted fault: a wrong limit of the doublings, which no plant gives.
-    monkeypatch.setattr(certificate, "by_doubling", lambda form: by_doubling(form) * (1.0 + 1e-7))
+    monkeypatch.setattr(
+        certificate, "by_doubling", lambda *given: by_doubling(*given) * (1.0 + 1e-7)
+    )
     stack = certified_stack(NormalForm.of_plants(A, B, like))
     assert np.isnan(stack.X).all()
     assert not stack.holds.any()
