@@ -148,7 +148,7 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     free = ~Q.any(axis=(-2, -1))
     if np.any(free):
         free &= S.any(axis=(-2, -1)) & A.any(axis=(-2, -1))
-        in_y = S / (units[..., :, None] * units[..., None, :])
+        in_y = S / (units[..., None] * units[..., None, :])
         with np.errstate(all="ignore"):
             exponent = np.round(0.5 * (np.log2(largest(in_y)) - np.log2(largest(A))))
         units = units * np.exp2(np.where(free, exponent, 0.0))[..., None]

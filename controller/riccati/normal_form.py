@@ -104,7 +104,7 @@ class NormalForm:
         E = disturbance / like.delta
         Q = without_faint((like.Q + like.Q.T) / 2.0, FAINT)
         units = units_of(A, scaled_B @ scaled_B.mT - E @ E.T, np.broadcast_to(Q, A.shape))
-        rows = units[..., :, None]
+        rows = units[..., None]
         columns = units[..., None, :]
         form = cls(
             A=A * columns / rows,

@@ -103,7 +103,7 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
         else:
             step /= 2.0
         if share == 1.0:
-            return np.asarray(z[0])
+            return z[0]
         if step < _LEAST_SHARE:
             return None
     return None

@@ -335,7 +335,7 @@ class TrimSystem:
     def far_out(self, z: np.ndarray) -> np.ndarray:
         """Return the mask of the unknowns z (..., k) that are angles without limits beyond 90
         deg."""
-        return np.asarray(np.abs(z) > self.usual)
+        return np.abs(z) > self.usual
 
     def wrapped(self, z: np.ndarray) -> np.ndarray:
         """Return the unknowns z (..., k), with whole turns subtracted from angles that are far
