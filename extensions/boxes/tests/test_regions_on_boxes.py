@@ -128,7 +128,7 @@ def proved(
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
     words += ["--set", "activation=tanh", "--network", "policy="]
     path = folder / "proved.json"
-    assert main(["prove", "region", *words, "--seconds", "1.2", "-o", str(path)]) == 0
+    assert main(["prove", "region", *words, "--seconds", "1.5", "-o", str(path)]) == 0
     return json.loads(path.read_text()), [*words, "--check", str(path)]
 
 
