@@ -108,7 +108,12 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
 
 @checks_arguments
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
-    """Return `solve_discrete` of a step, or with dt (s) of a game in continuous time, `sampled`."""
+    """Return the certified solution of a discounted game.
+
+    game: in discrete time, or with dt in continuous time
+    discount: discount of one step
+    dt: sample time with which `sampled` converts the game, s
+    """
     return solve_discrete(
         DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)
     )

@@ -367,7 +367,11 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the command steps whose actions are further numbers of a row, clipped to the box."""
+    """Return the command steps of an environment, whose actions are given and clipped to the box.
+
+    low: (m,), lower ends of the box
+    high: (m,), its upper ends
+    """
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)
     action = ca.SX.sym("a", count)

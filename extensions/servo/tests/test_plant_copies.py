@@ -176,7 +176,9 @@ def test_axes_are_left_as_they_were_entered() -> None:
 
 
 def test_sizes_are_those_of_the_parts_that_cancel() -> None:
-    """Sizes are those of the parts that cancel: u = -N⁺ C x subtracts 1e6 from A and leaves 1."""
+    """If parts cancel, the sizes are those of the parts: u = -N⁺ C x subtracts 1e6 from A and
+    leaves 1.
+    """
     side = Side(
         A=np.array([[1e6 + 1.0]]),
         E=np.ones((1, 1)),

@@ -206,7 +206,10 @@ def test_cos_squared_fits_the_print_and_fails_outside(
 def test_gibsons_figure_contradicts_his_printed_hinge_inertia(
     parameters: Parameters, variant: Variant, at_0: float, at_45: float
 ) -> None:
-    """Gibson's figure shows -7.25 at 0 and -7.85 at 45 deg, which needs the sign + and cos(η²)."""
+    """The printed hinge inertia of Gibson et al. fails the check of their figure.
+
+    The figure has the fast roots -7.25 at 0 and -7.85 at 45 deg, which need the sign + and cos(η²).
+    """
     validation = validate(hfa.aircraft(variant, parameters))
     assert [root for _, _, root in validation.fast_roots] == pytest.approx([at_0, at_45], rel=2e-3)
     assert "gibson_fig_7_fast_root" in failed(validation)

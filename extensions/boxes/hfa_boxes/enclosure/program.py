@@ -198,7 +198,10 @@ class _Reader:
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
-        """Return max(t, 0), as t + max(-t, 0) where max(-t, 0) is a node already."""
+        """Return max(t, 0).
+
+        If max(-t, 0) is already a node, the result is t + max(-t, 0).
+        """
         opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
         if opposite is not None:
             return _plus(row, {opposite: _ONE})
