@@ -43,7 +43,7 @@ class Provenance(Result):
     parameter_hash: hash of the values alone, equal for two files with equal numbers.
     changed: parameter -> its value and the identified one, where they differ.
     condition: imposed, free and limited variables of a trim; angles in radians.
-    flight: the condition in words, as changes of the paper's level flight; not among the data.
+    flight: the condition in words, as changes from the paper's level flight; not among the data.
     model: file of a plant.
     version: version of the program.
     date: UTC; from SOURCE_DATE_EPOCH where that is set, for reproducible output."""

@@ -36,7 +36,7 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _beside(path: Path) -> dict[str, Path]:
-    """Return name -> file of the matrices that belong together."""
+    """Return name -> file of `path` and, for A, of the plant's other matrices in its folder."""
     if path.stem not in (*PLANT[:1], *CRITIC):
         called = "a .csv holds one matrix and is named after it: A and B in one folder, or K, P, W"
         raise ValueError(f"{called}; use .json, .npz or .mat for a table of entries or times")

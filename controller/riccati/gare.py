@@ -185,9 +185,10 @@ def _abscissa_error(form: NormalForm, certified: Certified) -> float:
     """Return the possible change of the abscissa of A - B K due to rounding, 1/s, to first order.
 
     Rounding affects A, B and K. The result is inf where the matrix is defective. A change D of the
-    matrix moves the eigenvalue of x and y by y'D x / y'x. The vectors are those of the form in
-    which X is accurate; |D| <= n ε |A| in both coordinates, and n ε |K| for the gain. Source: Golub
-    and Van Loan, Matrix Computations, Section 7.2.2.
+    matrix moves the eigenvalue with the right eigenvector x and the left eigenvector y by y'D x /
+    y'x. The vectors are those of the form in which X is accurate. Rounding changes A by at most n ε
+    |A| in both coordinates, and the gain by at most n ε |K|. Source: Golub and Van Loan, Matrix
+    Computations, Section 7.2.2.
     """
     form_of_X = certified.form
     A = form_of_X.A

@@ -308,8 +308,8 @@ class NamedGame(Result):
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
-        """Add a request for the time to a NoSolutionError of the block, where the file does not
-        state it and the plant has a solution in discrete time."""
+        """Add the question whether time is discrete to a NoSolutionError of the block, if the file
+        does not state the time and the plant has a solution in discrete time."""
         try:
             yield
         except NoSolutionError as failure:

@@ -148,7 +148,7 @@ class Declared:
 
 
 def test_of_a_class_the_constructor_is_checked() -> None:
-    """Wrong arguments of a checked dataclass are refused under the name of the class."""
+    """Errors for wrong arguments of a checked dataclass begin with the name of the class."""
     assert Declared(Thing(), 2).number == 2
     with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
         Declared(3)

@@ -18,8 +18,8 @@ def draw_point(point: OperatingPoint) -> Axes:
     """Draw each state and input in percent of its range, 0 % at the lowest limit, and return the
     Axes.
 
-    The figure is one of pyplot. Variables without two limits are omitted. Raises BadInputError for
-    a point that no search found, and for a model without limits.
+    The figure is a pyplot figure. Variables without two limits are omitted. Raises BadInputError
+    for a point that no search found, and for a model without limits.
     """
     if point.problem is None:
         raise BadInputError("no search found this point, so it has no limits; trim the model")

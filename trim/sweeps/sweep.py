@@ -117,7 +117,7 @@ def run_points(
 
 
 def trimmed_words(trimmed: int, count: int) -> str:
-    """Return the verdict on a sweep of so many points."""
+    """Return the verdict on a sweep: `trimmed` of `count` points."""
     if not trimmed:
         return f"no trim at any of {count:,} points" if count > 1 else "no trim"
     return f"trimmed at {trimmed:,} of {count:,} points"

@@ -179,7 +179,7 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
 
 
 def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, BoxWitness]:
-    """Return the statement V = z'P z of the pendulum with a true level."""
+    """Return the statement V = z'P z <= `rho` of the pendulum, and its witness."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
     names = ("angle", "rate")
     shape = Shape.of_matrix(P / rho, -np.eye(2), 2).in_cube()

@@ -43,7 +43,7 @@ class Policies(NamedTuple):
 class NewtonStep(NamedTuple):
     """Newton step at X: the residual, and the correction Z = F'Z F + residual.
 
-    `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L count only by their squares.
+    `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L enter only quadratically.
     """
 
     residual: np.ndarray

@@ -91,8 +91,8 @@ def test_command_compares_with_problem_given_and_never_guesses(game: Game) -> No
 def test_exact_discounted_critic_not_stabilize_exact_and_fails() -> None:
     """An exact discounted critic that does not stabilize is called exact, and fails.
 
-    At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003. Times the
-    root of the discount it is below 1.
+    At a discount of 0.95 and a step of 5 ms at 20 deg the spectral radius is 1.00003. Multiplied by
+    √0.95 it is below 1.
     """
     game = game_at(20.0)
     exact = solve_discounted(game, 0.95, 0.005)

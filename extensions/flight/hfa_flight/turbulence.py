@@ -272,7 +272,7 @@ class TurbulentAir(Gust):
 
     @property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Disturbances of the model that the turbulence moves."""
+        """Names of the model's disturbances that the turbulence drives."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 
     @property

@@ -53,9 +53,7 @@ SPEED = STATES.index("speed")
 
 
 class Falling(Plant):
-    """speed' = -1, alpha' = sqrt(0.0105 + speed), which is nan from the step on that passes 0.0105
-    s.
-    """
+    """speed' = -1, alpha' = sqrt(0.0105 + speed), which is nan from the step past 0.0105 s."""
 
     def __init__(self, point: OperatingPoint) -> None:
         self.point = point

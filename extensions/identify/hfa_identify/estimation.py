@@ -183,10 +183,10 @@ def _as_records(
 def _free_names(
     model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the names of the unknowns that match names and patterns.
+    """Return the names of unknowns selected by the names and patterns in `free`.
 
-    Raises BadInputError if there are none, or one is neither a parameter nor an error of a
-    column."""
+    Raises BadInputError for an empty list, a pattern without a match, an unknown name, and a name
+    that is also given."""
     if isinstance(free, str) or not free:
         possible = ", ".join(model.parameters) or "none"
         raise BadInputError(f"free names no parameters; give a list of at least one of {possible}")

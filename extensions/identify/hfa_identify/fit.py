@@ -53,7 +53,8 @@ _TRIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations of one record for the parameters and the initial state.
+    """Normal equations [M B; B' A] [Δθ; Δx0] = [g; h] of one record, for the changes of the
+    parameters and of the initial state.
 
     M: (p, p)
     B: (p, n)

@@ -420,7 +420,7 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (N, n) rates and their (N, n, n + p) slopes by states and parameters.
+        """Return the (N, n) rates and their (N, n, n + p) derivatives in states and parameters.
 
         states: (N, n)
         inputs: (N, m)

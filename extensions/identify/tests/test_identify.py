@@ -313,7 +313,7 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """A planted fault of the record is named, also if free parameters could absorb it."""
+    """A planted fault of the record is named, even if free parameters could absorb it."""
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
@@ -343,7 +343,7 @@ def test_bias_of_an_input_is_named_where_trim_is_given():
     ],
 )
 def test_a_given_value_that_the_record_contradicts(name, factor, named):
-    """A given value that the record contradicts is named, also if a sensor error explains the
+    """A given value that the record contradicts is named, even if a sensor error explains the
     record equally well.
     """
     free = [each for each in FREE if each != name]

@@ -107,7 +107,7 @@ def _is_true(value: Any) -> Any:
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a comparison as 1 or 0."""
+    """Return the comparison as a function that yields 1 or 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 

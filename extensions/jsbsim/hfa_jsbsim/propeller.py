@@ -113,7 +113,7 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
 def _coefficient(
     file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
-    """Return C_T or C_P with its factor, and its table over the Mach number of the tip."""
+    """Return C_T or C_P times its factor and its table over the Mach number of the tip."""
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:

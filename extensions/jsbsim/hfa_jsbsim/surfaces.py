@@ -114,7 +114,8 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Make the position of a throttle the input if it does not follow its command."""
+    """Replace throttle positions that ignore their commands by the input, and return the notes on
+    them."""
     notes = []
     for number in engines:
         name = f"fcs/throttle-pos-norm[{number}]"

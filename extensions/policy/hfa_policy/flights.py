@@ -143,7 +143,7 @@ class SampledFlight:
 
     @property
     def changing(self) -> int:
-        """Number of the first entries of a row, which change from sample to sample."""
+        """Number of leading entries of a row that change between samples."""
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 class Mistake(NamedTuple):
     """A mistake of a deployment.
 
-    kind: kind of mistake.
+    kind: such as "scale" or "no normalizer".
     proved: whether the files prove it. Otherwise they make it likely, or its repair clearly
         improves the flights.
     text: one sentence about it.

@@ -118,10 +118,10 @@ def read_block(
 ) -> Block:
     r"""Return the numbers in a text.
 
-    Spaces, commas and & separate numbers. Lines, ; and \\ end rows. The first line may be a common
-    factor, "1.0e+04 *".
+    Spaces, commas and & separate numbers. Line breaks, ; and \\ end rows. The first line may be a
+    common factor, "1.0e+04 *".
 
-    parameters: names in formulas such as m*g/l
+    parameters: name -> value, of the names in formulas such as m*g/l
     exponent: exponent of the power of ten that multiplies all numbers
     """
     if isinstance(text, int) and not isinstance(text, bool):

@@ -37,9 +37,10 @@ class Hypothesis(NamedTuple):
 
     says: a sentence that names the mistake.
     undo: P (n, n) or K (m, n) without it.
-    fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales"
-        for one of each state or input. A hypothesis with fitted numbers must explain more.
-    answer: answer of another game, or None for the exact one with a mistake.
+    fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales" for
+        one of each state or input. A hypothesis with fitted numbers must explain more of the error.
+    answer: exact P or K of another game, or None for a hypothesis of the exact matrix with a
+        mistake.
     """
 
     says: str

@@ -102,8 +102,8 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
 
 
 def test_a_false_claim_of_a_tank_is_found() -> None:
-    """False claims are refused: beyond a level of 2 the saturated valve cannot drain the tank, and
-    1.2 is the limit.
+    """`is_true` rejects a set beyond the limit rho = 1.2, extents narrower than the set, and a
+    negative V. Beyond a level of 2 the saturated valve cannot drain the tank.
     """
     statement, _ = read_content(content("quadratic"), TANK)
     for changes in ({"rho": 1.5}, {"extents": {"level": (-0.8, 0.91)}}, {"terms": ((-1.0, (2,)),)}):

@@ -1,4 +1,4 @@
-"""Design of controllers: the aircraft with actuators, integrals of outputs and weights."""
+"""Design of controllers for the aircraft with actuators, integrals of outputs and weights."""
 
 from hfa_support.public_names import public_names
 

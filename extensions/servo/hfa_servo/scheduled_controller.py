@@ -224,7 +224,7 @@ class ScheduledController(ByValue, Reported):
         return self.dynamics
 
     def report(self) -> Report:
-        """Return the report of the design: delta, delta_min or gamma_min of each angle,
+        """Return the report of the design: delta, and for each angle delta_min or gamma_min and the
         certificate.
         """
         rows = self.about.get("angles", [])

@@ -282,7 +282,7 @@ def test_step_is_exact(start: float) -> None:
 @pytest.mark.parametrize("start", [1e-30, 1.0, 1e300])
 @pytest.mark.parametrize("eta", [0.2, 0.8])
 def test_zero_within_theta_T_from_anywhere(start: float, eta: float) -> None:
-    """The scalar law reaches 0 within theta T from any start, and this bound is sharp."""
+    """The scalar law reaches 0 within theta T from any initial value, and this bound is sharp."""
     rate = decay_rate(time=5.0, eta=eta, theta=0.9)
     assert after(start, rate, eta, 0.9 * 5.0 * (1.0 + 1e-12)) == 0.0
     assert 0.0 < after(start, rate, eta, 1e-12 * min(1.0, start**eta)) <= start

@@ -272,8 +272,8 @@ def test_at_the_smallest_delta_the_side_is_told(a: float, apart: float) -> None:
 
 @pytest.mark.parametrize("m", [1, 2])
 def test_rounding_of_R_and_delta_is_corrected(m: int) -> None:
-    """P is right at 1e-11 above delta_min = 0.9 S_control^-½, where uncorrected rounding of R^-½ B
-    and E / delta moves it by 7e-6.
+    """P is exact at delta = (1 + 1e-11) delta_min, delta_min = 0.9 S_control^-½, where uncorrected
+    rounding of R^-½ B and E / delta would move it by 7e-6.
     """
     R = np.array([[0.37, 0.1], [0.1, 0.53]])[:m, :m]
     B = np.array([[1.3, 0.7]])[:, :m]

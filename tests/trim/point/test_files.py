@@ -75,7 +75,7 @@ def test_the_paper_s_condition_is_the_default() -> None:
 def test_the_peers_conditions_have_its_angles(
     published_aircraft: Model, name: str, speed: float
 ) -> None:
-    """The conditions of the released simulation have its angles of attack."""
+    """Trims at the conditions of the released simulation have the released angles of attack."""
     condition = load_condition(name)
     trims = [trim for trim in released_trims() if trim.speed == speed]
     assert len(trims) >= 5

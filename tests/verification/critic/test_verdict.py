@@ -112,7 +112,7 @@ def test_errors_are_compared_at_all_reached_states(game: Game) -> None:
 
 
 def test_a_network_flies_within_control_limits() -> None:
-    """A network is flown within the control limits."""
+    """The inputs from a network saturate at the control limits."""
     model = choice.aircraft()
     point = find_operating_point(model, level_flight(np.radians(15.0)))
     plant = nonlinear_plant(linearize(model, point))

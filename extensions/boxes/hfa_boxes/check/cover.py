@@ -96,7 +96,7 @@ class Question(Protocol):
         """Return the mask of the boxes that do not meet the set."""
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the edge to halve of each undecided box, and -1 for decided boxes, (N,).
+        """Return for each undecided box the edge to halve, and -1 for decided boxes, (N,).
 
         Raises RefutedError at a point where the property does not hold.
         """
@@ -119,12 +119,12 @@ def refute(
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
-    """Prove a question on the set and return the number of boxes.
+    """Prove a property on the set and return the number of boxes.
 
     most: number of boxes after which the proof ends
 
-    Raises RefutedError where a function is not positive, and OpenBoxError at a point that is not
-    decided. Progress is the decided share of the volume."""
+    Raises RefutedError at a point where the property fails, and OpenBoxError at a point where it is
+    not decided. The reported progress is the decided share of the volume."""
     n = question.n
     waiting = cube(n)
     done = 0.0

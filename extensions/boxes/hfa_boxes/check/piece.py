@@ -193,7 +193,7 @@ class OnPiece(Question):
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
     def decisive_edges(self, boxes: Boxes, lowered_by: np.ndarray) -> np.ndarray:
-        """Return the edge to halve of each box, (N,).
+        """Return for each box the edge to halve, (N,).
 
         It is the edge that lowers the bound of a function most, or that of W where a box meets a
         face of the cube. For a box about the equilibrium it is the widest. No edge is halved much

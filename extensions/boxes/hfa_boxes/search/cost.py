@@ -212,8 +212,8 @@ class CostSearch:
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
     def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
-        """Return initial conditions of flights with costs from `least` to about the level c whose
-        bound is not tight yet."""
+        """Return the initial conditions of flights that cost `least` to about c and have no tight
+        bound yet."""
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
         is_near &= costs >= least

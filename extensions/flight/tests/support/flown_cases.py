@@ -58,7 +58,7 @@ def signal(**values: float) -> Waveform:
 
 @pytest.fixture(scope="session", params=["published", "newton"])
 def at_15(request: pytest.FixtureRequest, parameters: Parameters) -> FlownCase:
-    """Return the exact gain at 15 degrees for each set of equations."""
+    """Return the case with the exact gain at 15 degrees, for each set of equations."""
     return case_at(parameters, request.param, 15.0)
 
 

@@ -1,4 +1,4 @@
-"""Taylor models of balls in the position within a box and the errors of parameters.
+"""Taylor models with ball coefficients, in the position within a box and the errors of parameters.
 
 Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
 (2003)."""

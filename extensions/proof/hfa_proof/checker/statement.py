@@ -267,7 +267,7 @@ class FixedActuators:
 
 @dataclass(frozen=True, eq=False)
 class UncertainActuators:
-    """Actuators with ω, λ(t) and u(t - τ(t)) known within intervals.
+    """Actuators whose ω, λ(t) and delay τ(t) are known within intervals.
 
     order: (a,), 1 or 2
     damping: (a,), d, of order 2

@@ -58,8 +58,8 @@ def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
 
 
 def escaped(dynamics: str, points: int, seed: int) -> int:
-    """Return random points of a random line through the trim whose rates, at 200 bits, are outside
-    the Taylor models.
+    """Return the number of rates outside the Taylor models at random points of a random line
+    through the trim, with rates computed to 200 bits.
     """
     random = np.random.default_rng(seed)
     function = BallFunction(rates_function(VARIANTS[dynamics]))

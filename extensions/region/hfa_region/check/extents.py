@@ -44,5 +44,5 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
 
 
 def _above(ball: arb) -> float:
-    """Return a double that is at least every number of a ball."""
+    """Return a double above every number of a ball."""
     return float(np.nextafter(float(ball.upper()), np.inf))

@@ -59,8 +59,8 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input from its lowest and highest value, or None without
-        limit.
+        """Return the distances of an input from its lowest and its highest value, each None without
+        that limit.
         """
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]

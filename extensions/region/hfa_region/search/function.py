@@ -71,7 +71,7 @@ class PolynomialFunction:
         return P
 
     def coordinates(self) -> np.ndarray:
-        """T (n, n) with z = T y, in which the set {V <= 1} lies in the unit ball.
+        """T (n, n) of z = T y, for which, in y, the set {V <= 1} lies in the unit ball.
 
         The unit ball of y is {z'P z <= 1.5²}, a little larger than {V <= 1}. P is the quadratic
         part of V.
