@@ -142,8 +142,8 @@ def entries_of(found: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any],
     if np.any((dt != 0) & (dt != None)):  # noqa: E711  entry by entry
         text = shortened(str(dt.item() if dt.size == 1 else dt.tolist()))
         raise BadInputError(
-            f"dt is {text}, a model in discrete time; give x' = A x + B u, dt = 0, or time ="
-            ' "discrete" without dt'
+            f"dt = {text} denotes discrete time; set dt = 0 for continuous time, or replace dt with"
+            ' time = "discrete"'
         )
     return stored, notes
 

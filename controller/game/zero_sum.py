@@ -72,7 +72,7 @@ class Game(ByValue, Reported):
     def __post_init__(self) -> None:
         """Check all fields once, so that no solver has to."""
         if self.Q is None or self.R is None:
-            raise BadInputError("Q or R is missing; give both, as matrices or diagonals")
+            raise BadInputError("Q or R is missing; give both, each as a matrix or as its diagonal")
         if self.E is None:
             object.__setattr__(self, "E", np.eye(len(np.atleast_1d(self.A))))
         for name in ("Q", "R"):

@@ -138,7 +138,10 @@ def _climb(answers: _Answers, begin: float) -> None:
                     f"rounding hides whether any {most} has a solution: {last.reason}; check the"
                     " scaling of A, B, Q and R"
                 )
-            raise NoSolutionError(f"no {most} has a solution: {last.reason}")
+            raise NoSolutionError(
+                f"the game has no solution for any {most}: {last.reason}; check the scaling of A,"
+                " B, E, Q and R"
+            )
 
 
 def _descend(answers: _Answers, least: float) -> None:

@@ -75,11 +75,11 @@ class LearnRequest(GameRequest, LearningOptions):
 
 @command(LearnRequest)
 def learn(request: LearnRequest) -> int:
-    """Learn the value and the gain of the game with a critic; the weights go to a file for `hfa
-    verify`.
+    """Learn the value and the gain of the game with a critic.
 
-    The learned critic is compared with the exact solution. A plant in discrete time is learned by
-    Q-learning from recorded steps. Exit code 1 when a check does not hold.
+    -o FILE saves the weights for `hfa verify`. The learned critic is compared with the exact
+    solution. A plant in discrete time is learned by Q-learning from recorded steps. Exit code 1
+    when a check fails.
     """
     from verification.critic.critic_check import check_critic
 

@@ -71,7 +71,9 @@ def _purpose() -> str:
 class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
     """Request of `hfa sweep`: trims over a grid or a list."""
 
-    at: Range | None = scheduled(scheduled_range, "RANGE", "one number, a,b,c or start:stop:step")
+    at: Range | None = scheduled(
+        scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
+    )
     hold: Mapping[str, Range] = option(
         "impose a value or a range on a variable or parameter of the aircraft; repeatable",
         "NAME=RANGE",

@@ -82,12 +82,14 @@ def draw_bode(model: LinearModel, figure: Figure) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     if not model.inputs:
-        raise BadInputError("the model has no inputs: no Bode plot is drawn")
+        raise BadInputError("the model has no inputs; a Bode plot needs at least one")
     response = model.to_control().frequency_response(bode_frequencies(model))
     values = np.moveaxis(response.frdata, 2, 0)
     size = np.abs(values)
     if not size.any():
-        raise BadInputError("no chosen input reaches a chosen output: no Bode plot is drawn")
+        raise BadInputError(
+            "no chosen input affects any chosen output; choose others for the Bode plot"
+        )
     phase = np.degrees(np.unwrap(np.angle(values), axis=0))
     reaches = size.max(axis=0) > ROUNDING * size.max()  # (outputs, inputs)
     reached = np.flatnonzero(reaches.any(axis=1)).tolist()

@@ -189,13 +189,14 @@ class _Reader:
             self._path,
             "" if header is None else header.get("name", ""),
             self._by_key("variable", ((each.key, each) for each in variables)),
-            self._by_key("function of", ((each.result, each) for each in functions)),
+            self._by_key("function for", ((each.result, each) for each in functions)),
             tuple(self._case(each) for each in self._root.iter("staticShot")),
         )
         for function in functions:
             for key in (function.result, *(axis.key for axis in function.axes)):
                 if key not in document.variables:
-                    raise document.error(f"function of {function.result}", f"{key} is not defined")
+                    place = f"function for {function.result}"
+                    raise document.error(place, f"{key} is not defined; define it")
             if document.variables[function.result].formula is not None:
                 place = f"variable {function.result}"
                 raise document.error(place, "has a table and a formula; leave one out")
@@ -248,18 +249,18 @@ class _Reader:
         definition = element.find("functionDefn")
         found = None if definition is None else self._table_of(definition)
         if found is None:
-            raise self._error(f"function of {key}", "has no table that is defined")
+            raise self._error(f"function for {key}", "has no table that is defined")
         table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
         table = table or self._gridded(found, key)
         if len(axes) != len(table.ends):
             raise self._error(
-                f"function of {key}",
+                f"function for {key}",
                 f"has {len(axes)} arguments and a table of {len(table.ends)} axes",
             )
         return Function(key, axes, table)
 
     def _axis(self, element: ElementTree.Element, result: str) -> Axis:
-        place = f"function of {result}"
+        place = f"function for {result}"
         way = element.get("interpolate", "linear")
         if way != "linear":
             raise self._error(place, f'interpolate="{shortened(way)}"; only "linear" is supported')
@@ -293,7 +294,7 @@ class _Reader:
         self, element: ElementTree.Element, result: str
     ) -> GriddedTable | UngriddedTable:
         """Return the table of <dataPoint>s: one or two arguments, then the value."""
-        place = f"function of {result}"
+        place = f"function for {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
         if {row.size for row in rows} not in ({2}, {3}):
             raise self._error(
@@ -307,7 +308,7 @@ class _Reader:
             raise self._error(place, f"{error}; correct the ungridded table") from error
 
     def _gridded(self, element: ElementTree.Element, result: str) -> GriddedTable:
-        place = f"function of {result}"
+        place = f"function for {result}"
         keys = [self._attribute(each, "bpID") for each in element.iter("bpRef")]
         missing = [key for key in keys if key not in self._breakpoints]
         if missing or not keys:

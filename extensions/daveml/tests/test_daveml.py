@@ -192,7 +192,7 @@ def test_an_ungridded_table_of_one_argument_is_sorted(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_ungridded_table_is_named(points: np.ndarray, message: str, tmp_path: Path) -> None:
-    with pytest.raises(BadInputError, match=f"function of y: .*{message}"):
+    with pytest.raises(BadInputError, match=f"function for y: .*{message}"):
         surface(points, np.ones(3), tmp_path)
 
 

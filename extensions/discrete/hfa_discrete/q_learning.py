@@ -55,7 +55,8 @@ class Steps(Reported):
             object.__setattr__(self, name, matrix)
             if len(matrix) != len(self.states):
                 raise BadInputError(
-                    f"there are {len(matrix)} recorded {name} and {len(self.states)} states"
+                    f"recorded {name} has {len(matrix)} rows, states {len(self.states)}; "
+                    "give one row per step"
                 )
 
     @property

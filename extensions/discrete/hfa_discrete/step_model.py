@@ -20,8 +20,8 @@ def step_model(path: Path) -> Model:
     problem = stored_game(path).discrete
     if problem is None:
         raise BadInputError(
-            f'{path} is in continuous time; hfa fly --model needs time = "discrete"; give others by'
-            " --aircraft FILE.py:NAME"
+            f'{path} is in continuous time; hfa fly --model needs time = "discrete"; use'
+            " --aircraft FILE.py:NAME for a continuous-time plant"
         )
     step = problem.step
     names = step.names

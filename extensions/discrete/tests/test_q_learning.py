@@ -65,5 +65,5 @@ def test_what_has_no_value_and_poor_steps_refused():
     parts[1] = steps.states[:, :2]
     with pytest.raises(BadInputError, match="the recorded steps has rank"):
         learn_steps(problem, steps=Steps(*parts))
-    with pytest.raises(BadInputError, match="recorded inputs and"):
+    with pytest.raises(BadInputError, match="recorded inputs has"):
         Steps(steps.states, steps.inputs[:3], steps.disturbances, steps.next_states)

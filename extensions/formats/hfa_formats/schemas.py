@@ -45,7 +45,9 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
         of_property = getattr(vars(ancestor).get(name), "__doc__", None)
         if of_property:
             return " ".join(of_property.split())
-    raise KeyError(f"{kind.__name__}.{name} has no meaning: add a line to the docstring")
+    raise KeyError(
+        f"{kind.__name__}.{name} has no description; add '{name}: ...' to the class docstring"
+    )
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:

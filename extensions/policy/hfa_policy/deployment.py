@@ -212,7 +212,7 @@ class Deployment(Reported):
             raise BadInputError(f"timing.history is {history:g}; give a whole number of samples")
         if self.delay > MOST_SAMPLES * self.dt:
             raise BadInputError(
-                f"timing.delay is {self.delay:g} s; give at most {MOST_SAMPLES} samples of dt"
+                f"timing.delay is {self.delay:g} s; the maximum is {MOST_SAMPLES} dt"
             )
 
     @property

@@ -190,7 +190,8 @@ class Episodes:
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
             raise BadInputError(
-                f"an action is {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]} numbers"
+                f"the actions are {shown(actions.tolist())}; give {wanted[0]} x {wanted[1]}"
+                " numbers, none NaN"
             )
         self._actions[:] = actions
         if self._air is not None:

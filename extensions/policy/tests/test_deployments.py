@@ -70,7 +70,7 @@ def message_of(folder, text):
     [
         ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
         ("dt = 0.02", "dt = 0.0", "timing.dt is 0.0; give a finite number of at least 0.0001, at most 10"),
-        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 100 samples"),
+        ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; the maximum is 100 dt"),
         ("dt = 0.02", "delay = 0.02", "timing.dt is missing"),
         ("dt = 0.02", "dt = 0.02\ndelay = -1", "timing.delay is -1"),
         ('file = "ppo_gtm.zip"', "", "policy.file is missing"),

@@ -215,10 +215,10 @@ class Design:
                 )
         if len(following.filter) != 2:
             raise BadInputError(
-                f"{where} shaping.following.filter must be a bandwidth and a damping"
+                f"{where} shaping.following.filter must be a bandwidth and a damping ratio"
             )
         if not shaping.breakpoints or np.any(np.diff(shaping.breakpoints) <= 0.0):
-            raise BadInputError(f"{where} the {variable}s of the shaping must increase")
+            raise BadInputError(f"{where} shaping.{variable}s must be a non-empty increasing list")
 
     def _require_for_every_input(self, where: str, what: str, table: Mapping[str, Any]) -> None:
         """Raise BadInputError for an input that a table lacks."""

@@ -157,7 +157,8 @@ class ScheduledController(ByValue, Reported):
         positive = all(0.0 < number < np.inf for number in self.command_filter)
         if len(self.command_filter) not in (0, 2) or not positive:
             raise BadInputError(
-                f"{where} command_filter must be a bandwidth and a damping, both positive, or empty"
+                f"{where} command_filter must be a bandwidth and a damping ratio, both positive,"
+                " or empty"
             )
         if count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(

@@ -143,7 +143,7 @@ def test_matrices_are_linear_between_angles_and_constant_beyond(
             "a state is called 'A = 1000'; give letters, digits and _ as in C",
         ),
         ({"commands": ("dihedral_command", "dihedral_wish")}, "unknown command 'dihedral_wish'"),
-        ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping"),
+        ({"command_filter": (0.5,)}, "command_filter must be a bandwidth and a damping ratio"),
     ],
 )
 def test_what_no_flight_could_rely_on_is_refused(

@@ -278,10 +278,13 @@ def test_names_and_filter_of_the_controller() -> None:
             ("[shaping.inputs]\nthrottle", "[shaping.inputs]\nflap"),
             "unknown weighted input 'flap'",
         ),
-        (("filter = [0.5, 2.0]", "filter = [0.5]"), "filter must be a bandwidth and a damping"),
+        (
+            ("filter = [0.5, 2.0]", "filter = [0.5]"),
+            "filter must be a bandwidth and a damping ratio",
+        ),
         (
             ("dihedrals = [0, 3,", "dihedrals = [3, 3,"),
-            "the dihedrals of the shaping must increase",
+            "shaping.dihedrals must be a non-empty increasing list",
         ),
         (
             ("pitch_rate = [", "pitch_rate = [1.0, "),

@@ -149,8 +149,8 @@ def test_structures_are_read_where_nothing_stands_outside() -> None:
         ),
         (load_game, PLANT | {"input_labels": ["a\nb"]}, "inputs has .* which cannot be printed"),
         (load_game, PLANT | {"delta": [1.0, 2.0]}, "delta has 2 numbers; give one"),
-        (load_game, PLANT | {"dt": [[0.1], 2.0]}, "a model in discrete time"),
-        (load_game, PLANT | {"dt": 0.1}, r"dt is 0\.1, a model in discrete time"),
+        (load_game, PLANT | {"dt": [[0.1], 2.0]}, "denotes discrete time"),
+        (load_game, PLANT | {"dt": 0.1}, r"dt = 0\.1 denotes discrete time"),
     ],
 )
 def test_bad_entries_are_refused_in_one_line(

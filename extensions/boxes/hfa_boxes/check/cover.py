@@ -144,13 +144,15 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
         done += _volume(batch.part(~open_boxes))
         wide = batch.part(open_boxes)
         if len(wide.centres) and count > most:
-            raise OpenBoxError(f"the inequality is not decided on {most} boxes", wide.centres[-1])
+            raise OpenBoxError(
+                f"the inequality is still undecided after {most} boxes", wide.centres[-1]
+            )
         is_smallest = wide.depths.sum(axis=1) >= _DEEPEST * n
         is_smallest |= wide.depths.max(axis=1) >= _FINEST
         smallest = np.flatnonzero(is_smallest)
         if len(smallest):
             raise SmallestBoxError(
-                "the inequality is not decided on a box of the smallest size",
+                "the inequality is undecided on a box of the smallest size",
                 wide.centres[smallest[0]],
             )
         waiting = _joined(waiting, wide.halves(edges[open_boxes]))

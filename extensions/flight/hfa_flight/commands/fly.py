@@ -91,7 +91,7 @@ def fly(request: FlyRequest) -> int:
     from hfa_flight.scheduled_gains import ScheduledGainPolicy
     from trim.point.linearize import linearize
 
-    request.refuse(("workers", "resume"), "applies only to --samples; leave it out")
+    request.refuse(("workers", "resume"), "applies only to --samples or --draws; leave it out")
     if request.output is not None and request.output.suffix == ".zarr":
         raise BadInputError(f"{request.output} is the store of many members; add --samples N")
     refuse_method(request.model, request.method, request.frame)

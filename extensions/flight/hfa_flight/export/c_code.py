@@ -78,7 +78,7 @@ def c_function(
         if not each.is_a("SXFunction"):
             raise BadInputError(
                 f"{name}: the function {each.name()} ({each.class_name()}) of the model cannot be"
-                " written as C: declare it by expressions"
+                " written as C; replace it with CasADi SX expressions"
             )
     called = "".join(
         c_function(each, f"{name}_{each.name()}", ("x",), ("y",), real, operations)

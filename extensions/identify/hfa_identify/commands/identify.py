@@ -87,8 +87,8 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         "names and units of the columns in a PX4 log (.ulg)", "FILE.toml", input_file(".toml")
     )
     turbulence: bool = option(
-        "also estimate turbulence (filter error); recorded speed, alpha and beta are airspeed and "
-        "airflow angles"
+        "also estimate turbulence (filter error); recorded speed, alpha and beta must be "
+        "relative to the air"
     )
     plan: bool = option("compare further maneuvers by how much they would narrow the widest band")
     output: Path | None = output_option(AIRCRAFT, purpose=" (the identified aircraft)")

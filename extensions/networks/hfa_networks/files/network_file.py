@@ -182,8 +182,8 @@ def _refuse_unread(
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
         raise BadInputError(
-            f"its action_scale has {len(squash.scale)} numbers and the network has "
-            f"{layers[-1].outputs} outputs"
+            f"action_scale has {len(squash.scale)} entries and action_bias {len(squash.bias)}; "
+            f"each needs {layers[-1].outputs}, one per output"
         )
 
 

@@ -28,7 +28,10 @@ _Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
 _WITH_SPREAD = ("", "model_state_dict", "actor_state_dict", "distribution", "actor", "policy")
 #: Words in the names of tensors that only training uses.
 _OF_TRAINING = frozenset(("optimizer", "optimizers", "scheduler"))
-_ELSE = "save the state dict of the network alone, or export it to ONNX with all that acts"
+_ELSE = (
+    "save the state dict of the network alone, or export it to ONNX with everything that acts on"
+    " its inputs or outputs"
+)
 
 
 class Normalizer(NamedTuple):

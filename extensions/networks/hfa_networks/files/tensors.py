@@ -114,7 +114,7 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
             "it is damaged: the shape of a tensor contains a number that is not whole"
         )
     if any(abs(number) > LARGEST for number in numbers):
-        raise BadInputError("it is damaged: a tensor exceeds the largest size of a file")
+        raise BadInputError("it is damaged: a tensor is larger than the maximum file size")
     steps = zip(size, stride, strict=True)
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0

@@ -87,7 +87,7 @@ def _part(text: str) -> float:
 
 @command(CostRequest)
 def cost(request: CostRequest) -> int:
-    """Prove a lower bound of the cost of every flight of the nonlinear aircraft to its trim.
+    """Prove a lower bound on the cost of every flight of the nonlinear aircraft to its trim.
 
     The cost is the integral of x'Qx + u'Ru, in deviations from the trim. Every flight within the
     envelope and the limits of the inputs that ends at the trim costs at least the smaller of W and

@@ -85,11 +85,11 @@ def report(request: ReportRequest) -> int:
     """Write one page with the regenerated matrices, linear models over the dihedral angle, and
     details of selected angles.
 
-    The page compares both printed pairs with the regenerated ones. A slider shows the linear models
-    over the dihedral angle. For each selected angle the page shows the trim, the model next to the
-    printed values, the exact game solution and a learned critic. The page contains Plotly (`pip
-    install .[page]`) and loads nothing from any network. Exit code 1 when the printed matrices were
-    not regenerated or a learned critic is wrong."""
+    The page compares both printed pairs (A, B) with the regenerated ones. A slider shows the
+    linear models over the dihedral angle. For each selected angle the page shows the trim, the
+    model next to the printed values, the exact game solution and a learned critic. The page
+    contains Plotly (`pip install .[page]`) and loads nothing from any network. Exit code 1
+    when the printed matrices were not regenerated or a learned critic is wrong."""
     if request.output is None and not request.json:
         raise BadInputError(
             "give the place of the report, --output FILE.html or --output FOLDER, or --json"

@@ -110,7 +110,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         "S",
         number,
     )
-    at: Range | None = scheduled(scheduled_range, "RANGE", "one number, a,b,c or start:stop:step")
+    at: Range | None = scheduled(
+        scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
+    )
     samples: int = option(
         "number of flights at each trim, with and without disturbance; default 300, 0 for none",
         "N",

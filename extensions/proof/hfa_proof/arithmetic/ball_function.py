@@ -115,7 +115,7 @@ def _sorted(x: Any, y: Any) -> tuple[Any, Any]:
     first = constant_part(x)
     second = constant_part(y)
     if not (first <= second or first > second):
-        raise Undecided("a comparison in the equations is not decided on this box")
+        raise Undecided("a comparison in the equations is undecided on this box")
     return (x, y) if first <= second else (y, x)
 
 
@@ -125,7 +125,7 @@ def _arctangent(y: Any, x: Any) -> Any:
     Raises Undecided for an x that may not be positive.
     """
     if not constant_part(x) > 0:
-        raise Undecided("atan2 with a second argument that may not be positive")
+        raise Undecided("atan2 is undecided: its second argument is not proved positive")
     return (y / x).atan()
 
 
@@ -135,7 +135,7 @@ def _power(x: Any, y: Any) -> Any:
     Raises Undecided for an x that may not be positive.
     """
     if not constant_part(x) > 0:
-        raise Undecided("a power of a base that may not be positive")
+        raise Undecided("a power is undecided: its base is not proved positive")
     return (y * x.log()).exp()
 
 

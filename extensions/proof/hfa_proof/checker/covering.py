@@ -46,7 +46,9 @@ def covering(
 def _check_ends(what: str, box: Box, coordinates: int) -> None:
     ordered = all(math.isfinite(low) and math.isfinite(high) and low <= high for low, high in box)
     if not (ordered and len(box) == coordinates > 0):
-        raise Rejected(f"{what} need one pair of ends in order for each coordinate: {_said(box)}")
+        raise Rejected(
+            f"{what}: each coordinate needs one finite interval, low <= high; found {_said(box)}"
+        )
 
 
 def _meets(box: Box, part: Box) -> bool:

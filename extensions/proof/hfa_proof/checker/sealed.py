@@ -63,7 +63,7 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
         written = {key: on_one_line(str(origin[key])) for key in ("version", "command", "date")}
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
         raise BadInputError(
-            f"{path} is not a certificate; name a file of `hfa prove ... -o`"
+            f"{path} is not a certificate; give a file written by `hfa prove ... -o`"
         ) from error
     if schema != SCHEMA:
         raise BadInputError(

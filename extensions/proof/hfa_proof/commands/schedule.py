@@ -41,7 +41,10 @@ class ScheduleRequest(WeightOptions, RangeOptions):
     design: Any = design_option(
         "design with the actuators of the scheduled controller in --weights"
     )
-    rate: bool = option("also prove a permitted rate of the scheduling variable", rare=True)
+    rate: bool = option(
+        "also prove stability while the scheduling variable moves, up to a rate the proof finds",
+        rare=True,
+    )
     error: float = option(
         "cover all values of the parameters within N standard errors; default 0",
         "N",

@@ -101,7 +101,7 @@ def region(request: RegionRequest) -> int:
     the set is invariant under every disturbance up to its size; convergence is not claimed. The
     report also names the state at which V' >= 0 was found, an initial condition that does not
     converge, and the limits that bind. -o FILE.json writes a certificate; --check FILE verifies
-    one, for a network or a deployment file again with --weights or --policy. Not covered:
+    a certificate; for networks or deployment files, repeat --weights or --policy. Not covered:
     sampling, actuators, delays, and a linearization that is not Hurwitz.
     Exit code 0 when the set is proved. The command needs `pip install .[proof]`."""
     from hfa_proof.arithmetic import flint_or_refusal

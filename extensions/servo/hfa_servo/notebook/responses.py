@@ -130,8 +130,8 @@ def _single(model: LinearModel, inputs: Names, outputs: Names) -> LinearModel:
     loop = chosen(model, inputs, outputs)
     if len(loop.inputs) != 1 or len(loop.outputs) != 1:
         raise BadInputError(
-            f"{len(loop.inputs)} inputs and {len(loop.outputs)} outputs are not a single loop; "
-            "name one of each, inputs=..., outputs=..."
+            f"a single loop needs one input and one output; inputs: {len(loop.inputs)}, "
+            f"outputs: {len(loop.outputs)}; set inputs=, outputs="
         )
     return loop
 
