@@ -19,8 +19,8 @@ class Linearization(NamedTuple):
 
     f: (n,), rates
     y: (k,), outputs
-    A, B, E: (n, n), (n, m) and (n, d), derivatives of f by x, u and w
-    C, D, F: (k, n), (k, m) and (k, d), derivatives of y by x, u and w
+    A, B, E: (n, n), (n, m) and (n, d), derivatives of f with respect to x, u and w
+    C, D, F: (k, n), (k, m) and (k, d), derivatives of y with respect to x, u and w
     """
 
     f: np.ndarray

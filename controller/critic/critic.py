@@ -167,7 +167,7 @@ class Critic(Reported):
 def from_gain(game: Game, K: ArrayLike) -> Critic:
     """Return the critic with the policy u = -K z.
 
-    game: the game to be solved
+    game: the game whose solution the critic approximates
     K: (m, n)
 
     Raises BadInputError when K has another shape than B', or is complex.
@@ -184,7 +184,7 @@ def from_gain(game: Game, K: ArrayLike) -> Critic:
 def from_value(game: Game, P: ArrayLike) -> Critic:
     """Return the critic with the value V = z'Pz and the policy u = -R⁻¹B'P z.
 
-    game: the game to be solved
+    game: the game whose solution the critic approximates
     P: (n, n)
 
     Raises BadInputError when P has another shape than A, or is complex.

@@ -31,7 +31,7 @@ _ALIASES = {"weights": "W", "gains": "K", "times": "time", "t": "time"}
 
 @dataclass(frozen=True)
 class Reading:
-    """Settings for a critic's file that does not contain them.
+    """Settings for reading a critic's file, used where the file does not contain them.
 
     basis: basis of weights: a name, or a list of functions (`features_of`). With None it is that of
         the file, else "quadratic".

@@ -21,7 +21,7 @@ def from_weights(
 ) -> Critic:
     """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    game: the game to be solved
+    game: the game whose solution the critic approximates
     weights: W, (M,)
     functions: a basis, its name, or a CasADi Function z (n,) -> ψ(z) (M,)
     constant: V(0)

@@ -311,7 +311,7 @@ class CertifiedSettings:
     basis: name of the basis
     samples: N_h >= M, chosen from the pool; None means 50, and more for a basis of more than 33
         weights (`enough_for`)
-    pool_samples: number of random states in the pool; None means 500, and more likewise
+    pool_samples: number of random states in the pool; None means 500, and more for a large basis
     initial_weights: W(0) in the model's units, one number for all or (M,)
     """
 

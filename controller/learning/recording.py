@@ -126,8 +126,8 @@ def natural_spread(game: Game) -> np.ndarray:
         (A - βI) X + X (A - βI)' + B R⁻¹B' + EE'/δ² = 0,
         β = max(abscissa of A, 0) + 10 % of the spectral radius.
 
-    It scales with the units of the states, so that the samples suit any units. The deviation of a
-    state that no input or disturbance reaches is 1.
+    It scales with the units of the states, so that the samples do not depend on the units. The
+    deviation of a state that no input or disturbance reaches is 1.
     """
     from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 

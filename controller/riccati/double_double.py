@@ -96,7 +96,7 @@ def _halves(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slices(rows: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return slices of rows, and what is left of the rows before each and after the last.
+    """Return slices of rows, and the remainders of the rows before each slice and after the last.
 
     The entries of a row have one scale, and sums of products of two rows are free of rounding.
     """

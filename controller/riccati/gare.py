@@ -134,7 +134,7 @@ def solve_game(game: Game, progress: Progress | None = None) -> Solution:
 
     A'P + P A + Q - P S P = 0,  K = R⁻¹B'P,  L = δ⁻²E'P,  S = B R⁻¹ B' - δ⁻²E E'
 
-    game: which game
+    game: the game
     progress: called by the search for delta_min, where there is no solution
 
     Raises a NoSolutionError with one line: the mode that rules out a solution at any delta, or the

@@ -253,7 +253,7 @@ def _eigenvalues(A: np.ndarray, size: float) -> list[tuple[complex, float]]:
     """Return each eigenvalue of A, with its possible change due to rounding of A, to first order.
 
     It is y'|D|x / |y'x| for a change D of the entries by rounding, at most `_NEAR_AXIS` of the size
-    of A, also where A is defective. Source: Golub and Van Loan, Section 7.2.2.
+    of A, even where A is defective. Source: Golub and Van Loan, Section 7.2.2.
     """
     values, right = np.linalg.eig(A)
     most = _NEAR_AXIS * size

@@ -17,7 +17,7 @@ def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, s
 
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
-    """Return the Function of this many rows, with the same bits as the Function of one row.
+    """Return the Function of `rows` rows, with the same bits as the Function of one row.
 
     An argument or result of k numbers becomes a matrix (rows, k). The Function runs each operation
     in one loop over the rows. Separate calls spend most of their time between the operations.

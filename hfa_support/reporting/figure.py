@@ -100,7 +100,7 @@ def _caption(figure: Figure, text: str) -> None:
 
 
 def pyplot_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of pyplot, which notebooks show; width and height in inches."""
+    """Return an empty pyplot figure, which notebooks show; width and height in inches."""
     from matplotlib import pyplot
 
     return pyplot.figure(figsize=(width, height), layout="constrained")

@@ -390,8 +390,8 @@ def entries_at(
 
     v: variables of the trim
     p: parameters
-    free: numbers of the free variables
-    rows: numbers of these states
+    free: indices of the free variables
+    rows: indices of these states
     """
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     entries, *derivatives = _derivatives(layout, tuple(free), zero)(v[None], p[None])
@@ -410,8 +410,8 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
 
     v are the variables of a trim, on which state and input depend.
 
-    free: numbers of the free variables, by which the derivatives are taken
-    zero: numbers of the variables that are always 0
+    free: indices of the free variables, with respect to which the derivatives are taken
+    zero: indices of the variables that are always 0
     """
     (x, u, p), v = layout.symbols("x", "u", "p"), ca.SX.sym("v", len(layout.variables))
     values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}

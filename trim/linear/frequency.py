@@ -173,7 +173,7 @@ def with_transfers(report: Report, model: LinearModel) -> Report:
 
 
 def scaled(model: LinearModel) -> StateSpace:
-    """Return the model in nominal units, in which one tolerance of ranks suits all rows."""
+    """Return the model in nominal units, in which one rank tolerance is valid for all rows."""
     signals = model.model.signals
 
     def nominal(names: Iterable[str]) -> np.ndarray:

@@ -23,7 +23,8 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 @dataclass(frozen=True)
 class Quantity(Result):
-    """A number of handling qualities: short period damping, CAP, time to double of the spiral.
+    """A measure of handling qualities, such as the short-period damping or the time to double of
+    the spiral.
 
     name: name of the number.
     value: in its unit.

@@ -37,8 +37,8 @@ def with_means_at_kinks(
     x: (N, n), states
     u: (N, m), inputs
     p: (N, k), parameters
-    A: (N, n, n), derivatives of the rates by the states
-    B: (N, n, m), derivatives of the rates by the inputs
+    A: (N, n, n), derivatives of the rates with respect to the states
+    B: (N, n, m), derivatives of the rates with respect to the inputs
 
     An entry is at a kink where the slopes on both sides, by differences, are smooth and differ from
     the derivative. Where the rate itself jumps the entry is unchanged and gets a note. Points

@@ -265,7 +265,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
 
     @checks_arguments
     def bode(self, inputs: Any = None, outputs: Any = None) -> np.ndarray:
-        """Draw the Bode plots of the named inputs and outputs in a figure of pyplot, and return its
+        """Draw the Bode plots of the named inputs and outputs in a pyplot figure, and return its
         Axes.
 
         Raises BadInputError where no input reaches an output.
@@ -273,12 +273,12 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         return _responses().bode(self, inputs, outputs)
 
     def plot(self) -> Axes:
-        """Draw the poles and zeros in a figure of pyplot, and return its Axes."""
+        """Draw the poles and zeros in a pyplot figure, and return its Axes."""
         return _responses().draw_poles(self)
 
     @checks_arguments
     def nyquist(self, inputs: Any = None, outputs: Any = None) -> Axes:
-        """Draw the Nyquist plot from one input to one output in a figure of pyplot, and return its
+        """Draw the Nyquist plot from one input to one output in a pyplot figure, and return its
         Axes."""
         return _responses().nyquist(self, inputs, outputs)
 

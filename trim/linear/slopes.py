@@ -24,7 +24,7 @@ def slopes_around(model: Model, z: np.ndarray, p: np.ndarray, columns: np.ndarra
 
     z: (N, n + m), states and inputs
     p: (N, k), parameters
-    columns: numbers of the states and inputs that are moved
+    columns: indices of the states and inputs that are moved
     """
     n = len(model.states)
     count, size = z.shape
@@ -44,7 +44,7 @@ def exact_sides(
 
     z: (n + m,), state and input
     p: parameters
-    columns: numbers of the states and inputs at a kink
+    columns: indices of the states and inputs at a kink
 
     Each is extrapolated to the point from exact derivatives two to three steps h away, clear of a
     kink within a step: 15 J(2 h) - 24 J(2.5 h) + 10 J(3 h). The error is of the order of h³ J'''.
@@ -54,7 +54,8 @@ def exact_sides(
     jacobian = _jacobian_of(model.layout)
 
     def extrapolated(column: int, step: float) -> np.ndarray:
-        """Return the derivatives by a state or input, (n,), extrapolated from one side."""
+        """Return the derivatives with respect to a state or input, (n,), extrapolated from one
+        side."""
         slopes = []
         for count in (2.0, 2.5, 3.0):
             place = z.copy()
@@ -69,7 +70,7 @@ def exact_sides(
 
 @lru_cache(maxsize=16)
 def _jacobian_of(layout: Layout) -> ca.Function:
-    """Return the Function (x, u, p) -> derivatives of the rates by (x, u), (n, n + m)."""
+    """Return the Function (x, u, p) -> derivatives of the rates in (x, u), (n, n + m)."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     derivatives = ca.jacobian(rates(x, u, p), ca.vertcat(x, u))
@@ -92,7 +93,7 @@ def correct(
     p: parameters
     slopes: (6, n, columns), of `slopes_around`, which distinguish a kink from a jump
     jacobian: (n, n + m), changed in place
-    columns: numbers of the states and inputs at a kink
+    columns: indices of the states and inputs at a kink
     """
     n = len(model.states)
     names = (*model.states, *model.inputs)

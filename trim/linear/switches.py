@@ -26,7 +26,7 @@ _NOWHERE = (np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 def near_switches(
     model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of points near a switch, and of the states and inputs that reach one.
+    """Return the indices of points near a switch, and of the states and inputs that reach one.
 
     A point is near where a step reaches the switch. At most `_MOST` points are returned. Where the
     equations call functions, whose content is not visible, all points, states and inputs are

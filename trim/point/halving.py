@@ -75,7 +75,7 @@ def halving(
 class _Search(NamedTuple):
     """State of the search at N points.
 
-    points: their numbers
+    points: their indices
     size: |r| at the best unknowns, (N,)
     jacobian: J there, (N, m, k)
     step: Newton step from there, (N, k)

@@ -43,8 +43,8 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, repr=False)
 class OperatingPoint(StatesAndInputs, Result, Reported):
-    """X0, U0 with dX/dt(X0, U0) - imposed rate = residual, equation by equation, likewise for
-    imposed outputs.
+    """X0, U0, with the residual of each equation: dX/dt(X0, U0) - imposed rate, or y(X0, U0) -
+    imposed output.
 
     states: X0, by name, in the units of the model.
     inputs: U0, by name.
@@ -254,7 +254,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         return linearize(self.model, self, **options)
 
     def plot(self) -> Axes:
-        """Draw every variable between its limits in a figure of pyplot, and return its Axes."""
+        """Draw every variable between its limits in a pyplot figure, and return its Axes."""
         from trim.point.point_figure import draw_point
 
         return draw_point(self)

@@ -57,8 +57,8 @@ def find_operating_point(
     held: further values of `hold`, by name: speed=100.0
 
     Raises TrimError when the equations cannot be balanced within the limits. Raises BadInputError
-    when the condition is not well posed, or its numbers overflow with those of the model. Source:
-    Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
+    when the condition is not well posed, or its numbers overflow in the equations of the model.
+    Source: Stevens, Lewis, Johnson, Aircraft Control and Simulation, Section 3.6.
 
     >>> import hfa
     >>> point = hfa.find_operating_point(hfa.aircraft(), hold={"dihedral": 0.2})

@@ -267,7 +267,7 @@ class Evaluation(NamedTuple):
     x, u: states and inputs, by name
     y: watched outputs
     residual: (e,), in scaled units
-    jacobian: (e, k), derivatives by the scaled unknowns
+    jacobian: (e, k), derivatives with respect to the scaled unknowns
     finite: whether all of these are finite
     """
 

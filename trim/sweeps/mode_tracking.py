@@ -59,7 +59,7 @@ def track_modes(
     Two neighbors are paired by the permutation that maximizes the sum of min(|tr P_i Q_i|, 1) - 2
     |λ_i - μ_i| / (|λ_i| + |μ_i|), conjugate pairs first and with both members. P and Q are the
     projectors on the modes of either point along all other modes. The first term preserves the
-    shape of a mode where eigenvalues cross, in any units and also where two shapes are nearly
+    shape of a mode where eigenvalues cross, in any units, even where two shapes are nearly
     parallel. The second distinguishes the two members of a pair. From the first point on, the
     pairings are followed along the tree of neighbors that are most alike. The first point is
     ordered fastest first, positive imaginary part first.

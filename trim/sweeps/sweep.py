@@ -245,7 +245,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         return self._draw_locus(new_figure(*_LOCUS_INCHES))
 
     def plot(self, *names: Any) -> np.ndarray:
-        """Draw the root locus over the last variable in a figure of pyplot, and return its Axes.
+        """Draw the root locus over the last variable in a pyplot figure, and return its Axes.
 
         Each mode has one color, slow modes are enlarged, and both ends are marked. Raises
         BadInputError when no point has a trim.
@@ -610,7 +610,7 @@ def _names_of(eigenvalues: np.ndarray, A: np.ndarray, model: Model) -> tuple[str
 def _neighbours(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     """Return pairs of trimmed points that are adjacent along a line of the grid, (M, 2).
 
-    The numbers count the trimmed points alone.
+    The indices count the trimmed points alone.
     """
     numbers = np.cumsum(trimmed) - 1
     index = np.arange(trimmed.size).reshape(sizes)

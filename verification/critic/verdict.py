@@ -295,8 +295,7 @@ class Verdict(Checked, Result, Reported):
         )
 
     def plot(self) -> np.ndarray:
-        """Draw the learned and the exact P in a figure of pyplot, or K without P, and return its
-        Axes."""
+        """Draw the learned and the exact P in a pyplot figure, or K without P; return its Axes."""
         from hfa_support.reporting.figure import pyplot_figure
         from verification.critic.figures import verdict_figure
 

@@ -149,8 +149,8 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air accelerated by a plate, and the matrix of their derivatives by the
-    accelerations.
+    """Loads of the air accelerated by a plate, and the matrix of their derivatives with respect to
+    the accelerations.
 
     The loads are those at accelerations of 0.
 

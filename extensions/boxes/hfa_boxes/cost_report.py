@@ -22,7 +22,7 @@ _NOT_COVERED = "disturbances"
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
     """Return the report of a proved bound, with the share of the usual initial conditions at which
-    it is below its level.
+    each piece's bound is below its level.
 
     starts: (N, n), deviations from the trim
     """

@@ -226,7 +226,7 @@ class _Files:
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return the function name of an output -> its value in the units of the model."""
+        """Return the function from the name of an output to its value in the units of the model."""
         table = Interpolator()
         made: dict[str, Expressions] = {}
 

@@ -217,7 +217,7 @@ class _Equations:
         """Return the rate of alpha, rad/s, on which the lift depends: the solution of a linear
         equation.
 
-        The drag that depends on this rate lies along the flight and does not turn it.
+        The drag that depends on this rate acts along the flight path and does not turn it.
 
         specific: (3,), force over mass without the forces that depend on this rate
         """

@@ -49,7 +49,7 @@ def changed_aircraft(path: str) -> Model | None:
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
     """Raise BadInputError unless each entry of [bands] is a pair that contains the estimate.
 
-    The entries are the low and high end of parameters and of errors of sensors.
+    Each pair is the low and high end of the band of a parameter or of a sensor's error.
     """
     bands = _table(path, data, "bands")
     sensors = _table(path, data, "sensors")

@@ -31,7 +31,7 @@ _CONTINUOUS = "applies only to continuous time; leave it out of a plant with tim
 
 
 def question_of_time(game: Game) -> str:
-    """Return a question whether a game without a solution is meant in discrete time, or "".
+    """Return the question whether a game without a solution is meant in discrete time, or "".
 
     It is "" where no solution exists in discrete time either.
     """

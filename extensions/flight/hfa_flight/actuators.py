@@ -36,7 +36,7 @@ class ActuatorFault:
     inputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse values that cannot be simulated."""
+        """Raise BadInputError for values that cannot be simulated."""
         for name in ("effectiveness", "bandwidth", "damping"):
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
@@ -76,7 +76,7 @@ class ActuatorBank:
     faults: tuple[ActuatorFault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse actuators that cannot move, by name."""
+        """Raise BadInputError that names actuators that cannot move."""
         numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
         for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")

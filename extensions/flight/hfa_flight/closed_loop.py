@@ -84,7 +84,7 @@ class LinearPlant(Plant):
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
         """Return all states of a model to first order, with the A and B of `linearize` at an
-        operating point and the derivatives by these disturbances."""
+        operating point and the derivatives with respect to these disturbances."""
         slopes, _ = linearization_at(
             in_gusts(model), point.states, point.inputs, disturbances=winds
         )

@@ -34,7 +34,8 @@ def with_stability(
     """Return the report of a plan with the stability of the linear loop of each drawn aircraft.
 
     Each loop is about the aircraft's own trim. Without a policy the stability is that without
-    control. A policy without one gain, and a loop with delay or actuators, have no such line.
+    control. For a policy without a single gain, and for a loop with delay or actuators, the report
+    is unchanged.
 
     condition: trim condition of all aircraft
     """

@@ -36,7 +36,7 @@ class Departure(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the excess as text, in degrees for angles."""
+        """Return the departure as text, in degrees for angles."""
         beyond = _beyond(self.value, self.limit, self.unit)
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
 
@@ -50,7 +50,7 @@ class ControlExcess(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the departure as text, angles in degrees."""
+        """Return the excess as text, in degrees for angles."""
         return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
 
 

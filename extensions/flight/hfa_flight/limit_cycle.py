@@ -165,7 +165,7 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the line, at the times, in the least-squares fit of a line and a harmonic."""
+    """Return the line of the least-squares fit by a line plus a harmonic, at the times."""
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]

@@ -109,8 +109,8 @@ def fly(
     The prediction is for the aircraft as designed, without parameter errors. Both end at the
     first tick in which the nonlinear flight leaves the envelope.
 
-    Raises BadInputError if the flight does not begin inside the envelope, or part of the scenario
-    is still to be drawn.
+    Raises BadInputError if the flight does not begin inside the envelope, or the scenario has
+    random quantities that are not drawn yet.
 
     >>> import hfa
     >>> model = hfa.aircraft()
@@ -438,7 +438,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return "\n".join(lines)
 
     def plot(self, *names: Any) -> np.ndarray:
-        """Draw states and inputs over time in a figure of pyplot; return its Axes.
+        """Draw states and inputs over time in a pyplot figure; return its Axes.
 
         names: states, inputs and outputs that are drawn in place of all: plot("alpha", "pitch")
         """

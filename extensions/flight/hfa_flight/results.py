@@ -67,8 +67,8 @@ class MemberAttributes(Result):
     """The attributes of a store of members.
 
     errors: parameters that are drawn.
-    left: meaning of the numbers of left.
-    error_states: states to which the errors belong.
+    left: meaning of the numbers in the array `left`.
+    error_states: states whose errors are stored, in order.
     error_units: unit of each error.
     states: names of the states, in order.
     state_units: unit of each state.

@@ -33,7 +33,7 @@ class TrimPath(Result):
 
     base: the initial trim of the flight
     states: X0 over the scheduling variable, linear between trims
-    inputs: U0 likewise
+    inputs: U0 over the scheduling variable, linear between trims
     commands: r as a deviation from its value at `base`
     """
 

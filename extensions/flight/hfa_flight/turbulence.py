@@ -81,7 +81,7 @@ class Turbulence:
     spectrum: dryden or karman.
 
     Raises BadInputError for another level or spectrum, numbers that are not positive, and an
-    altitude with your own intensity.
+    altitude given together with an intensity.
 
     >>> import hfa
     >>> hfa.Turbulence("light", 500.0, span=36.0).level

@@ -33,7 +33,7 @@ class ColumnError(Result):
     """An error of a column that the search did not free, estimated by one step from 0.
 
     value: its estimate, or None if parameters compensate any such error.
-    half: half-width of its 95 % band; None likewise.
+    half: half-width of its 95 % band, or None where `value` is None.
     unit: unit of both.
     moves: the parameter that an error of this half-width shifts most, relative to its band.
     bands: that shift in half-widths of the parameter's band, or None if unbounded.
@@ -141,13 +141,14 @@ def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarra
 
 
 def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """Return the (N, k, errors) derivatives of the measured quantities of a record by errors of
-    columns."""
+    """Return the (N, k, errors) derivatives of the measured quantities of a record with respect to
+    errors of columns."""
     return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
-    """Return the (N, k) derivative of the measured quantities of a record by an error of a column.
+    """Return the (N, k) derivative of the measured quantities of a record with respect to an error
+    of a column.
 
     Correcting an error c subtracts c d from the column: d is 1 for a bias, the column itself for a
     scale, and minus its slope for a delay. A change of an input, and in turbulence of any column,

@@ -245,7 +245,7 @@ def _identified(
 ) -> Identified:
     """Return the result of a fit.
 
-    other: a second minimum that explains the records as well.
+    other: a second minimum that explains the records equally well.
     given: names of parameters whose values are given."""
     responses = search.responses
     model = responses.calm.model

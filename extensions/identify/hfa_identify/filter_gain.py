@@ -1,4 +1,4 @@
-"""Steady Kalman gain of a model in turbulence, with its derivatives by the unknowns.
+"""Steady Kalman gain of a model in turbulence, with its derivatives with respect to the unknowns.
 
 Between samples the covariance of the predicted states follows P⁺ = Φ P Φ' + Q, Φ = exp(A Δt), Q = ∫
 exp(A s) W exp(A s)' ds. At a sample it decreases by K C P, with
@@ -45,7 +45,7 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class GainSlopes:
-    """Derivatives of a gain by the unknowns.
+    """Derivatives of a gain with respect to the unknowns.
 
     K: (n, k, p)
     whiten: (k, k, p)

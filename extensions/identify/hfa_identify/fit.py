@@ -10,7 +10,7 @@ is least. The sums are over quantities, with r = Σ v² / N. Where the unknowns 
 states, keeps initial states that no sample determines near their guess.
 
 Gauss-Newton steps with the exact sensitivities are damped by Levenberg's rule where they do not
-lower L. The starts of each record are eliminated from the normal equations.
+lower L. The initial state of each record is eliminated from the normal equations.
 
 Source: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 4.
 """
@@ -71,12 +71,12 @@ class Normal:
 
     @cached_property
     def of_start(self) -> np.ndarray:
-        """Covariance (n, n) of the start with known parameters."""
+        """Covariance (n, n) of the initial state for known parameters."""
         return inverse(self.A)
 
     @property
     def information(self) -> np.ndarray:
-        """Return the Fisher information (p, p) of the parameters, with an unknown start."""
+        """Return the Fisher information (p, p) of the parameters, with an unknown initial state."""
         part = self.M - self.B @ self.of_start @ self.B.T
         return np.asarray(0.5 * (part + part.T))
 
@@ -127,7 +127,7 @@ class Fit:
 
     @cached_property
     def information(self) -> np.ndarray:
-        """Return the Fisher information (p, p) of the parameters, with unknown starts."""
+        """Return the Fisher information (p, p) of the parameters, with unknown initial states."""
         return np.sum([each.information for each in self.normals], axis=0)
 
     @cached_property
@@ -138,7 +138,7 @@ class Fit:
         return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
 
     def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """Return sensitivities (N, k, c) of each record without the part that another start
+        """Return sensitivities (N, k, c) of each record without the part that another initial state
         explains.
         """
         p = len(self.theta)
@@ -209,7 +209,7 @@ class OutputError:
         small: the search ends when a step is below this fraction of the standard deviations
         most_steps: largest number of steps
 
-        Raises FloatingPointError if the simulation diverges from the given ones.
+        Raises FloatingPointError if the simulation with the given ones diverges.
         """
         found = self.at(theta, tuple(starts))
         level = 0
@@ -259,7 +259,7 @@ class OutputError:
         return len(_TRIALS), None
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """Return the fit with these parameters and starts, not known to be converged.
+        """Return the fit with these parameters and initial states, which need not be converged.
 
         Raises FloatingPointError where the simulation diverges."""
         longest = ROUGH_STEP if self.is_rough else STEP
@@ -374,7 +374,8 @@ class OutputError:
         )
 
     def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
-        """Return the Fisher information (p, p) of a record with these slopes and an unknown start.
+        """Return the Fisher information (p, p) of a record with these slopes and an unknown initial
+        state.
 
         number: index of the record"""
         nothing = np.zeros(slopes.shape[:2])
@@ -423,7 +424,7 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:
-    """Return the (n,) inverse variances of the start of a record before any sample is seen."""
+    """Return the inverse variances (n,) of a record's initial state before its first sample."""
     sizes = []
     for name, signal in model.states.items():
         if name in record.measured:

@@ -88,7 +88,7 @@ class Identified(Result, Reported):
     unexplained: quantities whose simulated motion contradicts the measured one.
     column_errors: name of a bias, scale or delay that is not free -> its estimate by one step.
     faults: sentences on faults of the records that explain residuals.
-    other_minimum: name -> estimate at a second minimum that explains the records as well.
+    other_minimum: name -> estimate at a second minimum that explains the records equally well.
     parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
         where they agree.
     turbulence: state that turbulence moves -> standard deviation of its random change in 1 s.
@@ -367,7 +367,7 @@ class Identified(Result, Reported):
         return identified_figure(self)
 
     def plot(self) -> np.ndarray:
-        """Draw the picture of `figure` in a figure of pyplot; return its Axes."""
+        """Draw the picture of `figure` in a pyplot figure; return its Axes."""
         from hfa_identify.identified_figure import identified_figure
         from hfa_support.reporting.figure import pyplot_figure
 

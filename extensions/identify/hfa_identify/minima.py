@@ -86,7 +86,7 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
 
 
 def _with(fit: Fit, place: int, value: float) -> np.ndarray:
-    """Return the estimates with another value of one."""
+    """Return the estimates with `value` in place of the one at `place`."""
     theta = fit.theta.copy()
     theta[place] = value
     return theta
@@ -111,8 +111,8 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
 def _searched(
     search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
 ) -> Fit | None:
-    """Return the fit from far unknowns if it explains the records as well and is apart, else
-    None.
+    """Return the fit from distant unknowns if it explains the records equally well and differs,
+    else None.
     """
     try:
         other = search.whole(theta, starts)

@@ -85,7 +85,8 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """Return the standard deviation of the white noise with the second differences of a column."""
+    """Return the standard deviation of white noise that explains the second differences of a
+    column."""
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))
@@ -188,7 +189,8 @@ class Predictions(Responses):
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the gain and its slopes by the unknowns. The last result is cached."""
+        """Return the gain and its derivatives with respect to the unknowns. The last result is
+        cached."""
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
@@ -264,7 +266,7 @@ class Predictions(Responses):
     def simulated(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
     ) -> Prediction:
-        """Return the predictions of a record from a start (n,) with unknowns (p,).
+        """Return the predictions of a record from an initial state (n,) with unknowns (p,).
 
         step: largest step of integration, in time constants of the fastest mode
 

@@ -361,7 +361,7 @@ class Responses:
         return total
 
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
-        """Return the response from a start (n,) with unknowns (p,).
+        """Return the response from an initial state (n,) with unknowns (p,).
 
         Raises FloatingPointError where the simulation is not finite.
         """
@@ -394,7 +394,7 @@ class Responses:
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
         """Return the slopes of the states after each of some steps, (steps, n, n + p).
 
-        They are slopes by the states before the step and by θ.
+        They are derivatives with respect to the states before the step and to θ.
         """
         n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
@@ -460,7 +460,7 @@ class Responses:
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """Return the (N, k, n + p) slopes of the measured quantities by states and parameters.
+        """Return the (N, k, n + p) derivatives of the measured quantities in states and parameters.
 
         states: (N, n)
         inputs: (N, m)
@@ -513,7 +513,7 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 
     They are those before a sequence of steps and after every `count`-th step.
 
-    change: (steps, n, n + p), slopes of the states after a step by those before it and by θ
+    change: (steps, n, n + p), derivatives of the states after a step in those before it and in θ
     S: (n, p + n), sensitivities before the sequence
     """
     n = change.shape[1]

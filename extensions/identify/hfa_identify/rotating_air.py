@@ -5,9 +5,9 @@ aircraft. With the white noise n that moves alpha, the pitch rate relative to th
 
     q - z / τ,   z' = -z / τ + n,   τ = 4 b / (π V).
 
-b is the wing span. z / τ is the gust's rate of change through a lag. The yaw rate follows likewise
-from beta, r + z / τ with 3 b / (π V). The roll rate of the air has an independent noise. Angular
-accelerations depend on these rates. The lift due to the pitch rate of the air is neglected.
+b is the wing span. z / τ is the gust's rate of change through a lag. The yaw rate follows from beta
+in the same way: r + z / τ, with 3 b / (π V). The roll rate of the air has an independent noise.
+Angular accelerations depend on these rates. The lift due to the pitch rate of the air is neglected.
 
 Source: MIL-F-8785C, 1980, section 3.7.1.
 """

@@ -115,7 +115,8 @@ class Search:
     def _thin(self) -> OutputError:
         """The search in thinned records.
 
-        In turbulence the whole records are fitted, because the gain belongs to their samples.
+        In turbulence the whole records are fitted, because the filter gain holds for their sample
+        time.
         """
         if self.responses.turbulent:
             return self._whole

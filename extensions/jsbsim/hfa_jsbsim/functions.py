@@ -56,7 +56,7 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
     """Return the linear interpolation between points (x1, y1, x2, y2, ...), constant beyond the
     ends.
 
-    The interval is found by bisection, as in JSBSim, also where the x do not increase.
+    The interval is found by bisection, as in JSBSim, even where the x do not increase.
     """
     points = list(zip(pairs[::2], pairs[1::2], strict=True))
 
@@ -102,7 +102,7 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Return whether a value counts as true. JSBSim regards less than 1e-9 as false."""
+    """Return whether a value counts as true. JSBSim regards a magnitude below 1e-9 as false."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 

@@ -210,7 +210,7 @@ class Properties:
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
         """Note that the memory of a component is omitted.
 
-        is_never: whether it is omitted also where it could be a state
+        is_never: whether it is omitted even where it could be a state
         """
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
         self.left_out.setdefault(key, (component, what, is_never))

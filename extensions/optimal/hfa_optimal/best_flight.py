@@ -1,4 +1,4 @@
-"""The best flight found from a start to a trim, and its report."""
+"""The best flight found from an initial condition to a trim, and its report."""
 
 from __future__ import annotations
 
@@ -263,7 +263,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def plot(self) -> np.ndarray:
-        """Draw the flight and those of the policies in a figure of pyplot; return its Axes."""
+        """Draw the flight and those of the policies in a pyplot figure; return its Axes."""
         from matplotlib import pyplot
 
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
@@ -291,7 +291,7 @@ def bracket_of(
 
     bound: the proved lower bound
     z: (n,), deviations from the trim
-    start: the same by name
+    start: the deviations by name
     cost: cost of the best flight found, or None without one
     """
     lower = float(bound.bound(z[None])[0])
@@ -344,7 +344,7 @@ def best_flight(
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
     Q, R: as `hfa.game` accepts them; R of the inputs that move
-    seconds: the horizon; by default so long that the end costs less than .1 %
+    seconds: the horizon; by default so long that the flight after it costs less than 0.1 %
     inputs: the inputs that move, the others held at the trim; by default all
     limits: state -> (lowest, highest), absolute, in place of the flight envelope's
     start: the earlier name of `initial`, for one version

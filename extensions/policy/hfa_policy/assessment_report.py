@@ -507,7 +507,7 @@ class Assessment(Result, Reported):
         return drawn_assessment(self, new_figure(9.0, 4.0))
 
     def plot(self) -> np.ndarray:
-        """Draw the picture of `figure` in a figure of pyplot; return its Axes."""
+        """Draw the picture of `figure` in a pyplot figure; return its Axes."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return np.array(drawn_assessment(self, pyplot_figure(9.0, 4.0)).axes)

@@ -313,8 +313,8 @@ def _refuse_undefined(
 ) -> np.ndarray:
     """Return the values of the entries of a table of the deployment file, (k,).
 
-    Raises BadInputError where a value, or its derivative by one of the varied arguments, is not a
-    number.
+    Raises BadInputError where a value, or its derivative with respect to one of the varied
+    arguments, is not a number.
     """
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))

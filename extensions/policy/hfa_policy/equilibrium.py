@@ -31,11 +31,11 @@ _AT_CLIP = 1e-9
 
 
 class Frames(NamedTuple):
-    """Derivatives of a policy by the observations of several samples.
+    """Derivatives of a policy with respect to the observations of several samples.
 
-    K: (m', k), -∂u/∂x by the linear states of the last sample alone.
-    K_inputs: (m', m'), ∂u/∂u by the inputs before that sample.
-    past: (m', p), ∂u by the earlier observations, the oldest first.
+    K: (m', k), -∂u/∂x, with x the linear states of the last sample alone.
+    K_inputs: (m', m'), ∂u/∂u, with respect to the inputs before that sample.
+    past: (m', p), derivatives of u with respect to the earlier observations, the oldest first.
     C: (observations, k), slopes of an observation with respect to the states.
     D: (observations, m'), slopes of an observation with respect to the inputs.
     """
@@ -62,7 +62,7 @@ class Equilibrium:
     clipped_observations: saturated observations.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
     basis: (k, r), basis of the coordinates of A, B, C and K, or None for the linear states.
-    frames: slopes by each sample of the history, or None for a single sample.
+    frames: derivatives with respect to each sample of the history, or None for a single sample.
     """
 
     states: np.ndarray
@@ -220,8 +220,8 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs, and their derivatives by the linear states and the previous
-        inputs."""
+        """Return the commanded inputs, and their derivatives with respect to the linear states and
+        the previous inputs."""
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
@@ -229,7 +229,7 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual and its Jacobian by linear states and commanded inputs, or nan."""
+        """Return the residual and its Jacobian in linear states and commanded inputs, or nan."""
         X, U = self._parts(z)
         count = len(self.moving)
         try:
@@ -272,7 +272,7 @@ class EquilibriumSearch:
         return by_states[:, self.rows], by_inputs[:, self.columns]
 
     def _frames(self, X: np.ndarray, U: np.ndarray) -> Frames:
-        """Return the slopes by each sample of the history."""
+        """Return the derivatives with respect to each sample of the history."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         past = np.tile(o, self.deployed.deployment.history - 1)
         sampled = self.deployed.sampled
@@ -296,8 +296,8 @@ class EquilibriumSearch:
         """Return the derivatives (m', k + m') of the commanded inputs, averaged at kinks, with
         notes.
 
-        The derivatives are by the linear states and the previous inputs. Each entry at a kink has a
-        note.
+        They are taken with respect to the linear states and the previous inputs. Each entry at a
+        kink has a note.
         """
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded

@@ -159,7 +159,7 @@ def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
 
     At the same checkpoint the normalizer has seen one observation of each environment more than the
     policy has taken steps. A second call of `learn` restarts the count. The result is therefore
-    False if the last observations show that they belong together."""
+    False if the last observations show that both are of the same checkpoint."""
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False
     for original in (normalizer.last, stored.last_original):

@@ -67,9 +67,9 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
         Σ_j |w'B_j| n_j min(1 / |Re λ|, 60 s) / Σ_l |w_l| b_l
         max_j |C_j v| / (Σ_l |C_jl| b_l max_l (|v_l| / b_l))
 
-    n are the nominal inputs, b is the box, and C are the slopes of the observations by the states.
-    The first ratio is the motion by held nominal inputs over that by the box. The second is the
-    change of an observation as a part of its range.
+    n are the nominal inputs, b is the box, and C are the derivatives of the observations with
+    respect to the states. The first ratio is the motion by held nominal inputs over that by the
+    box. The second is the change of an observation as a part of its range.
 
     Where no slow mode is out of reach, all modes are judged. Otherwise the loop lacks all modes out
     of reach. The fast ones among them decay. Their coupling hardly changes the radius of the loop

@@ -111,7 +111,7 @@ def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Compa
 
 
 def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -> np.ndarray:
-    """Return the derivative of `Comparison.exact` by an entry of the plant, (N,)."""
+    """Return the derivative of `Comparison.exact` with respect to an entry of the plant, (N,)."""
     return in_signs(file, answer_change(plant, P, *position))
 
 

@@ -1,4 +1,4 @@
-"""Exact answer of a plant as typed, and its derivatives by the entries of the plant."""
+"""Exact answer of a plant as typed, and its derivatives with respect to the plant's entries."""
 
 from __future__ import annotations
 
@@ -201,8 +201,8 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 def answer_change(
     plant: Plant, P: np.ndarray, name: str, row: int, column: int
 ) -> Mapping[str, np.ndarray]:
-    """Return the derivatives of `answer_of` by an entry of the plant, and by its mirror in Q and
-    R.
+    """Return the derivatives of `answer_of` with respect to an entry of the plant, together with
+    its mirror in Q and R.
 
     The policies are stationary, so that dP solves Lyapunov's equation of the closed loop."""
     zero = replace(

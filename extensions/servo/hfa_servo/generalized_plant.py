@@ -363,9 +363,9 @@ def solve_plant(plant: GeneralizedPlant, delta: float) -> OutputFeedback | State
 
     Where nothing crosses and D11 = 0:
 
-        A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0,  Y likewise of the transposed plant,
-        Ck = -R⁻¹B2'X,  Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹,  Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2,
-        R = D12'D12,  V = D21 D21'
+    A'X + XA + C1'C1 - X (B2 R⁻¹B2' - δ⁻²B1 B1') X = 0, Y from the same equation of the transposed
+    plant, Ck = -R⁻¹B2'X, Bk = (I - δ⁻² Y X)⁻¹ Y C2'V⁻¹, Ak = A + δ⁻²B1 B1'X + B2 Ck - Bk C2, R =
+    D12'D12, V = D21 D21'
 
     A controller exists where δ is above the gain of D11 that no controller can reduce, X >= 0 and Y
     >= 0 stabilize, and ρ(XY) < δ². Source: Doyle, Glover, Khargonekar, Francis, IEEE Trans.

@@ -49,7 +49,7 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CostInequality(OnPiece):
-    """The inequality of a lower bound, as a question for `cover`.
+    """The inequality of a lower bound, as a property that `cover` proves.
 
     plant: the aircraft; its state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
@@ -190,7 +190,7 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the edge to halve of each undecided box, and -1 for decided boxes, (N,).
+        """Return for each undecided box the edge to halve, and -1 for decided boxes, (N,).
 
         Raises RefutedError where g < 0 or the set meets a face of the cube.
         """

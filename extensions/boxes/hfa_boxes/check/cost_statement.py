@@ -74,7 +74,7 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """The largest level, which is the bound where W is larger."""
+        """The largest level of the pieces, which is the bound where their W are larger."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Branch and bound: proof that functions are positive on a set within a cube.
 
-The cube |y_i| <= 1 is halved again and again, across the edge that the question chooses, until on
-each box every function is bounded from below by a positive number or the box is outside the set.
+The cube |y_i| <= 1 is halved again and again, across the edge that `Question.edges` chooses, until
+on each box every function is bounded from below by a positive number or the box is outside the set.
 Centers and half widths are dyadic, so that they are doubles without rounding. The order is fixed,
 so that the proof is repeated without a stored tree."""
 

@@ -76,8 +76,8 @@ def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
 
 @dataclass(frozen=True, eq=False)
 class Decrease(OnPiece):
-    """Question for `cover`: -W' > 0 on the set except at the equilibrium, and limits and extents
-    hold.
+    """Property that `cover` proves: -W' > 0 on the set except at the equilibrium, and limits and
+    extents hold.
 
     plant: the loop
     extents: (n, 2), lowest and highest z in the set
@@ -106,7 +106,7 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return the edge to halve of each unproved box, and -1 for the others, (N,).
+        """Return for each unproved box the edge to halve, and -1 for the others, (N,).
 
         Raises RefutedError at a point where a function is negative.
         """

@@ -132,7 +132,7 @@ class Symbols(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnPiece(Question):
-    """Question about an aircraft on the set of a piece, decided on boxes.
+    """Property of an aircraft on the set of a piece, decided on boxes.
 
     plant: the aircraft with its limits
     equilibrium: enclosure of the equilibrium states, or states and inputs

@@ -160,7 +160,8 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """Return the first signal whose stated limits do not suit the loop, or None if all do.
+    """Return the first signal whose stated limits do not agree with the model's own, or None if all
+    do.
 
     Input limits define the saturation and must equal the model's. Limits of states and outputs may
     be narrower."""

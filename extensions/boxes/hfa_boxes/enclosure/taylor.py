@@ -72,7 +72,8 @@ class Models(NamedTuple):
         return self.c[:, 0]
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
-        """Return one model whose value on each box is that of the index in `values`."""
+        """Return one model that contains, for each index in `boxes`, the value with the index in
+        `values` on that box."""
         of_radius = (each[values, boxes][None] for each in (self.radius, self.own))
         return Models(self.c[values, :, boxes].T[None], *of_radius)
 

@@ -75,7 +75,7 @@ class CostBound:
     witness: its evidence
     boxes: number of boxes of each piece
     seconds: processor time of the fit and of the proof of each piece
-    stopped: why a further level is not proved, or "" if all levels that were tried are
+    stopped: why a further level is not proved, or "" if all tried levels are proved
     """
 
     statement: CostStatement

@@ -581,8 +581,8 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
 
     outputs: requested kind ("policy") -> name of its output, or "" for all outputs of the graph
 
-    The key is the requested kind, or the name of the output where several belong to one kind.
-    Raises BadInputError for a name that the graph does not have.
+    The key is the requested kind, or the name of the output where one kind has several. Raises
+    BadInputError for a name that the graph does not have.
     """
     names = [item.name for item in graph.output]
     found = {}

@@ -80,7 +80,7 @@ def pivots(values: arb_mat) -> list[arb] | None:
 def is_positive_definite(values: arb_mat) -> bool:
     """Return whether every symmetric matrix in the matrix of balls is positive definite.
 
-    The result is False also where that is not decided.
+    The result is also False where this is not decided.
     """
     diagonal = pivots(values)
     return diagonal is not None and all(pivot > 0 for pivot in diagonal)

@@ -291,7 +291,7 @@ def interpolation_errors(
 ) -> dict[str, arb]:
     """Return bounds on a box of the relative errors of A, B and K, and of the error of U.
 
-    They are |A - Â| / |A|, likewise of B and K, and |U - Û| in nominal values.
+    They are |A - Â| / |A|, the same ratios of B and K, and |U - Û| in nominal values.
     """
     model = tables.flight.model
     nominal = np.array([model.signals[name].nominal for name in model.inputs])

@@ -303,7 +303,7 @@ class ScheduleStatement:
     """The loop of a flight, a controller and optionally actuators, at every scheduling value.
 
     loop: unstable modes of the loop, runs from `low` to `high` without gaps; 0 to all is open
-    modes: unstable modes of the aircraft alone, likewise
+    modes: unstable modes of the aircraft alone, as runs in the same form
     decay_rate: every eigenvalue lies left of -decay_rate in the runs of the loop whose most is 0,
         1/s, or 0 if there is no such run
     scheduled_rate: the loop stays stable while the scheduling value moves this fast, per s; or None

@@ -78,7 +78,7 @@ def _plot(value: Any) -> Callable[[], Any] | None:
 
 
 def _draw_poles(solution: Solution) -> Axes:
-    """Draw the poles of A - B K in a figure of pyplot, and return its Axes."""
+    """Draw the poles of A - B K in a pyplot figure, and return its Axes."""
     import control
     from matplotlib import pyplot
 
@@ -89,7 +89,7 @@ def _draw_poles(solution: Solution) -> Axes:
 
 
 def _draw_weights(run: TrainingRun) -> Axes:
-    """Draw the weights over time in a figure of pyplot, and return its Axes."""
+    """Draw the weights over time in a pyplot figure, and return its Axes."""
     from matplotlib import pyplot
 
     axes: Axes = pyplot.figure(layout="constrained").subplots()

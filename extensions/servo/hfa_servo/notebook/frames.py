@@ -57,8 +57,8 @@ def _values(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def draw_curves(value: Any, *names: Any) -> np.ndarray:
-    """Draw named values of a flight over time, or of a sweep over its last variable, in a figure of
-    pyplot, and return its Axes.
+    """Draw named values of a flight over time, or of a sweep over its last variable, in a pyplot
+    figure, and return its Axes.
 
     names: texts, or one list of them
     """

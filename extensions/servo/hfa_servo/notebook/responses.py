@@ -104,8 +104,7 @@ def _values(kind: str, named: Mapping[str, Any], names: Sequence[str]) -> list[n
 
 
 def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
-    """Draw the Bode plots of the named inputs and outputs in a figure of pyplot, and return its
-    Axes."""
+    """Draw the Bode plots of the named inputs and outputs in a pyplot figure; return its Axes."""
     from matplotlib import pyplot
 
     from trim.linear.frequency import draw_bode
@@ -115,7 +114,7 @@ def bode(model: LinearModel, inputs: Names, outputs: Names) -> np.ndarray:
 
 
 def draw_poles(model: LinearModel) -> Axes:
-    """Draw the poles and zeros in a figure of pyplot, and return its Axes."""
+    """Draw the poles and zeros in a pyplot figure, and return its Axes."""
     import control
     from matplotlib import pyplot
 
@@ -149,8 +148,7 @@ def transfer_function(
 
 
 def nyquist(model: LinearModel, inputs: Names, outputs: Names) -> Axes:
-    """Draw the Nyquist plot from one input to one output in a figure of pyplot, and return its
-    Axes.
+    """Draw the Nyquist plot from one input to one output in a pyplot figure, and return its Axes.
 
     Raises BadInputError for several inputs or outputs.
     """
