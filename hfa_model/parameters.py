@@ -193,7 +193,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """Read a named set or a file. Raises BadInputError as `load_parameters` does."""
+    """Return a named set, or the set of a file. Raises BadInputError as `load_parameters` does."""
     data = read_named("parameters", name, NAMED, "hfa_model", _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields

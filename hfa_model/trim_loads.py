@@ -89,8 +89,8 @@ def _loads_in_si(loads: Any) -> Any:
 
 
 def with_loads(point: Any, report: Report) -> Report:
-    """Add the loads on the aircraft and its panels, and its performance, to the report of a
-    point."""
+    """Return the report of a point with the loads on the aircraft and its panels, and its
+    performance."""
     aircraft = point.model
     forces = loads(aircraft, point.states, point.inputs)
     numbers = performance(point)

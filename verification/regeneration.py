@@ -154,7 +154,8 @@ class Regeneration(ByValue, Result, Reported):
 
 
 def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
-    """Draw regenerated minus printed entries, in half units of the last printed digit."""
+    """Return a figure of regenerated minus printed entries, in half units of the last printed
+    digit."""
     figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
     shown = [column for column in columns if any(entry.printed for entry in column)]

@@ -14,7 +14,8 @@ def stable_basis(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def ordered_basis(matrix: np.ndarray, job: bytes) -> tuple[np.ndarray | None, float]:
-    """Return the basis of the stable subspace, and its separation if requested by `job`.
+    """Return the basis of the stable subspace, or None without one of dimension n, and its
+    separation if requested by `job`.
 
     LAPACK is called directly, because SciPy's ordered Schur form calls Python for each eigenvalue
     and prints two lines after a signal.

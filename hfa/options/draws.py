@@ -21,7 +21,7 @@ def draws_option() -> Any:
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Add the spread of a result to its report where --draws is given.
+    """Return a report, with the spread of its result where --draws is given.
 
     subject: an operating point, a linear model, or (game, gain)
     """

@@ -16,7 +16,7 @@ from hfa.main import BAD_INPUT, DONE
 
 
 def plant_of_parts() -> None:
-    """Return a plant whose matrices are in the files A.csv and B.csv."""
+    """Write a plant whose matrices are in the files A.csv and B.csv."""
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
 

@@ -104,7 +104,7 @@ for commands in {lists}:
 
 
 def test_what_commands_do_not_import() -> None:
-    """Commands do not import the listed heavy libraries, also if they refuse their arguments."""
+    """Commands do not import the listed heavy libraries, even if they refuse their arguments."""
     program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True

@@ -19,7 +19,7 @@ DIGITS = "9" * 5000
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """Return every path below a folder with its content."""
+    """Return path -> content of every file below a folder, with None for a folder."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))

@@ -97,7 +97,7 @@ def test_parameters_envelope_and_pickles_are_converted() -> None:
 
 
 def test_names_that_sound_like_data_are_signals() -> None:
-    """Units are taken from the declaration of a signal, also if its name resembles that of other
+    """Units are taken from the declaration of a signal, even if its name resembles that of other
     data.
     """
     names = ("effort", "limits", "gust", "history", "noise")

@@ -76,8 +76,8 @@ def test_what_the_printed_tables_have(
 
 
 def test_derivative_is_hydrostatic() -> None:
-    """The derivative of the density by altitude is dρ/dH = -ρ (g/R - λ) / T with dH/dh = (r / (r +
-    h))².
+    """The derivative of the density with respect to altitude is dρ/dH = -ρ (g/R - λ) / T with dH/dh
+    = (r / (r + h))².
     """
     h = ca.SX.sym("h")
     slope = ca.Function("slope", [h], [ca.jacobian(density(h), h)])

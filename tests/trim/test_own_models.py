@@ -74,7 +74,7 @@ def test_slow_flights_of_the_book(
 
 
 def test_no_row_with_free_states_depends_on_others() -> None:
-    """A row with free states has the same bits alone and with others, also if the search begins at
+    """A row with free states has the same bits alone and with others, even if the search begins at
     the center of a cell of a table.
     """
     speeds = np.linspace(200.0, 700.0, 300)[:, None]

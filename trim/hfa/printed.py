@@ -174,7 +174,7 @@ def printed_at(point: OperatingPoint) -> PublishedModel | None:
 
 
 def compared_with_print(report: Report, model: LinearModel, published: PublishedModel) -> Report:
-    """Add the printed pair of the model's condition to the report."""
+    """Return the report with the printed pair of the model's condition."""
     printed = OfTheHfa(printed={"A": published.A, "B": published.B})
     beside = replace(
         report, title="", parts=(report, comparison_table(model, published)), notes=report.notes
@@ -256,7 +256,8 @@ class Bands(ByValue, Reported):
 def with_bands(
     report: Report, model: LinearModel, bands: Bands | None, other: LinearModel | None = None
 ) -> Report:
-    """Add the error bands of the entries, and the differences to the other dynamics, to a report.
+    """Return a report with the error bands of the entries, and the differences from the other
+    dynamics.
 
     A sentence states the possible errors of the entries. Both additions are omitted where unknown.
 

@@ -149,7 +149,7 @@ def bode_frequencies(model: LinearModel) -> np.ndarray:
 
 
 def with_transfers(report: Report, model: LinearModel) -> Report:
-    """Add the transmission zeros and a row for each nonzero transfer function to a report."""
+    """Return a report with the transmission zeros and a row for each nonzero transfer function."""
     responses = Responses(zeros_of(model), transfers(model))
     rows = []
     for transfer in responses.transfers:

@@ -85,7 +85,7 @@ def handling_qualities(point: OperatingPoint) -> list[Quantity]:
 
 
 def with_qualities(report: Report, point: OperatingPoint) -> Report:
-    """Add the handling qualities to the report of a linear model, one row each."""
+    """Return the report of a linear model with its handling qualities, one row each."""
     quantities = handling_qualities(point)
     if not quantities:
         return report
@@ -115,7 +115,7 @@ def _real_eigenvalue(linear: LinearModel, family: str) -> float | None:
 
 def _oscillation(linear: LinearModel, family: str) -> tuple[float, float] | None:
     """Return natural frequency and damping of a conjugate pair, or of two real eigenvalues of one
-    sign."""
+    sign, or None for other eigenvalues."""
     values = _eigenvalues(linear, family)
     if len(values) == 1 and values[0].imag:
         values = [values[0], values[0].conjugate()]
@@ -144,7 +144,8 @@ def _anticipation(linear: LinearModel, frequency: float) -> list[Quantity]:
 
 
 def _n_per_alpha(linear: LinearModel) -> float | None:
-    """Return d(load factor)/d(alpha) in the steady state of the short period, 1/rad."""
+    """Return d(load factor)/d(alpha) in the steady state of the short period, 1/rad, or None
+    without it."""
     model = linear.model
     family = tuple(name for name in model.modes["short period"] if name in linear.states)
     if linear.outputs != ("load_factor",) or "alpha" not in family or len(family) != 2:

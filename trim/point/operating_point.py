@@ -151,7 +151,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     @property
     def scheduled(self) -> dict[str, float] | None:
-        """Scheduling variable of models without a dihedral angle."""
+        """Scheduling variable -> value, or None for models with a dihedral angle."""
         if self.model.extras.names_schedule:
             return None
         name = self.model.schedule

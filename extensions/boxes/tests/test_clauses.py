@@ -191,15 +191,15 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _through_the_faces(content: Content) -> None:
-    """Return a certificate whose V decreases in all of the cube and whose set leaves it."""
+    """Change a certificate to one whose V decreases in all of the cube and whose set leaves it."""
     content["statement"]["piece"]["c"] = 1.5
     content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}
     content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
 
 
 def _about(level: float) -> Callable[[Content], None]:
-    """Return a certificate about another level with more inflow, so that the valve saturates on one
-    side.
+    """Return a change of a certificate to another level with more inflow, so that the valve
+    saturates on one side.
     """
 
     def change(content: Content) -> None:

@@ -135,7 +135,7 @@ def constant(s: Any, w: Any) -> None:
 
 
 def inexact(s: Any, w: Any) -> None:
-    """Return a model with 3 times 0.1, which is rounded."""
+    """Set the coefficient of a cubic term to 0.1, whose product with 3 is rounded."""
     cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
     cubic[0] = 0.1
 

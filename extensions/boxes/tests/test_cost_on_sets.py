@@ -32,7 +32,8 @@ def inequality_of(
 
 
 def test_a_set_at_a_face_is_refuted_there() -> None:
-    """W = 0.5 at the centers of the faces y_1 = ±1, where the level is 0.6."""
+    """A set that meets a face is refuted at a point of it: W = 0.5 at the centers of the faces y_1
+    = ±1, and the level is 0.6."""
     W = Polynomial(2, ((0.5, (2, 0)), (0.75, (0, 2))))
     inequality = inequality_of(W, np.eye(2), 0.6, (1.0, 1.0))
     with pytest.raises(RefutedError, match="face") as refuted:

@@ -67,7 +67,7 @@ def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
 def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
-    """Sharpened bounds contain every operation, also if the last input is known only within 0.01
+    """Sharpened bounds contain every operation, even if the last input is known only within 0.01
     half widths.
     """
     generator = np.random.default_rng(0)
@@ -123,7 +123,7 @@ def _rounded(y: ca.SX) -> dict[str, ca.SX]:
 
 @pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
 def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
-    """Sharpened bounds contain rounding, also if rounding is the only error."""
+    """Sharpened bounds contain rounding, even if rounding is the only error."""
     y = ca.SX.sym("y", 2)
     program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
     linear = np.zeros((2, 3, 1))

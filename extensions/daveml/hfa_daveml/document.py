@@ -276,7 +276,7 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table of a function, defined in it or by reference.
+        """Return the table of a function, defined in it or by reference, or None without one.
 
         The element `griddedTable` is of version 1.
         """

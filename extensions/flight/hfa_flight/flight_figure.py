@@ -33,7 +33,7 @@ def flight_figure(result: Flight, title: str) -> Figure:
 
 
 def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
-    """Draw a flight over time on an empty figure and set its size.
+    """Draw a flight over time on an empty figure, set its size, and return it.
 
     There is a panel for each state that moves, one for the inputs of each unit, and one for an
     updraft.

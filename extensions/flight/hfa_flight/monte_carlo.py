@@ -173,7 +173,7 @@ def member_loop(plan: MonteCarlo) -> CompiledLoop:
 
 
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
-    """Draw and simulate one member."""
+    """Draw one member, and return its flight."""
     scenario = plan.member(member)
     aircraft = plan.aircraft[member] if plan.aircraft else plan.model
     parameters = with_errors(aircraft, scenario).p

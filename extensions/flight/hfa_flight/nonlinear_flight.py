@@ -164,7 +164,8 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> Flight:
-    """Simulate a nonlinear loop about its trim, up to the first tick outside the envelope.
+    """Return the flight of a nonlinear loop about its trim, up to the first tick outside the
+    envelope.
 
     There is no prediction of the linear model.
 

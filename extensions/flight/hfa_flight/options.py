@@ -284,7 +284,8 @@ def turbulence_option() -> Any:
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
-    """Return the turbulence with the altitude of --hold if its level states none."""
+    """Return the turbulence, or None without one. A level without an altitude gets that of
+    --hold."""
     if typed is None or typed.level not in LEVELS or typed.altitude is not None:
         return typed
     return replace(typed, altitude=hold.get("altitude"))
@@ -418,8 +419,8 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """Return the gust, or the turbulence of one flight. The turbulence of members is drawn
-        later.
+        """Return the gust, the turbulence of one flight, or None without either. The turbulence of
+        members is drawn later.
         """
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)

@@ -105,7 +105,7 @@ class CompiledLoop:
         stop: Callable[[Deviations], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Deviations:
-        """Simulate the loop's scenario, or one that differs from it only in numbers.
+        """Return the flight of the loop's scenario, or of one that differs from it only in numbers.
 
         parameters: parameters of the plant
         policy: replaces the loop's own, from which it differs only in its held inputs

@@ -83,7 +83,7 @@ class StepFlight(Result, Reported):
 def fly_steps(
     problem: DiscreteGame, K: np.ndarray, policy: str, start: np.ndarray, count: int
 ) -> StepFlight:
-    """Simulate u = -K x.
+    """Return the flight of u = -K x.
 
     problem: x⁺ = A x + B u, its costs and its discount
     K: (m, n)

@@ -14,7 +14,7 @@ from hfa_identify.parameter_spread import ParameterSpread
 
 
 def test_the_figure_shows_differences_of_drawn_flights() -> None:
-    """Each line ends with the difference of its aircraft from the original, also if the aircraft
+    """Each line ends with the difference of its aircraft from the original, even if the aircraft
     leaves its limits before the end.
 
     States that do not move have no row.

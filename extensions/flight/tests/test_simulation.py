@@ -108,7 +108,7 @@ def pendulum(
 
 
 def test_method_of_order_4_where_constants_jump_too() -> None:
-    """The method is of order 4, also if the constants jump."""
+    """The method is of order 4, even if the constants jump."""
     found = [pendulum(4.0, 0.05 / parts).fly().states[::parts] for parts in (1, 2, 4)]
     coarse, fine = (np.abs(one - other).max() for one, other in pairwise(found))
     assert 12.0 < coarse / fine < 20.0

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def identified_figure(
     identified: Identified, make: Callable[[float, float], Figure] = new_figure
 ) -> Figure:
-    """Draw one row for each quantity, with the records one after the other.
+    """Return a figure with one row for each quantity and the records one after the other.
 
     Measured samples and the fitted response are at the left, and their difference at the right.
 

@@ -92,7 +92,7 @@ class Parts:
                 raise engine.error(refusal(engine))
 
     def section(self, name: str) -> Element | None:
-        """Return the first section of this name."""
+        """Return the first section of this name, or None without one."""
         return next((part for part in self.sections if part.name == name), None)
 
     def systems(self) -> list[Element]:

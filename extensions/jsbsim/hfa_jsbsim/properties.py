@@ -220,7 +220,7 @@ class Properties:
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Return the component that sets a property last."""
+        """Return the component that sets a property last, or None if none sets it."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 

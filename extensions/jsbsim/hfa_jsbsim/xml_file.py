@@ -84,7 +84,7 @@ class Element:
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
-        """Return its first child of this name."""
+        """Return its first child of this name, or None without one."""
         return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:

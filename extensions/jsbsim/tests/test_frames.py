@@ -118,7 +118,7 @@ def test_unsettled_begin_is_reported(monkeypatch):
 
 
 def test_disturbances_are_refused():
-    """A sine on the rate of a state is refused, although it is 0 at the begin."""
+    """A sine on the rate of a state is refused, although it is 0 at the beginning."""
     model = read_model("jsbsim:737")
     point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
     amplitude = np.full(len(model.linear), 1e-3)

@@ -26,7 +26,8 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """Draw a panel for each state of the linear model and for each input that moves.
+    """Draw a panel for each state of the linear model and for each input that moves, and return the
+    figure.
 
     flights: flights with their names in the legend, the best one first."""
     names = [*problem.states, *problem.inputs]

@@ -175,7 +175,7 @@ def test_the_initial_condition_has_two_names_for_one_version() -> None:
 
 
 def test_an_input_that_does_not_move() -> None:
-    """Two forces would share the work."""
+    """An input that is not selected stays at its trim. With both forces the flight costs less."""
     forces = {name: hfa.Signal("N", min=-1.0, max=1.0) for name in ("front", "rear")}
     model = replace(
         cart(),

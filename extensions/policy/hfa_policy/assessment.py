@@ -113,7 +113,7 @@ class AssessedPoint(Result):
 
     @property
     def equilibrium(self) -> Equilibrium | None:
-        """The equilibrium of the sampled loop."""
+        """The equilibrium of the sampled loop, or None where it does not exist."""
         return self.place.equilibrium
 
     @property
@@ -149,14 +149,14 @@ class AssessedPoint(Result):
 
     @property
     def equilibrium_states(self) -> dict[str, float] | None:
-        """State -> value at the equilibrium."""
+        """State -> value at the equilibrium, or None without one."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
     def equilibrium_inputs(self) -> dict[str, float] | None:
-        """Input -> value at the equilibrium."""
+        """Input -> value at the equilibrium, or None without one."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
@@ -376,7 +376,7 @@ def _nearer(
     widths: np.ndarray,
 ) -> Equilibrium | None:
     """Return the equilibrium at which the flight from the trim ends, or the one found by Newton's
-    method."""
+    method, or None without either."""
     if elsewhere is None:
         return equilibrium
     if equilibrium is None:

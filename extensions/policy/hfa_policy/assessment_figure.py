@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
-    """Draw the spectral radius over the delay and the outcomes of the flights, for each trim.
+    """Draw the spectral radius over the delay and the outcomes of the flights for each trim, and
+    return the figure.
 
     If all flights have the same outcome, disk margins replace the outcomes.
     """

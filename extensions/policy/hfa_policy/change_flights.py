@@ -167,7 +167,8 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """Fly each change from initial conditions shared among the trims.
+        """Return the results of flights with each change, from initial conditions shared among the
+        trims.
 
         The sample time and the delay are those of the deployment unless given.
         """

@@ -128,7 +128,8 @@ class AircraftEnvironment(gymnasium.Env):
         return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
-        """Return the picture of the episode so far, (height, width, 3)."""
+        """Return the picture of the episode so far, (height, width, 3), or None without a render
+        mode."""
         if self.render_mode is None:
             return None
         from hfa_policy.episode_figure import episode_picture

@@ -385,7 +385,8 @@ class FlownRows:
         )
 
     def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
-        """Return the number of the flight that first leaves the envelope, and its departure."""
+        """Return the index of the flight that first leaves the envelope, and its departure or
+        None."""
         soonest = lost[self.times[lost] == self.times[lost].min()]
         envelope = flight_envelope(place.point.model, place.point)
         seconds = float(self.times[soonest[0]])
@@ -443,7 +444,8 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the oscillation of the flight that begins at a row, as `limit_cycle` finds it."""
+    """Return the oscillation of the flight that begins at a row, as `limit_cycle` finds it, or
+    None."""
     model = place.point.model
     X, memory, *_ = flight.slices
     m = len(model.inputs)

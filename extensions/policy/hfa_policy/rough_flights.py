@@ -78,7 +78,8 @@ def rough_flights(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> list[RoughFlights]:
-    """Fly a deployment from each trim, at most 20 times where something is random, otherwise once.
+    """Return the flights of a deployment from each trim: at most 20 where something is random,
+    otherwise one.
 
     scenarios: noise, gust and turbulence at each trim, from `rough_scenario`.
     """

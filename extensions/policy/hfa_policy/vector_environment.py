@@ -29,7 +29,8 @@ class AircraftVectorEnvironment(VecEnv):
         self._began = time.monotonic()
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Set the seed of all initial conditions from the next reset on."""
+        """Set the seed of all initial conditions from the next reset on, and return it for each
+        episode."""
         if seed is not None:
             refuse_unless_whole("seed", seed, 0)
         self._random = np.random.default_rng(seed)

@@ -73,7 +73,7 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Observations on lines prove the missing normalizer of SAC, also if they are small. Clipped
+    """Observations on lines prove the missing normalizer of SAC, even if they are small. Clipped
     ones are on no line.
     """
     original = np.random.default_rng(1).normal(size=(8, 4))
@@ -86,7 +86,7 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
     """No normalizer is missed for a SAC trained without one: its observations are equal or one
-    sample apart, and far apart at the begin of episodes.
+    sample apart, and far apart at the beginning of episodes.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))

@@ -103,7 +103,8 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Return a request for the time with which every printed digit is right, or "" without one."""
+    """Return the question whether the time with which every printed digit is right was meant, or ""
+    without such a time."""
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
         if "H" in file.answer and not plant.is_discrete:

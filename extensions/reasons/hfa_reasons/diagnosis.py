@@ -293,7 +293,8 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return P, if given, and K of a critic in balanced units, with the exact ones."""
+    """Return P, or None where not given, and K of a critic in balanced units, with the exact
+    ones."""
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None

@@ -18,7 +18,7 @@ def value_error(form: NormalForm, P: np.ndarray, vector: np.ndarray) -> float:
 
     form: normal form of the game, not turned
     P: (n, n), in the user's coordinates
-    v: (n,), in the user's coordinates
+    vector: v, (n,), in the user's coordinates
 
     A change R of the Riccati equation at P changes P by D with L'D + D L = -R, L = A - S P. v'D v
     is the sum of Z R entry by entry where L Z + Z L' = -v v'. The weights are therefore 2 P Z for

@@ -101,7 +101,7 @@ def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
 
 
 def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
-    """Two processes write the bytes of one, and a resumed run changes none, also if a chunk has
+    """Two processes write the bytes of one, and a resumed run changes none, even if a chunk has
     nan+0j.
     """
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
@@ -319,7 +319,7 @@ def test_another_description_of_an_array_is_refused(path: Path, what: str) -> No
 
 
 def of_format_2(path: Path, job: RowJob) -> None:
-    """Return a store of Zarr's format 2 with pickled chunks and the job's attributes."""
+    """Write a store of Zarr's format 2 with pickled chunks and the job's attributes."""
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
     attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}

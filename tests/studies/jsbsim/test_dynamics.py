@@ -11,8 +11,8 @@ from studies.jsbsim.dynamics import slopes, thrust_miss, trimmed
 
 @pytest.mark.slow
 def test_slopes_and_thrust_are_those_of_jsbsim() -> None:
-    """A, B and thrust agree with JSBSim to 1e-6, and the derivative of the roll rate by beta to
-    5e-6.
+    """A, B and thrust agree with JSBSim to 1e-6, and the derivative of the roll rate with respect
+    to beta to 5e-6.
     """
     model, point = trimmed("T38")
     agree, entries, _ = slopes("T38", model, point)

@@ -99,8 +99,8 @@ def test_the_signals_are_those_that_the_paper_prints() -> None:
 def test_tracking_is_what_another_study_found(
     dihedral: float, law: str, changes: dict[str, Any], expected: tuple[float, float, float]
 ) -> None:
-    """Printed matrices; the study was made with the other sign of one entry of A, which moves the
-    third digit."""
+    """The rms errors on the printed matrices agree with another study. It used the other sign of
+    one entry of A, which changes the third digit."""
     errors = flown(COARSE | changes, FlightPlan(dihedral, law), matrices="printed").metrics[
         "rms_error"
     ]

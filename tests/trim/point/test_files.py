@@ -19,7 +19,7 @@ from trim import load_condition
 
 
 def test_round_trip_is_bit_for_bit(point: OperatingPoint, tmp_path: Path) -> None:
-    """A saved point is read with equal bits, also if it has a denormal number."""
+    """A saved point is read with equal bits, even if it has a denormal number."""
     awkward = replace(
         point, inputs=point.inputs._replace(throttle=0.1 + 0.2, aileron_center=-5e-324)
     )

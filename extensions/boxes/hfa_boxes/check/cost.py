@@ -63,7 +63,7 @@ class CostInequality(OnPiece):
 
     @property
     def at_once(self) -> int:
-        """Boxes of a batch."""
+        """Number of boxes that are evaluated in one batch."""
         return self._values.at_once
 
     @cached_property

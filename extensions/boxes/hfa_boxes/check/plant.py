@@ -208,5 +208,5 @@ def facts(model: Model) -> dict[str, Any]:
 
 
 def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """Return the limits as stored in a file."""
+    """Return the limits as stored in a file, where an infinite one is None."""
     return [end if np.isfinite(end) else None for end in limits]

@@ -89,7 +89,7 @@ class Program:
     function: SX or MX function of one vector.
 
     Group 0 contains the constant 1 and the inputs. A coefficient is the double nearest to a
-    rational: within 2⁻⁵³ of itself.
+    rational number, with a relative error of at most 2⁻⁵³.
 
     Raises BadInputError for an operation that cannot be enclosed, and for too large a function.
     """

@@ -301,7 +301,8 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level at which a margin of 0 or less was found, and the point z (n,).
+        """Return the lowest level at which a margin of 0 or less was found, and the point z (n,),
+        or None if none was found.
 
         margins: z (N, n) -> (N,)
         count: of rays
@@ -467,7 +468,7 @@ class Growth:
         return True
 
     def _good(self, level: float) -> Shape | None:
-        """Return the largest admissible set of fits up to a level.
+        """Return the largest admissible set of fits up to a level, or None without one.
 
         The obstacle of one fit is a row of the next.
         """
@@ -497,7 +498,7 @@ class Growth:
 
     def _fitted(self, level: float) -> Shape | None:
         """Return the V of least mean with V >= 1 where the last V reaches a level, and V' < 0 below
-        it."""
+        it. The result is None if the linear program has no solution."""
         last = self.shape.in_cube()
         basis = last.basis
         checked = int(_CHECKED * max(self._samples.share, 0.1))

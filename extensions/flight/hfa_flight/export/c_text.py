@@ -102,7 +102,7 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write text files, name -> text, in UTF-8 to a folder, all or none.
+    """Write text files, name -> text, in UTF-8 to a folder, all or none, and return their paths.
 
     The folder is created if necessary.
     """

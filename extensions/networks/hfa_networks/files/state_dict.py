@@ -263,7 +263,7 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
 def _normalizer_of(
     found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
 ) -> Normalizer | None:
-    """Return the normalizer of a network's inputs, among those of a file."""
+    """Return the normalizer of a network's inputs, among those of a file, or None without one."""
     own = {stem: each for stem, each in found.items() if _is_of_critic(stem) == of_critic}
     if of_critic:
         for stem in own:
@@ -274,7 +274,10 @@ def _normalizer_of(
 
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
-    """Return the one of a kind that belongs to the layers."""
+    """Return the only one of a kind, or the only one whose name begins like the layers' names.
+
+    The result is None for an empty `found`. Raises BadInputError where more than one may be meant.
+    """
     if len(found) < 2:
         return next(iter(found.values()), None)
     begins = {name.partition(".")[0] for name in layers}

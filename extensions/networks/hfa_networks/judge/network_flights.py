@@ -126,7 +126,8 @@ class InTime:
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K."""
+        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K, or None unless F
+        is Hurwitz."""
         from scipy.linalg import solve_continuous_lyapunov
 
         linear = self._worst - self._game.B @ K
@@ -171,7 +172,8 @@ class InSteps:
         return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K."""
+        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K, or None unless
+        √α F is stable."""
         from scipy.linalg import solve_discrete_lyapunov
 
         moved = math.sqrt(self._exact.discount) * (self._worst - self._exact.game.B @ K)
@@ -369,7 +371,7 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> Flown:
-    """Simulate flights of a network from the box |z_i| <= b_i.
+    """Return the results of flights of a network from the box |z_i| <= b_i.
 
     No flight is simulated if its numbers are not finite or its linear loop is unstable.
 

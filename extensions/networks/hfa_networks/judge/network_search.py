@@ -160,7 +160,7 @@ def findings(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Return the result of `search`, and a proof.
+    """Return the result of `search`, and a proof or None.
 
     The proof is of the limit for all errors where no larger one is found. Otherwise it is of
     `_MARGIN` times the error of the policy. A larger error found by the proof begins another

@@ -79,8 +79,8 @@ def bounds_of_modes(A: TaylorModel) -> tuple[tuple[int, int], list[Line]]:
 def _candidates(A: TaylorModel, rate: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield H (n, n) for the middle of a box, and coordinates T in which to prove it.
 
-    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. Each h suits
-    another set of additions. N is the largest effect of a set in these coordinates, and h = y/x
+    H = T⁻ᵀ diag(±h) T⁻¹ with the eigenvectors T of the middle, in which it is normal. Each h is for
+    a different set of additions. N is the largest effect of a set in these coordinates, and h = y/x
     with G x = 1, G'y = 1 and G = diag|Re λ + a| - N. Where G has a positive inverse, diag(h) G + G'
     diag(h) is positive definite (Berman and Plemmons 1979). h = 1/|Re λ + a| is that of Lyapunov's
     equation, for additions smaller than their entries allow. Where eigenvectors are dependent,

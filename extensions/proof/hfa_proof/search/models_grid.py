@@ -146,7 +146,8 @@ class GridSearch:
         return cell
 
     def _solved(self, box: Box, linear: LinearModelBox) -> Cell:
-        """Raise Rejected where the solution of the game is not found."""
+        """Return the cell with the proved solution of the game. Raises Rejected where none is
+        proved."""
         solution_box = _solution_near(self._game, self._weights, linear)
         for reach in _REACHES:
             tried = replace(solution_box, reach=arb(reach * float(solution_box.reach)))

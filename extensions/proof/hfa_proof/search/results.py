@@ -131,12 +131,13 @@ class InterpolatedModels(StatesAndInputs, Result):
 
     @property
     def dihedral_deg(self) -> Vector | None:
-        """Nodes, degrees."""
+        """Breakpoints of the dihedral angle, degrees, or None for another aircraft."""
         return self.statement.breakpoints if self.model.extras.names_schedule else None
 
     @property
     def scheduled(self) -> Mapping[str, Vector] | None:
-        """Return scheduling variable -> nodes, for an aircraft other than the HFA."""
+        """Return scheduling variable -> breakpoints for an aircraft other than the HFA, else
+        None."""
         if self.model.extras.names_schedule:
             return None
         return {self.model.schedule: self.statement.breakpoints}

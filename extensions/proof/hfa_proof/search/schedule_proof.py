@@ -91,6 +91,7 @@ def prove_schedule(
     progress: Progress | None = None,
 ) -> Proof:
     """Prove or refute, box by box, that the loop is Hurwitz, and bound the unstable modes of A.
+    Return the proof.
 
     loop: controller and actuators, or gains u = -K x
     moving: whether to prove also how fast the scheduling value may move
@@ -152,8 +153,8 @@ class ScheduleSearch:
             yield box
 
     def _prove_loop(self, box: Box) -> ProvedBox | None:
-        """Prove that the loop on a box is stable with a decay rate, or else its number of unstable
-        modes."""
+        """Return a box on which the loop is proved stable with a decay rate, or else its number of
+        unstable modes. The result is None where neither is proved."""
         linear = self.linear_model(box)
         if isinstance(self.loop.actuators, UncertainActuators):
             pieces = find_pieces(linear, self.family.model, self.loop)

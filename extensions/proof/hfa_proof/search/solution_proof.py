@@ -395,7 +395,8 @@ def prove_critic(
     family: Family | None = None,
     scheduling_value: float | None = None,
 ) -> Proof:
-    """Prove the distance of a critic's W, P and K from the exact ones, and that A - B K is Hurwitz.
+    """Return a proof of the distance of a critic's W, P and K from the exact ones, and of whether A
+    - B K is Hurwitz.
 
     `proved` of the result is True if A - B K is proved Hurwitz.
 

@@ -26,8 +26,8 @@ Balls = list[Any]
 
 
 def escaped(dynamics: str, radius: float, points: int, seed: int = 0) -> int:
-    """Return random points of a box of states and inputs whose rates, at 200 bits, are outside the
-    enclosure.
+    """Return the number of rates outside the enclosure at random points of a box of states and
+    inputs, with rates computed to 200 bits.
     """
     random = np.random.default_rng(seed)
     rates = BallFunction(rates_function(VARIANTS[dynamics]))

@@ -104,8 +104,8 @@ def test_a_missing_certificate_is_said(tmp_path: Path) -> None:
 def test_where_alpha_is_free_derivative_follows_pitch_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Derivatives of the trim equations by each unknown equal central differences, with pitch =
-    alpha + gamma.
+    """Derivatives of the trim equations with respect to each unknown equal central differences,
+    with pitch = alpha + gamma.
     """
     condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"elevator_outer": 0.0})
     flights = Family(hfa.aircraft(), condition)

@@ -109,7 +109,7 @@ def test_the_loop_is_that_of_its_parts(order: int) -> None:
 
 @pytest.mark.parametrize("apart", [0.0, 200.0])
 def test_loop_with_memory_may_move_fast_proved_verified(tmp_path: Any, apart: float) -> None:
-    """A loop with filters and actuators is proved and verified, also if their modes are equal."""
+    """A loop with filters and actuators is proved and verified, even if their modes are equal."""
     speeds = np.diag(np.linspace(400.0, 400.0 + apart, len(SENSORS)))
     controller = replace(filtered(), A=-np.array([speeds, speeds]), B=np.array([speeds, speeds]))
     actuators = {

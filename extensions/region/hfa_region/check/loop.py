@@ -209,8 +209,8 @@ class RegionLoop:
         )
 
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
-        """Return 1 - command / room below and above, positive where that input limit does not
-        bind."""
+        """Return 1 - command / room below and above, positive where that input limit does not bind,
+        each None without that limit."""
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)
         one = Polynomial.constant(arb(1))

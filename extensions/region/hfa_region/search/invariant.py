@@ -208,7 +208,7 @@ def _falls(
 ) -> tuple[bool, np.ndarray | None]:
     """Return whether V' < 0 and the limits hold at the samples of a level.
 
-    The state of the largest V' is returned too, if V' is not negative there.
+    The state of the largest V' is returned too if V' is not negative there, else None.
     """
     points = edge_points(V, T, level) @ T.T
     if not len(points):

@@ -355,7 +355,7 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return evidence that a part contains no point of the unit ball."""
+    """Return evidence that a part contains no point of the unit ball, or None if none is found."""
     constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))

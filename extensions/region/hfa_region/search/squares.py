@@ -129,8 +129,8 @@ class Squares:
         return identity
 
     def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
-        """Add -m'Q m factor to an identity, with a new Q and the monomials m of degree low to
-        high.
+        """Add -m'Q m factor to an identity, with a new Q and the monomials m of degree low to high.
+        Return the new Gram matrix.
         """
         size = len(monomials(self.variables, low, high))
         gram = Gram(low, high, size, identity.number, len(identity.grams))

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 
 def _to_json(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns a result as JSON, or writes it to a file."""
+    """Return the method that returns a result as JSON or writes it to a file, or None for another
+    value."""
     if not isinstance(value, Reported):
         return None
 
@@ -36,7 +37,8 @@ def _to_json(value: Any) -> Callable[..., Any] | None:
 
 
 def _to_series(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns the values of an operating point by name."""
+    """Return the method that returns the values of an operating point by name, or None for another
+    value."""
     if not isinstance(value, OperatingPoint):
         return None
 
@@ -49,7 +51,8 @@ def _to_series(value: Any) -> Callable[[], Any] | None:
 
 
 def _to_scipy(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a linear model as SciPy's `StateSpace`."""
+    """Return the method that returns a linear model as SciPy's `StateSpace`, or None for another
+    value."""
     if not isinstance(value, LinearModel):
         return None
 
@@ -101,7 +104,8 @@ def _draw_weights(run: TrainingRun) -> Axes:
 
 
 def _replace(value: Any) -> Callable[..., Any] | None:
-    """Return the method that returns a game, model or condition with other fields."""
+    """Return the method that returns a game, model or condition with other fields, or None for
+    another value."""
     has_fields = isinstance(value, (Game, Model, TrimCondition))
     return partial(replace, value) if has_fields else None
 
@@ -112,12 +116,14 @@ def _history(value: Any) -> Any:
 
 
 def _to_pandas(value: Any) -> Callable[[], Any] | None:
-    """Return the method that returns a table of named entries, such as modes."""
+    """Return the method that returns a table of named entries, such as modes, or None for another
+    value."""
     return partial(entries_frame, value) if isinstance(value, ByName) else None
 
 
 def _linearize(value: Any) -> Callable[..., LinearModel] | None:
-    """Return the method that returns a linear model itself, or with options that at its point."""
+    """Return the method that returns a linear model itself, or with options the model that they
+    give at its point. The result is None for another value."""
     if not isinstance(value, LinearModel):
         return None
 
@@ -128,7 +134,7 @@ def _linearize(value: Any) -> Callable[..., LinearModel] | None:
 
 
 def _root_locus(value: Any) -> Callable[[], Any] | None:
-    """Return the method that draws the root locus of a sweep."""
+    """Return the method that draws the root locus of a sweep, or None for another value."""
     return value.plot if isinstance(value, Sweep) else None
 
 
