@@ -104,7 +104,7 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
         functions = reading.functions(len(game.A), game.names.states)
         parts = single_parts(entries, game.names, functions)
         if reading.lists_functions and "W" not in parts:
-            raise BadInputError("--basis accepts a list only for weights W; none are given")
+            raise BadInputError("--basis accepts a list only for weights W; give W or a basis name")
         return (from_parts(game, parts, functions),)
 
 

@@ -57,7 +57,9 @@ def critics_over_time(
         )
     for name, array in rows.items():
         if len(array) != len(times):
-            raise BadInputError(f"{name} has {len(array)} rows and there are {len(times)} times")
+            raise BadInputError(
+                f"{name} has {len(array)} rows, time {len(times)}; give one row per time"
+            )
     psi = basis(functions, len(game.A))
     critics = []
     for index, time in enumerate(times.tolist()):

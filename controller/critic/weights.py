@@ -43,8 +43,8 @@ def from_weights(
         count = functions.numel_out(0)
         if functions.numel_in(0) != n or weights.shape != (count,):
             raise BadInputError(
-                f"there are {weights.size} weights and {n} states; the features are {count} "
-                f"functions of {functions.numel_in(0)} states"
+                f"W has {weights.size} weights and the plant {n} states; the basis needs {count} "
+                f"weights and {functions.numel_in(0)} states"
             )
         from controller.critic.expressions import from_functions
 
@@ -54,7 +54,7 @@ def from_weights(
     psi = basis(functions, n) if isinstance(functions, str) else functions
     if weights.shape != (psi.size,):
         raise BadInputError(
-            f"there are {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
+            f"W has {weights.size} weights; basis {psi.name!r} on {psi.states} states has "
             f"{psi.size}: name the basis of these weights"
         )
     P = psi.matrix(weights)

@@ -57,7 +57,7 @@ def _table(name: str, path: Path) -> tuple[np.ndarray, list[str], list[str]]:
         raise ValueError(f"{name} has no numbers; give rows of numbers")
     if len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
-        raise ValueError(f"{name} has rows of {cells} cells")
+        raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
     return np.array(rows, dtype=float), row_names, column_names
 
 

@@ -29,7 +29,7 @@ def structures(path: Path) -> dict[str, Any]:
     try:
         done = subprocess.run(command, capture_output=True, timeout=_LONGEST)
     except subprocess.TimeoutExpired as error:
-        raise ValueError(f"reading it takes longer than {_LONGEST:g} s") from error
+        raise ValueError(f"reading it takes longer than {_LONGEST:g} s; save it as .npz") from error
     if done.returncode:
         message = ""
         if done.returncode == 1:

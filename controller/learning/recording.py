@@ -114,7 +114,9 @@ def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | Non
     n = game.A.shape[0]
     widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
     if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
-        raise BadInputError(f"the box needs {n} positive half-widths, not {widths.tolist()}")
+        raise BadInputError(
+            f"the box's half-widths are {widths.tolist()}; give {n} positive numbers"
+        )
     return record(game, np.random.default_rng(seed).uniform(-widths, widths, (count, n)))
 
 

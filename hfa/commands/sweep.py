@@ -157,8 +157,8 @@ def sweep(request: SweepRequest) -> int:
     """Trim and linearize an aircraft over a grid of conditions, and track its modes.
 
     Every variable of a trim can be swept (--hold speed=60:70:2), and so can every parameter of the
-    aircraft (--hold NAME=9:11:1). Points without a trim are rows with their reason. Exit code
-    1 when no point has a trim. --resume continues an interrupted sweep into a store."""
+    aircraft (--hold NAME=9:11:1). A point without a trim is a row that gives the reason. Exit
+    code 1 when no point has a trim. --resume continues an interrupted sweep into a store."""
     if not request.stored:
         stores = " or ".join(_suffixes(STORE)) or " of a package that writes stores"
         request.refuse(OF_A_STORE, f"needs a store; add -o FILE{stores}")

@@ -85,8 +85,8 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
         count="+",
     )
     set: Mapping[str, Any] = setting_option(
-        "setting of the learning law; with --weights predefined_time=S; of a network scale=a,b,... "
-        "(factor on each state); of a state dict activation=HIDDEN[,OUTPUT], as in relu,tanh",
+        "setting of the learning law; of a critic over time: predefined_time=S; of a network: "
+        "scale=a,b,... (factor on each state); of a state dict: activation=HIDDEN[,OUTPUT]",
         _SETTINGS,
     )
     discount: float | None = option(
@@ -115,7 +115,7 @@ class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions)
     )
     draws: int | None = draws_option()
     picture: Path | None = picture_option(
-        "P learned, exact, difference, and errors over time; of several critics their errors"
+        "learned and exact P, their difference, and errors over time; errors of several critics"
     )
 
 

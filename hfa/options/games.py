@@ -54,7 +54,7 @@ def diagonal(text: str) -> np.ndarray:
 def _diagonal_option(name: str) -> Any:
     """Return the field of a diagonal weight."""
     about = f"diagonal of {name}; default"
-    help_text = of_hfa(f"{about}: that of the paper", f"{about} {USUAL_WEIGHTS[name]}")
+    help_text = of_hfa(f"{about}: the paper's", f"{about} {USUAL_WEIGHTS[name]}")
     return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
 
 

@@ -169,7 +169,7 @@ def named_model(typed: Mapping[str, Any]) -> Model:
         for name in ("dynamics", "parameters"):
             if name in typed:
                 raise BadInputError(
-                    f"--{name} applies only to the HFA; --hold imposes parameters of --aircraft"
+                    f"--{name} applies only to the HFA; use --hold for parameters of --aircraft"
                 )
         note_read(typed["aircraft"].rpartition(":")[0])
         return load_model(typed["aircraft"])
@@ -278,7 +278,11 @@ class TrimOptions(HfaOptions):
         condition_help, "FILE", OfModel(condition_or_list), rare=True
     )
     free: tuple[str, ...] = option(
-        "variable that the trim finds; repeatable", "NAME", OfModel(_name), repeated=True, rare=True
+        "variable that the trim solves for; repeatable",
+        "NAME",
+        OfModel(_name),
+        repeated=True,
+        rare=True,
     )
     glide: bool = option("trim a glide: lowest throttle, free flight-path angle", rare=True)
     hold: Mapping[str, Any] = option(_usual, "NAME=VALUE", OfModel(quantity), named=True)

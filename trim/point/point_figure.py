@@ -22,7 +22,9 @@ def draw_point(point: OperatingPoint) -> Axes:
     for a point that no search found, and for a model without limits.
     """
     if point.problem is None:
-        raise BadInputError("no search found this point, so it has no limits; trim the model")
+        raise BadInputError(
+            "this point is not the result of a trim, so it has no limits; trim the model"
+        )
     limited = []
     for margin in all_margins(point.problem.asked, point).values():
         if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest:

@@ -260,7 +260,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _draw_locus(self, figure: Figure) -> Figure:
         """Draw the root locus on an empty figure, and return the figure."""
         if not self.mode_names:
-            raise BadInputError("no point of the sweep has a trim: no root locus is drawn")
+            raise BadInputError(
+                "no point of the sweep has a trim; sweep other values to draw a root locus"
+            )
         slow = self.slow
         parts = [("all modes", np.ones(len(slow), dtype=bool))]
         if slow.any() and not slow.all():
@@ -549,7 +551,8 @@ def run_plan(plan: SweepPlan, progress: Progress | None = None) -> Sweep:
     """Return the sweep of a plan, in memory."""
     if plan.count > MOST_POINTS:
         raise BadInputError(
-            f"the sweep has {plan.count:,} points; a grid of at most {MOST_POINTS:,} fits in memory"
+            f"the sweep has {plan.count:,} points; at most {MOST_POINTS:,} fit in memory; use"
+            " larger steps"
         )
     model = plan.model
     rows = run_points(*plan.task(0, plan.count), progress)  # type: ignore[call-arg]

@@ -111,7 +111,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
-        "setting of the learning law, for example predefined_time=2; of a network in --weights "
+        "setting of the learning law, such as predefined_time=2, or of a network in --weights: "
         "activation or scale",
         READING_SETTINGS,
     )
@@ -349,7 +349,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     actuators: tuple[float, ...] | None = actuators_option()
     fault: tuple[float, ...] | None = option(
-        "actuator fault of all surfaces: factor on the command, bandwidth (rad/s), begin (s)",
+        "fault of all actuators: factor on the command, bandwidth (rad/s), start time (s)",
         _FAULT,
         numbers(_FAULT, 3, otherwise=(0.0,)),
         rare=True,
@@ -375,7 +375,7 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
     gust: tuple[float, ...] | None = gust_option()
     envelope: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in place of its flight envelope (alpha: relative to the air), degrees "
+        "limits of a state, replacing its flight envelope (alpha: relative to the air), degrees "
         "for angles; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
@@ -440,8 +440,8 @@ class FlightOptions(ScenarioOptions):
     controller: Path | None = controller_option()
     policy: Path | None = card_option()
     command: Mapping[str, list[tuple[float, float]]] = option(
-        f"steps of a state from its trim value, s and degrees; of an input with --law {NONE}; "
-        "repeatable",
+        f"commanded steps of a state from its trim value (s, degrees), or of an input with --law "
+        f"{NONE}; repeatable",
         _COMMAND,
         OfModel(_command),
         named=True,

@@ -226,7 +226,7 @@ def test_basis_in_words_or_as_function_and_constant(game: Game) -> None:
         game, from_weights(game, np.diag(value(game)), squares), scope=on_the_box(1)
     ).ok
     with pytest.raises(
-        BadInputError, match="there are 6 weights and 6 states; the features are 22 functions"
+        BadInputError, match="W has 6 weights and the plant 6 states; the basis needs 22 weights"
     ):
         from_weights(game, np.ones(6), features_of(FEATURES, 6))
 

@@ -158,7 +158,7 @@ def test_the_file_names_the_basis_unless_somebody_does() -> None:
             {"times": TIMES, "W": W * np.array([[1.0], [1.0], [1e60]])},
             r"W\[2\]\[0\] is 6e\+60; entries must not exceed 1e\+50",
         ),
-        ({"times": TIMES[:2], "W": W}, "W has 3 rows and there are 2 times"),
+        ({"times": TIMES[:2], "W": W}, "W has 3 rows, time 2; give one row per time"),
         ({"times": TIMES, "K": np.ones((1, 2))}, "and W .rows of weights., P or K"),
     ],
 )

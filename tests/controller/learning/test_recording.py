@@ -172,7 +172,7 @@ def test_malformed_stacks_are_refused() -> None:
         Stack(np.zeros((1, 2)), np.array([[np.nan, 0.0]]))
     with pytest.raises(BadInputError, match=r"must be \(N, 2\)"):
         record(game, np.zeros((4, 3)))
-    with pytest.raises(BadInputError, match="2 positive half-widths"):
+    with pytest.raises(BadInputError, match=r"half-widths are \[1.0, 0.0\]; give 2 positive"):
         random_pool(game, 10, 0, np.array([1.0, 0.0]))
     with pytest.raises(BadInputError, match="state 1 is 0 in every recorded sample"):
         record(game, np.array([[1.0, 0.0]])).channel_scales()

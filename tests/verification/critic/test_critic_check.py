@@ -578,6 +578,6 @@ def test_the_last_row_is_judged(
     )
     assert not check_history(game, history).ok
     with pytest.raises(
-        BadInputError, match="there are 20 weights; basis 'quadratic' on 6 states has 21"
+        BadInputError, match="W has 20 weights; basis 'quadratic' on 6 states has 21"
     ):
         check_history(game, critics_over_time(game, TIMES, W=np.ones((len(TIMES), 20))))

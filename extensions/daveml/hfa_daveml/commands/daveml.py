@@ -37,7 +37,7 @@ class DavemlRequest(OutputOptions):
 def daveml(request: DavemlRequest) -> int:
     """Compute the check cases of a DAVE-ML file and compare every output with its tolerance.
 
-    Exit code 0 if every output agrees, else 1; 1 also if there is no check case."""
+    Exit code 0 if every output agrees; 1 if one does not, or if there is no check case."""
     checked = checked_document(read_document(str(request.file)))
     show(checked.report(), request)
     return 0 if checked.ok else 1

@@ -46,15 +46,14 @@ class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
-        "folder for C source, .fmu file (FMU), or .m file (function that reads the .mat files "
-        "of models)",
+        "folder (C source), FILE.fmu (FMU) or FILE.m (function that reads models from .mat files)",
         "PLACE",
         output_file(".fmu", ".m", folder=True),
         names="-o --output",
         required=True,
     )
     law: str = option(
-        "gain to export: exact, certified; default exact in C, none in an FMU",
+        "gain to export: exact or certified; default: exact in C, none in an FMU",
         "NAME",
         one_of("exact", DEFAULT_LAW),
         default="",
@@ -70,11 +69,11 @@ def export(request: ExportRequest) -> int:
     """Write the aircraft for other tools; -o selects the format.
 
     A folder contains C source without dependencies: the equations, the trim of --at, A, B, a
-    gain, and a loop of 100 Hz. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
+    gain, and a 100 Hz loop. FILE.fmu is the nonlinear aircraft as an FMU 2.0, with --law in
     closed loop; it needs a C compiler. --controller FILE replaces the policy. --policy
-    DEPLOYMENT.toml writes only the command of a deployed policy at a sample, including normalizer,
-    clip and map. FILE.m is a function of MATLAB and Octave that makes state-space systems of the
-    .mat files of `hfa sweep` and `hfa linearize`."""
+    DEPLOYMENT.toml writes only a function that computes one sample's command of a deployed policy,
+    including its normalizer, clipping and mapping. FILE.m is a MATLAB and Octave function that
+    creates state-space systems from the .mat files of `hfa sweep` and `hfa linearize`."""
     names_no_policy = (
         not request.law
         and request.weights is None

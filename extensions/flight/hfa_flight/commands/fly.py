@@ -48,8 +48,8 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     output: Path | None = output_option(stores=(".zarr",), purpose=" (members)")
     picture: Path | None = picture_option("the flight, or the flights of --draws")
     steps: Path | None = option(
-        "your plant in discrete time: simulate it from --initial for --duration steps with the "
-        "game's policy or --weights",
+        "simulate your discrete-time plant from --initial for --duration steps, with the game's "
+        "policy or --weights",
         "FILE",
         input_file(*MATRIX_FILES),
         names="--model",
@@ -66,8 +66,8 @@ def fly(request: FlyRequest) -> int:
     """Simulate a policy on all states of the nonlinear aircraft and compare with the prediction of
     its linear model.
 
-    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without control. With gains
-    over the scheduling variable, a --command of this variable is followed along its trims.
+    `--law none --command elevator=1:2,2:-2,3:0` simulates a doublet without control. With
+    scheduled gains, a --command of the scheduling variable is followed along its trims.
     --samples N simulates N members: --error and --noise are then standard deviations, and each
     member has its own turbulence. Member k depends only on --seed and k. --draws N simulates N
     aircraft drawn from the uncertain parameters of --aircraft, at its trim and with its policy.
@@ -75,7 +75,7 @@ def fly(request: FlyRequest) -> int:
 
     --Q and --R add the cost of the flight.
 
-    --method jsbsim simulates an aircraft of JSBSim in JSBSim's frames, over its earth.
+    --method jsbsim simulates an aircraft of JSBSim with JSBSim's frames and its model of the earth.
 
     Exit code 1 when a state leaves its envelope, an input leaves its control limits, or an
     oscillation does not decay (--samples: in every member, --draws: in any)."""

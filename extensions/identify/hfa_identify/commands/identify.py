@@ -84,7 +84,9 @@ class IdentifyRequest(AircraftOptions, OutputOptions):
         input_file(*RECORDS),
     )
     columns: Path | None = option(
-        "names and units of the columns in a PX4 log (.ulg)", "FILE.toml", input_file(".toml")
+        "file with the names and units of the columns of a PX4 log (.ulg)",
+        "FILE.toml",
+        input_file(".toml"),
     )
     turbulence: bool = option(
         "also estimate turbulence (filter error); recorded speed, alpha and beta must be "
@@ -101,8 +103,8 @@ def identify(request: IdentifyRequest) -> int:
     maximum likelihood.
 
     The report gives estimates with 95 % bands corrected for colored residuals, correlations, and
-    the fit of each measured quantity. Exit 0: every parameter is determined; 1: the first line
-    names the others."""
+    the fit of each measured quantity. Exit code 0 if the records determine every parameter;
+    else 1, and the first line names the others."""
     from hfa_identify.aircraft_file import aircraft_text
     from hfa_identify.estimation import identify as identified_of
     from hfa_support.files import write_text

@@ -43,7 +43,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=4,
     )
     margin: float = option(
-        "relative slack of W below the cost; less slack needs more boxes; default 0.02",
+        "relative gap between W and the cost; a smaller gap needs more boxes; default 0.02",
         "PART",
         lambda text: _part(text),
         default=0.02,
@@ -55,13 +55,13 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         default=120.0,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in place of its flight envelope; repeatable",
+        "limits of a state, replacing its flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
-    resume: bool = option("continue with the pieces of the certificate given by -o", rare=True)
+    resume: bool = option("continue the unfinished certificate given by -o", rare=True)
     check: Path | None = option(
         "verify a certificate instead of proving", "FILE", input_file(".json")
     )

@@ -47,7 +47,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         named=True,
     )
     to: Mapping[str, float] = option(
-        "fly to the trim with this value, from that of the other options; repeatable",
+        "value at the final trim; the other options give the initial trim; repeatable",
         "NAME=VALUE",
         OfModel(quantity),
         named=True,
@@ -59,7 +59,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         default="cost",
     )
     starts: int | None = option(
-        "print a table over N initial conditions drawn in the default box",
+        "print a table over N initial conditions drawn from the default box",
         "N",
         whole(1, _MOST_STARTS),
     )
@@ -76,14 +76,14 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         rare=True,
     )
     limits: Mapping[str, tuple[float, float]] = option(
-        "limits of a state in place of its flight envelope; repeatable",
+        "limits of a state, replacing its flight envelope; repeatable",
         "NAME=LOW:HIGH",
         OfModel(span),
         names="--limit",
         named=True,
     )
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; compare with its lower bound of the cost",
+        "certificate of `hfa prove cost`; compare with its lower bound on the cost",
         "FILE",
         input_file(".json"),
     )

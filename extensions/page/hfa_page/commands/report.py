@@ -47,7 +47,8 @@ class ReportRequest(UnitsOption, TrimOptions):
     at: Range | None = scheduled(
         scheduled_range,
         "RANGE",
-        "shown in detail: a,b,c or start:stop:step; default: the printed 5 and 15",
+        "angles shown in detail: a number, a list a,b,c or a range start:stop:step; default: the "
+        "printed 5 and 15",
     )
     sweep: Range = option(
         "dihedral angles of the slider and the root locus, degrees; default 0:20:0.5",

@@ -91,9 +91,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     """Request of `hfa assess`."""
 
     cards: tuple[Path, ...] = option(
-        "deployment file with the observations, actions and timing of a policy, or with "
-        "--sample-time a file of a gain K; several files give one table, from the same initial "
-        "conditions",
+        "deployment file with the observations, actions and timing of a policy, or, with "
+        "--sample-time, a file with a gain K; several files are compared in one table, from the "
+        "same initial conditions",
         "DEPLOYMENT.toml",
         _card_path,
         names="cards",
@@ -157,7 +157,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
     )
     draws: int | None = draws_option()
     bound: Path | None = option(
-        "certificate of `hfa prove cost`; compare the flights of --best with its lower bound of "
+        "certificate of `hfa prove cost`; compare the flights of --best with its lower bound on "
         "the cost",
         "FILE",
         input_file(".json"),

@@ -25,9 +25,11 @@ class CheckRequest(PlantOptions, OutputOptions):
     """Request of `hfa prove check`: a certificate, and the data with which it must agree."""
 
     check: Path | None = option("certificate to verify", "FILE", input_file(".json"))
-    at: Any = scheduled(interval_of, "DEG|LOW:HIGH", "compared with the certificate")
+    at: Any = scheduled(
+        interval_of, "DEG|LOW:HIGH", "value or interval that the certificate must state"
+    )
     weights: Path | None = option(
-        "gains or critic, compared with the certificate",
+        "gains or critic that the certificate must state",
         "FILE",
         input_file(*MATRIX_FILES),
     )

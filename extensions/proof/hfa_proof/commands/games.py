@@ -40,7 +40,7 @@ class Stated(NamedTuple):
 class SolutionRequest(PlantOptions, OutputOptions):
     """Request of `hfa prove solution`."""
 
-    at: Any = scheduled(interval_of, "DEG", "taken as an exact decimal number")
+    at: Any = scheduled(interval_of, "DEG", "value of the game, read as an exact decimal number")
 
     def stated(self) -> Stated:
         """Return the game that the options name."""

@@ -46,7 +46,7 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         rare=True,
     )
     error: float = option(
-        "cover all values of the parameters within N standard errors; default 0",
+        "cover all parameter values within N standard errors; default 0",
         "N",
         not_negative,
         default=0.0,
@@ -56,7 +56,8 @@ class ScheduleRequest(WeightOptions, RangeOptions):
         "cover actuators of any bandwidth in the interval, rad/s", "LOW:HIGH", positive_interval
     )
     effectiveness: tuple[float, float] | None = option(
-        "cover a time-varying factor on each command; default 1; needs --bandwidth",
+        "cover a time-varying factor on each command, within LOW:HIGH; default 1; needs "
+        "--bandwidth",
         "LOW:HIGH",
         positive_interval,
         rare=True,

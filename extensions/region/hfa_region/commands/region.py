@@ -54,7 +54,8 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         input_file(".toml"),
     )
     set: Mapping[str, Any] = setting_option(
-        "for a network scale=a,b,... (factor on each state), for a state dict activation=tanh|...",
+        "setting of a network: scale=a,b,... (factor on each state); of a state dict: "
+        "activation=tanh|...",
         READING_SETTINGS,
     )
     check: Path | None = option(
