@@ -140,7 +140,7 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
-    """Return the test and the description of a sequence whose items are of given classes.
+    """Return the test and the description of a sequence whose items have given classes.
 
     The classes are X in `Sequence[X]` and `tuple[X, ...]`. Other sequences are checked as a whole.
     A text is not a sequence of texts.

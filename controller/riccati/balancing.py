@@ -36,9 +36,11 @@ class Spectrum(NamedTuple):
     def axis_distance(self) -> float:
         """Relative distance min_ω σ_min(M - jω I) / ‖M‖₂ of the balanced M, accurate to `SHARP` or
         to rounding. This is the distance of M, relative to its norm, from the nearest matrix with
-        an eigenvalue on the imaginary axis. Unlike |Re λ| it does not mislead when an eigenvalue is
-        badly conditioned. A double eigenvalue on the axis is computed with |Re λ| of about 1e-8
-        ‖M‖, but its axis_distance is of the order of rounding, 1e-16."""
+        an eigenvalue on the imaginary axis.
+
+        Unlike |Re λ| it does not mislead when an eigenvalue is badly conditioned. A double
+        eigenvalue on the axis is computed with |Re λ| of about 1e-8 ‖M‖, but its axis_distance is
+        of the order of rounding, 1e-16."""
         return self.nearest_to_axis()[0]
 
     def nearest_to_axis(self) -> tuple[float, float]:

@@ -37,7 +37,7 @@ def by_schur(form: NormalForm) -> np.ndarray:
 def unrefined(form: NormalForm) -> np.ndarray:
     """Return X by the Schur form to about ten digits, much faster than `by_schur`, for a search.
 
-    X is 0 where Q = 0 and A is Hurwitz, because the Schur form gives rounding there.
+    X is 0 where Q = 0 and A is Hurwitz, because the Schur form would give rounding in its place.
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)

@@ -30,7 +30,7 @@ def add(left: Pair, right: Pair) -> Pair:
 
 
 def _sum(left: np.ndarray, right: np.ndarray, low: np.ndarray) -> Pair:
-    """Return left + right + low, where low is at the size of the rounding of the others."""
+    """Return left + right + low, where low has the size of the rounding of left + right."""
     high = left + right
     back = high - left
     low = (left - (high - back)) + (right - back) + low

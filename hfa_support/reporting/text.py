@@ -191,7 +191,7 @@ def columns(
 
 
 def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
-    """Return the numbers of the columns of each block: the first column and as many others as
+    """Return the indices of the columns of each block: the first column and as many others as
     fit."""
     if width is None or not widths:
         return [[*range(len(widths))]]

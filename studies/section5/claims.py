@@ -134,8 +134,8 @@ def measure_of(said: str | Mapping[str, Any]) -> Measure:
 
     HOW is worst, smallest, spread or ratio. The spread is the largest (largest - smallest) /
     largest between the flights. It is inf when a number is inf in some flights only. A number that
-    is inf in all flights (an error that never settles) is left out. The ratio is that to the same
-    number of the others.
+    is inf in all flights (an error that never settles) is left out. The ratio is the number divided
+    by the same number of the flights `to`.
     """
     if isinstance(said, str):
         return NAMED[said]

@@ -93,7 +93,7 @@ OTHERS = (
 
 @pytest.fixture(scope="module")
 def results(site: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Result]:
-    """Return the output of the commands of the page and of the others."""
+    """Return the outputs of the commands of docs/extending.md and of further commands."""
     folder = tmp_path_factory.mktemp("aircraft")
     write_package(folder)
     shutil.rmtree(folder / "hfa_pointmass")

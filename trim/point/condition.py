@@ -115,7 +115,7 @@ class TrimCondition:
         tables.
 
         scheduled: rad for an angle, or None for the condition's own value. Where the variable is
-            free the search begins there.
+            free the search begins at this value.
         hold: name -> further imposed value
 
         Raises BadInputError outside the breakpoints of a table, and where a value is outside its

@@ -38,9 +38,9 @@ def read_condition(
     shipped: name -> file in `trim.hfa`, for the conditions of the paper's aircraft
 
     The table [impose] has entries variable = value, or variable = [[breakpoint, value], ...]. An
-    angle is in degrees under its name with the suffix _deg (alpha_deg), in rad without. `free` is a
-    list of variables. The table [limits] has entries variable = [lowest, highest], also with _deg.
-    Raises a BadInputError that names the file, the entry and the fault.
+    angle is in degrees under its name with the suffix _deg (alpha_deg), and in rad without the
+    suffix. `free` is a list of variables. The table [limits] has entries variable = [lowest,
+    highest], also with _deg. Raises a BadInputError that names the file, the entry and the fault.
     """
     data = read_named("condition", name, shipped, "trim.hfa", _FILE)
     model = usual.model

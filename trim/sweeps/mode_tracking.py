@@ -68,9 +68,9 @@ def track_modes(
     nearly parallel or change much from point to point. This happens in 3 % of random crossings of
     shapes a few degrees apart, on 11 to 41 points. More points avoid it.
 
-    Eigenvalues that coincide at a point have no shapes of their own there. After it they are paired
-    with the last point at which they were distinct. Those that coincide at every point, such as two
-    integrators, need no order.
+    Eigenvalues that coincide at a point have no shapes of their own. After that point they are
+    paired with the last point at which they were distinct. Those that coincide at every point, such
+    as two integrators, need no order.
     """
     for name in states:
         refuse_unknown("unknown state", name, model.states)

@@ -128,7 +128,7 @@ def test_pitch_and_yaw_gusts_follow_the_gradients(spectrum) -> None:
 
 def test_scales_and_intensities_are_those_of_the_specification() -> None:
     """Scales and intensities follow the formulas at low altitude (30 kn at 20 ft) and Figure 7 at
-    high altitude, and are linear between.
+    high altitude, and are linear between these altitudes.
     """
     low = scales_and_intensities("moderate", 500.0, "dryden")
     assert low.lengths == pytest.approx((944.657, 944.657, 500.0), rel=1e-4)

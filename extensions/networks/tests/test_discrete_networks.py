@@ -101,7 +101,7 @@ def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
 
 
 def test_constant_in_u_off_origin_rests_off_trim() -> None:
-    """A policy with a constant in u is wrong at the origin, and its equilibrium is off trim."""
+    """A policy with a constant in u is wrong at the origin, and its equilibrium is not the trim."""
     problem = problem_of()
     exact = exact_of(problem)
     verdict = check_discrete(

@@ -117,8 +117,8 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 @pytest.mark.parametrize("kind", LINES)
 def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
-    """Every node lies between its lines at both ends, at 0 and between. Half of them come within 10
-    % of one.
+    """Every node lies between its lines at both ends of its range, at 0, and at points between
+    them. Half of the nodes come within 10 % of a line.
     """
     of = {
         "tanh": np.tanh,
@@ -277,8 +277,8 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
 
 @pytest.mark.slow
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
-    """The stored policy of 6-32-32-5 is proved within its error. Its equilibrium is off trim, so
-    that its cost is unbounded.
+    """The stored policy of 6-32-32-5 is proved within its error. Its equilibrium is not the trim,
+    so that its cost is unbounded.
     """
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))

@@ -205,10 +205,10 @@ class ChangeFlights:
         """Return the largest deviation from the trim in the last window of each flight, and half
         its range.
 
-        Both are of the linear state with the largest, in half-widths of its initial-condition box,
-        (N,) each.
+        Both are those of the linear state with the largest deviation, in half-widths of its
+        initial-condition box, (N,) each.
 
-        owners: (N,), the number of the trim of each flight.
+        owners: (N,), the index of the trim of each flight.
         """
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model

@@ -34,7 +34,7 @@ class CostLost(Result):
         samples.
     mean: mean over all initial conditions.
     sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
-        without; a step of dt costs dt (x'Qx + u'Ru) at its start.
+        without delay; a step of dt costs dt (x'Qx + u'Ru) at its start.
     sampled_mean: mean over all initial conditions.
     """
 

@@ -22,7 +22,7 @@ from trim.point.operating_point import OperatingPoint
 class Nonlinearity(NamedTuple):
     """Largest |u - u_rest + K z| found for any commanded input over the box of z.
 
-    It is relative to the largest |K z| there.
+    It is relative to the largest |K z| over that box.
 
     part: this ratio, a lower bound of the true one.
     state: linear state -> z at the largest deviation.

@@ -134,7 +134,8 @@ class Outcome(Result):
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
     slowest: s, longest time of convergence.
-    cycle: the limit cycle of the others, or about an unstable equilibrium, or None without one.
+    cycle: the limit cycle of flights that do not converge, or one about an unstable equilibrium, or
+        None without one.
     elsewhere: number of flights that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium.
     moving: number of flights that neither converge nor leave the limits within `seconds`.

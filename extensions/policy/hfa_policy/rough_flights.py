@@ -36,7 +36,8 @@ class RoughFlights(Result):
     inside: number that stay inside the envelope.
     seconds: duration of a flight, s.
     disturbed_by: description of noise, gust or turbulence.
-    rms: linear state or commanded input -> root mean square off trim, inside the envelope.
+    rms: linear state or commanded input -> root mean square deviation from the trim, inside the
+        envelope.
     calm: root mean squares of a flight without noise in still air.
     departure: departure of the flight that leaves the envelope first, or None.
     air: the gust or turbulence, in a line, or "" for none.
@@ -152,11 +153,10 @@ def _turbulence_text(turbulence: Turbulence | None) -> str:
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
-    """Return two rows for each trim: flights inside the envelope, and root mean squares off trim.
+    """Return two rows for each trim: flights inside the envelope, and root mean square deviations
+    from the trim. Two rows of the calm flight follow.
 
-    Two rows of the calm flight follow.
-
-    trims: the text of each
+    trims: the text of each trim
     units: of the entries of `rms`
     """
     names = [

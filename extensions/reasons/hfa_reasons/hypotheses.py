@@ -68,7 +68,7 @@ class View(NamedTuple):
 
     @property
     def noun(self) -> str:
-        """Kind of answer that the matrix belongs to."""
+        """What the matrix is: a solution or a gain."""
         return "solution" if self.kind == "P" else "gain"
 
     @property

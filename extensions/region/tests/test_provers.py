@@ -41,7 +41,8 @@ def kinked(tmp_path: Path) -> list[str]:
 def test_kinks_and_tables_are_proved_on_boxes(
     kinked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The set extends beyond both kinks. Its certificate states K, so that it is checked alone."""
+    """The set extends beyond both kinks. Its certificate states K, so that it is checked without
+    further options."""
     proof = str(tmp_path / "proof.json")
     words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "1", "-o", proof]
     assert main(words) == 0

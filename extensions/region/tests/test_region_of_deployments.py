@@ -25,8 +25,8 @@ def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]
 
 
 def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
-    """The continuous policy has the input of the file at (0.1 rad, -0.3 rad/s), and omissions are
-    stated.
+    """The continuous policy has the input of the file at (0.1 rad, -0.3 rad/s), and the effects
+    that the proof omits are stated.
     """
     file = Path(card(tmp_path)[-1])
     model = load_model(PENDULUM[1])

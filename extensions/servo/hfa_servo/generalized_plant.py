@@ -682,7 +682,7 @@ def _coupling_by_radius(
     """Return whether ρ(XY) < δ² by more than the error of ρ.
 
     ρ(XY) = max a'X a over the a with a a' <= Y. To first order a change of X adds a'(dX)a at the
-    maximizing a. b = X a ρ^-½ does the same for Y.
+    maximizing a. Likewise a change of Y adds b'(dY)b, with b = X a ρ^-½.
     """
     radius, a = _radius(X, Y)
     if radius == 0.0:

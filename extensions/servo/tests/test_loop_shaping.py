@@ -337,8 +337,9 @@ def test_two_surfaces_alone_leave_the_phugoid_undamped(dynamics: str, degrees: f
     """With two surfaces the zeros s, at which [A - s I, B; C, D] loses rank, are at 0.67 rad/s in
     the right half plane.
 
-    They are the poles of a loop that holds both outputs tightly, and gusts excite them. Pitch in
-    place of A_z has none there. With the inputs of the servo the rank is full at those s.
+    They are the poles of a loop that holds both outputs tightly, and gusts excite them. With pitch
+    in place of A_z there are no such zeros. With the inputs of the servo the rank is full at those
+    s.
     """
     two = ("aileron_outer", "elevator_center")
     zeros = {}

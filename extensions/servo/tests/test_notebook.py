@@ -410,7 +410,8 @@ def test_eigenvalues_are_a_method_too() -> None:
 
 
 def test_errors_name_the_call_that_was_meant() -> None:
-    """A single loop, the closed loop of a solution, and the file of a trained policy."""
+    """Errors name the intended call for a single loop, for the closed loop of a solution, and for
+    the file of a trained policy."""
     linear = _linear()
     with pytest.raises(BadInputError, match="give inputs=NAME, outputs=NAME"):
         linear.root_locus()
@@ -430,7 +431,7 @@ def test_errors_name_the_call_that_was_meant() -> None:
 
 
 def test_wrong_calls_are_one_line() -> None:
-    """Their errors do not come from inside."""
+    """Wrong calls raise one-line errors about the call, and none from inside the functions."""
     for wrong, said in (
         (lambda: hfa.step(), "hfa.step is a method of results"),
         (lambda: hfa.save(5, "x.npz"), r"write result\.save\(...\)$"),

@@ -52,7 +52,8 @@ def test_the_navion_is_that_of_the_tutorial() -> None:
 
 
 def test_the_flexible_aircraft_is_the_paper_s_at_one_altitude() -> None:
-    """Its linear model is that of the aircraft whose altitude varies."""
+    """The linear model of the flexible aircraft at one altitude is that of the aircraft whose
+    altitude varies."""
     dihedral = {"dihedral": float(np.radians(10.0))}
     paper = hfa.find_operating_point(hfa.aircraft("published"), hold=dihedral)
     own = hfa.find_operating_point(FLEXIBLE)

@@ -69,7 +69,7 @@ def bisected(
 
     A box no wider than `narrowest` is not halved and is yielded with None. Boxes up to `start` are
     skipped. They are bisected as if no box among them had been proved as a whole, so that a
-    continued proof has the same boxes there.
+    continued proof has the same boxes as an uninterrupted one.
     """
     waiting = list(boxes)[::-1]
     while waiting:

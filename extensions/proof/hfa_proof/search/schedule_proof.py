@@ -300,8 +300,8 @@ class ScheduleSearch:
 class MotionSearch:
     """Search for V = ζ'P(η)ζ that decreases on every motion with |η'| up to a rate.
 
-    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all rates
-    between. P solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between
+    V' = ζ'(F'P + P F + η' dP/dη)ζ < 0 for both signs of the largest η', hence for all rates between
+    them. P solves F'P + P F = -W at its breakpoints, with one W for all, and is linear between
     them. Therefore V is continuous, and P is as smooth as F, regardless of its modes.
     """
 

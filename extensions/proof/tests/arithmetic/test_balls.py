@@ -43,7 +43,7 @@ def test_corners_hold_the_least_value_of_a_parabola(slope: float) -> None:
 
 @pytest.mark.parametrize("dynamics", VARIANTS)
 def test_the_rest_along_box_is_of_third_order(dynamics: str) -> None:
-    """The remainder along a box is of third order."""
+    """The remainder along a box is of third order in its size."""
     function = BallFunction(rates_function(VARIANTS[dynamics]))
     point = model_at(12.0, dynamics).point
     parameters = hfa_model.parameters_of(family(dynamics).model)

@@ -38,7 +38,7 @@ def test_what_was_proved_verified_and_all_of_reported(kind: str, tmp_path: Path)
 
 
 def test_statement_is_read_back_as_it_was_written() -> None:
-    """A statement is read back as it was written."""
+    """A statement that is written and read again is equal to the original."""
     for kind in PROOFS:
         own = certificate(kind)
         statement = read_statement(own["kind"], copy.deepcopy(own["statement"]), model_of(kind))

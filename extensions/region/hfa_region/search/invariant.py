@@ -189,7 +189,8 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly larger level without.
+    """Return the largest level with V' < 0 at all samples, and a slightly larger level at which
+    that fails.
 
     They are found by bisection between `low` and the next of `_LEVELS`.
     """
