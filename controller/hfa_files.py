@@ -61,6 +61,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     """Return the game of a plant's file (`stored_game` with `paper_defaults`). Notes become
     warnings.
 
+    path: the file of the plant
     changes: Q, R or delta in place of those of the file
 
     >>> import hfa

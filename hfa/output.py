@@ -47,8 +47,10 @@ def show(
 ) -> None:
     """Write the files of --picture and -o, then print the report or, with --json, its data.
 
-    Either both files are written or none. Notes are printed last.
+    Either both files are written or none. Notes are printed last. Raises NoSolutionError with the
+    report's `failure`, if it has one.
 
+    request: the run, with the options of its outputs
     figure: function that draws the picture, or None where there is nothing to draw
     printed: text for a terminal in place of the whole report
     only_in_files: data too long for a terminal

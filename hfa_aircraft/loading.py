@@ -35,7 +35,9 @@ class AircraftReader(Protocol):
 
 @checks_arguments
 def load_model(text: str) -> Model:
-    """Return the model of `FILE.py:NAME`, `package.module:NAME`, or `scheme:NAME` of a package.
+    """Return the model that a text names.
+
+    text: `FILE.py:NAME`, `package.module:NAME`, or a file or `scheme:NAME` that a package reads
 
     Python files and modules are executed. A package reads other schemes and suffixes
     (`hfa_support.entry_points.AIRCRAFT`).

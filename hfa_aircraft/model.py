@@ -320,7 +320,7 @@ class Model(Reported):
         return f"({self.rate_unit(row)})/({self.unit(column)})"
 
     def describe(self, name: str, value: float) -> str:
-        """Return a value with its unit as text, angles in degrees."""
+        """Return a value of the signal `name` with its unit as text, angles in degrees."""
         unit = self.unit(name)
         text = shown_value(value, unit)
         return text if unit == "1" else f"{text} {shown_unit(unit)}"
@@ -423,12 +423,13 @@ class Model(Reported):
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None
     ) -> dict[str, float]:
-        """Return output -> value at a state and an input, for all outputs or those named."""
+        """Return output -> value at a state x and an input u, for all outputs or those in
+        `names`."""
         _, outputs = self._numbers_at(x, u)
         return {name: float(outputs[name]) for name in (self.outputs if names is None else names)}
 
     def rates_at(self, x: Sequence[float], u: Sequence[float]) -> dict[str, float]:
-        """Return state -> rate at a state and an input."""
+        """Return state -> rate at a state x and an input u."""
         rates, _ = self._numbers_at(x, u)
         return {name: float(rates[name]) for name in self.states}
 

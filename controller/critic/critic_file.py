@@ -110,7 +110,8 @@ def critics_in(path: str | Path, game: Game, reading: Reading | None = None) -> 
 
 @checks_arguments
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
-    """Return the critic in a file, or the last critic of a history.
+    """Return the critic in a file, or the last critic of a history; the arguments are those of
+    `critics_in`.
 
     Raises a BadInputError that names the file.
     """

@@ -24,6 +24,7 @@ def critics_over_time(
 ) -> tuple[Critic, ...]:
     """Return the critic at each time of a learner's history.
 
+    game: the game.
     times: (N,), s, increasing from 0 or later.
     functions: name of the basis of W.
     parts: W (N, M), P (N, n, n) or K (N, m, n), at least one of them; a single W (M,), P (n, n) or

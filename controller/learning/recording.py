@@ -101,6 +101,9 @@ def record(game: Game, states: np.ndarray) -> Stack:
 def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
     """Return `count` states drawn uniformly from a box, with their drifts.
 
+    game: the game, with A
+    count: number of states
+    seed: the same seed gives the same states
     half_widths: (n,), by default `natural_spread`
 
     >>> import hfa

@@ -78,7 +78,10 @@ class DeltaMin(NamedTuple):
 
 @checks_arguments
 def minimum_delta(game: Game, progress: Progress | None = None) -> DeltaMin:
-    """Return the smallest δ of a game, to 1e-6 relative, independent of the game's own delta.
+    """Return a bracket of the smallest δ of a game, to 1e-6 relative, independent of the game's own
+    delta.
+
+    progress: called during the search
 
     Raises NoSolutionError when none exists, and names the mode that rules out every solution, if
     one is found.

@@ -94,6 +94,9 @@ def option(
 ) -> Any:
     """Return a field of a request that an option sets.
 
+    about, form, kind: as in `Option`
+    default: value of a field whose option is not typed; switches, `named` and `repeated` options
+        have their own
     more: further fields of `Option`
     """
     declared = Option(about, form, kind, **more)

@@ -116,6 +116,9 @@ class OfTheHfa(Result):
 def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ...]:
     """Return all 66 entries of A (6 x 6) and B (6 x 5) with the printed ones, row by row.
 
+    model: the linear model of the paper's six states
+    published: the printed pair
+
     >>> import hfa
     >>> import hfa_model
     >>> import trim
@@ -141,6 +144,8 @@ def compare(model: LinearModel, published: PublishedModel) -> tuple[EntryRow, ..
 @checks_arguments
 def regenerate(aircraft: Model, published: PublishedModel) -> LinearModel:
     """Return the linear model of an aircraft in the paper's trim at a printed dihedral angle.
+
+    published: the printed pair at that angle
 
     >>> import hfa
     >>> import hfa_model

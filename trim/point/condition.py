@@ -156,8 +156,10 @@ class TrimCondition:
         return replace(self, imposed=with_first_alternatives(self.model, self.imposed))
 
     def values_at(self, name: str, scheduled: float | np.ndarray) -> np.ndarray:
-        """Return the imposed value of a variable at one or many values of the scheduling
-        variable."""
+        """Return the imposed value of the variable `name` at one or many values of the scheduling
+        variable.
+
+        Raises BadInputError beyond the breakpoints of a table."""
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)

@@ -26,7 +26,8 @@ class Along(NamedTuple):
 
 @checks_arguments
 def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
-    """Return exact linear models at states (N, n) and inputs (N, m) that need not be equilibria.
+    """Return exact linear models of a model at states (N, n) and inputs (N, m) that need not be
+    equilibria.
 
     Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.
 

@@ -78,6 +78,7 @@ def flight_envelope(
     They are min and max of the states, and the limits of the model about a trim
     (`Extras.envelope`).
 
+    point: the trim
     changes: state -> (lowest, highest), absolute, instead of these; `ANGLE_OF_ATTACK` is an alias
         of alpha
 

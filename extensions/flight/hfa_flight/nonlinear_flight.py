@@ -87,14 +87,15 @@ def fly(
     step: float | None = None,
     progress: Progress | None = None,
 ) -> Flight:
-    """Simulate a policy u on the aircraft X' = f(X, U0 + u, w) + d and, with `predict`, on its
-    linear model x' = A x + B u + E w + d.
+    """Return the flight of a policy u on the aircraft X' = f(X, U0 + u, w) + d and, with `predict`,
+    that of its linear model x' = A x + B u + E w + d.
 
     model: the aircraft as designed
     point: the trim X0, U0 about which it flies
     policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, the file of a gain or
-        of a deployment, steps of inputs off trim {name: [(time, value), ...]}, a function of (t, X)
-        that returns U, called once a tick (`flown_policy`), a `Policy`; None holds the trim
+        of a deployment, steps of inputs as deviations from trim {name: [(time, value), ...]}, a
+        function of (t, X) that returns U, called once a tick (`flown_policy`), a `Policy`; None
+        holds the trim
     seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
     scenario: disturbances, noise and faults during the flight, without random quantities to be

@@ -116,7 +116,7 @@ class Turbulence:
             raise BadInputError("turbulence of your own intensity has no altitude; leave it out")
 
     def air(self, point: OperatingPoint, interval: float, ticks: int, seed: int) -> TurbulentAir:
-        """Return the turbulence of a flight that begins at a trim.
+        """Return the turbulence of a flight that begins at the trim `point`.
 
         interval: duration of a tick, s
         ticks: number of ticks

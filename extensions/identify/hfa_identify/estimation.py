@@ -78,6 +78,7 @@ def identify(
         relative to the air, as measured by pitot tubes and vanes.
     columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
     plan: whether to compare further maneuvers by how much they narrow the bands.
+    progress: called with (work done, work in all).
 
     Raises BadInputError if a record or a name is wrong, and NoSolutionError if nothing moves in the
     records or the simulation diverges.

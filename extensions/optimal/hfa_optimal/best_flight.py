@@ -341,6 +341,8 @@ def best_flight(
     z and v are the deviations from the trim. The flight is proposed by collocation and accepted
     after simulation.
 
+    model: the aircraft
+    point: the trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
         another trim
     Q, R: as `hfa.game` accepts them; R of the inputs that move

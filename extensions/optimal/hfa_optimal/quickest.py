@@ -239,6 +239,8 @@ def quickest_flight(
 
     The flight is proposed by collocation. It is accepted if the simulated flight arrives too.
 
+    model: the aircraft
+    point: the trim at which the flight ends
     initial: another trim, or state of the linear model -> deviation from the trim
     Q, R: weights of the linear policy that follows the proposal, as `hfa.game` accepts them
     inputs: the inputs that move, the others held at the trim; by default all

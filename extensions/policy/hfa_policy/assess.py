@@ -36,7 +36,7 @@ def assess(
     box: Mapping[str, float] | None = None,
     needs: Mapping[str, float] | None = None,
 ) -> Assessment:
-    """Assess a policy as it is deployed.
+    """Return the assessment of a policy as it is deployed.
 
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file

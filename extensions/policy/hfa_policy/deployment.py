@@ -63,8 +63,9 @@ _NORMALIZER: dict[Any, Any] = {
 class Deployment(Reported):
     """Observations, actions and timing of a policy.
 
-    policy: file, normalizer, and settings that the file does not store: activation, layout, squash,
-        network. Without a file the deployment describes an environment for training.
+    policy: file (a path or a CasADi Function), normalizer, and settings that the file does not
+        store: activation, layout, squash, network. Without a file the deployment describes an
+        environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
         network. The network receives (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
@@ -122,7 +123,7 @@ class Deployment(Reported):
     @staticmethod
     @checks_arguments
     def load(path: str | Path) -> Deployment:
-        """Return the deployment in a TOML file.
+        """Return the deployment in the TOML file `path`.
 
         Raises a BadInputError with the file, the entry and the remedy.
         """
@@ -154,7 +155,7 @@ class Deployment(Reported):
     @staticmethod
     @checks_arguments
     def usual(model: Model, dt: float = 0.02) -> Deployment:
-        """Return a deployment for training.
+        """Return a deployment of a model for training.
 
         All linear states are observed, as deviations from the trim in nominal values. All inputs
         move, by a in [-1, 1] times half their range. An input without two finite limits moves by

@@ -52,7 +52,8 @@ def environment(
     Q, R: weights of its cost, as for `hfa.game`, but diagonal; default: 1/nominal². The reward is
         the negative cost.
 
-    Raises BadInputError if gymnasium is missing, a name is unknown, or an action has no box.
+    Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, or dt, Q
+    or R is given together with a deployment.
 
     >>> import hfa
     >>> card = hfa.Deployment(
@@ -87,6 +88,10 @@ def vector_environment(
     R: ArrayLike | Mapping[str, float] | None = None,
 ) -> VecEnv:
     """Return `count` compiled episodes at once, as a `VecEnv` of Stable-Baselines3.
+
+    count: number of episodes
+
+    The other arguments are those of `environment`.
 
     Raises BadInputError if Stable-Baselines3 is missing, and the errors of `environment`.
 
@@ -163,7 +168,8 @@ def _episodes(
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
-    """Return a class of a library. Raises a BadInputError with the command that installs it."""
+    """Return a class of this package that needs a library. Raises a BadInputError with the command
+    that installs it."""
     try:
         import_module(library)
     except ImportError:

@@ -35,7 +35,7 @@ def prove_region(
     progress: called with the current step
 
     Raises NoSolutionError if no region is proved, and BadInputError if the equations cannot be
-    enclosed or K has another shape.
+    enclosed, K has another shape, or the point is of another model.
 
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP

@@ -78,6 +78,7 @@ def design_controller(
     """Return the controllers of a design at increasing values of the scheduling variable.
 
     breakpoints: (N,), these values
+    progress: called after each value
 
     Raises BadInputError for a model that is not scheduled over one of its linear states. Raises a
     NoSolutionError that names the breakpoint at which there is no trim or no certified controller.

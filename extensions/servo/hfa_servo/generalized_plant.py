@@ -221,7 +221,9 @@ class GeneralizedPlant(Reported):
     def from_control(cls, system: Any, measurements: int, inputs: int) -> GeneralizedPlant:
         """Return the partition of a state-space system as for `hinfsyn`.
 
-        The last outputs of the system are y, and its last inputs u.
+        system: object with the matrices A, B, C and D
+        measurements: number of outputs y, the last ones of the system
+        inputs: number of inputs u, the last ones of the system
         """
         A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
         r = len(C) - measurements

@@ -368,7 +368,8 @@ def save_controller(path: str | Path, controller: ScheduledController) -> None:
 
 @checks_arguments
 def load_controller(path: str | Path, model: Model) -> ScheduledController:
-    """Return the controller in a .npz file of `save_controller`, in the names and units of a model.
+    """Return the controller in the .npz file `path` of `save_controller`, in the names and units of
+    a model.
 
     Raises a BadInputError that names the file and its fault.
     """

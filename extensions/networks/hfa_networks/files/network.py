@@ -48,7 +48,7 @@ def from_network(
     network: the parts of a file and their kinds, such as "value", "V=value" or
         "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides
     activation: activation between the layers of a state dict
-    scale: (n,), factors on the states at the inputs of the network
+    scale: (n,), factors on the states at the inputs of the network, none of them 0
     features: functions on which a single layer acts (default: the quadratic basis), so that the
         critic is a polynomial
 

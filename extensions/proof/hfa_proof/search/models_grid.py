@@ -90,6 +90,11 @@ def prove_models(
     """Return A, B, the trimmed inputs and the usual game's K at as few breakpoints as the bound
     allows.
 
+    family: the flights
+    low, high: ends of the interval of the scheduling value
+    tolerance: largest permitted error, as in `ModelsStatement`
+    progress: called with (cells done, cells in all)
+
     From `low` on, every step is the longest that is proved to keep every error below the tolerance,
     at every scheduling value between two breakpoints. Breakpoints are ends of cells of 1/16 of a
     step, or less. `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K

@@ -93,9 +93,12 @@ def prove_schedule(
     """Prove or refute, box by box, that the loop is Hurwitz, and bound the unstable modes of A.
     Return the proof.
 
+    family: the flights
     loop: controller and actuators, or gains u = -K x
+    low, high: ends of the interval of the scheduling value
     moving: whether to prove also how fast the scheduling value may move
     file: the certificate, which is written during the proof
+    progress: called during the proof with the parts done and their number
 
     Raises NoSolutionError where a scheduling value has no trim, and BadInputError when the
     controller or the model does not cover the interval.

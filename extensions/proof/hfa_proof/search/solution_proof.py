@@ -324,13 +324,16 @@ def prove_solution(
 ) -> Proof:
     """Return the stabilizing solution of a game, enclosed.
 
-    The game is that of the model of a family at a scheduling value, or is given by its matrices.
+    game: the game in doubles
+    family: flights whose linear model has A and B; None if A and B are the matrices of the game
+    scheduling_value: scheduling value of that linear model, or None without a family
+    progress: called with the current step
 
     `data` of the result has P, the printed one, and `relative_radius`, within which the exact
     solution lies (Frobenius). For the aircraft's game the radius also covers every parameter that
-    rounds to the same decimal. P > 0, A - S P and A - B K Hurwitz, and delta above the proved
-    bracket of delta_min are proved. Raises NoSolutionError when the game has no value, or when it
-    cannot be enclosed.
+    rounds to the same decimal. P > 0 and A - S P Hurwitz are always proved. `proved` of the result
+    is True if A - B K is also proved Hurwitz and delta lies above a proved bracket of delta_min.
+    Raises NoSolutionError when the game has no value, or when it cannot be enclosed.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
@@ -398,9 +401,13 @@ def prove_critic(
     """Return a proof of the distance of a critic's W, P and K from the exact ones, and of whether A
     - B K is Hurwitz.
 
+    game, family, scheduling_value: as for `prove_solution`
+    critic: its W, P or K are compared
+
     `proved` of the result is True if A - B K is proved Hurwitz.
 
-    Raises BadInputError for a network, for which no proof exists.
+    Raises BadInputError for a network, for which no proof exists, and NoSolutionError when the
+    exact solution cannot be enclosed.
 
     >>> import hfa
     >>> game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
