@@ -36,7 +36,7 @@ def published_game(
 
     Further states of a linear model have weight 0 and no disturbance. Without the paper's six
     states and five inputs, Q and R must be given. For a linear model in SI units Q, R and E are
-    converted.
+    converted. Raises BadInputError for a matrix A without B.
 
     >>> import hfa
     >>> model = hfa.paper.level_model(hfa.aircraft(), 0.2)

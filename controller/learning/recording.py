@@ -88,7 +88,9 @@ class Stack(Reported):
 
 @checks_arguments
 def record(game: Game, states: np.ndarray) -> Stack:
-    """Return the stack F_j = A z_j at given states (N, n), without noise."""
+    """Return the stack F_j = A z_j of a game at given states (N, n), without noise.
+
+    Raises BadInputError for states of another shape."""
     states = numbers_in("recorded states", states)
     if states.ndim != 2 or states.shape[1] != game.A.shape[0]:
         raise BadInputError(

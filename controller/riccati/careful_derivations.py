@@ -38,6 +38,7 @@ def unrefined(form: NormalForm) -> np.ndarray:
     """Return X by the Schur form to about ten digits, much faster than `by_schur`, for a search.
 
     X is 0 where Q = 0 and A is Hurwitz, because the Schur form would give rounding in its place.
+    Raises NoSolutionError when the stable subspace is not a graph.
     """
     if not form.Q.any() and is_hurwitz(form.A):
         return np.zeros_like(form.A)
@@ -55,7 +56,8 @@ def refined(form: NormalForm, X: np.ndarray) -> np.ndarray:
     """Return X after Kleinman's steps Z with (A - S X)'Z + Z (A - S X) + residual(X) = 0.
 
     For an equation with a condition near 1e16 the corrections shrink and grow again. The X after
-    the smallest correction is returned.
+    the smallest correction is returned. Raises NoSolutionError when the equation of a step is
+    singular within rounding.
     """
     from scipy.linalg import LinAlgError, solve_continuous_lyapunov
 

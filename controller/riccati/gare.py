@@ -101,7 +101,8 @@ class Solution(Result, Reported):
         return margins_of_inputs(self.names, certified(NormalForm.of(self.game)))
 
     def cost(self, z: ArrayLike) -> float:
-        """Return z'P z, the value of the game from the state z, (n,)."""
+        """Return z'P z, the value of the game from the state z, (n,). Raises BadInputError for
+        another shape."""
         state = numbers_in("z", z)
         if state.shape != (len(self.P),):
             raise BadInputError(f"z has shape {state.shape}; give ({len(self.P)},)")

@@ -33,7 +33,7 @@ class FlownAbove(NamedTuple):
     """Flights compared with a lower bound.
 
     flights: number of flights that end at the trim within the limits
-    below: number of these that cost less than the bound
+    below: number of these flights that cost less than the bound
     least, median: cost divided by the bound
     """
 
@@ -46,7 +46,8 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Fly until the required number of flights have ended at the trim.
+    """Return the comparison of flights with a bound, flown until the required number have ended at
+    the trim.
 
     Half of the flights begin at a face of the usual box. One flight of three has the inputs of
     least rate of the bound plus running cost, to first order. One has the gain of the linear

@@ -122,7 +122,7 @@ def _late(values: np.ndarray) -> np.ndarray:
 
 
 def _with_outlier(values: np.ndarray) -> np.ndarray:
-    """Return the column with one value ten times its range off."""
+    """Return the column with one value off by ten times its range."""
     return values + np.where(np.arange(len(values)) == 99, 10.0 * np.ptp(values), 0.0)
 
 

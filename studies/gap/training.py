@@ -26,7 +26,7 @@ SECONDS = 20.0
 
 @dataclass(frozen=True)
 class Run:
-    """One policy.
+    """A policy to be trained, or trained.
 
     task: the aircraft.
     algorithm: algorithm of Stable-Baselines3.

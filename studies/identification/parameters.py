@@ -92,7 +92,7 @@ _START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
-    """Return the published structure with one method of Newton's."""
+    """Return the published structure with one method replaced by that of `newton`."""
     changed: type[Published] = type(
         f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
     )

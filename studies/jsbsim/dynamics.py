@@ -52,7 +52,7 @@ _FLIGHT = 10.0
 
 
 def main(names: Sequence[str]) -> int:
-    """Print the lines of these aircraft, of all without a name."""
+    """Print the lines of the named aircraft, or of all without names."""
     for name in names or _CONDITIONS:
         model, point = trimmed(name)
         agree, entries, worst = slopes(name, model, point)
@@ -161,8 +161,8 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 
 
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
-    """Return the largest difference of the thrust from JSBSim's at five throttles, of 1 lb or of
-    it.
+    """Return the largest difference of the thrust from JSBSim's at five throttles, relative to 1 lb
+    or to JSBSim's thrust.
     """
     if "throttle" not in model.inputs:
         return 0.0

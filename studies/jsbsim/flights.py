@@ -52,8 +52,8 @@ _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "r
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line for each aircraft, of all without a name. `--states N` draws N states of
-    each.
+    """Print a line for each named aircraft, or for all without names. `--states N` draws N states
+    of each.
     """
     words = list(names)
     count = 13

@@ -24,7 +24,7 @@ _SEED = 3
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line for each aircraft, of all without a name."""
+    """Print a line for each named aircraft, or for all without names."""
     print("| aircraft | flights | largest difference | state |")
     print("| --- | --- | --- | --- |")
     for name in names or CONDITIONS:

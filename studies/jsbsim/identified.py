@@ -6,8 +6,8 @@ of each aircraft, by default 24. The packages jsbsim and hfa-identify are needed
 
 Each flight is a 3-2-1-1 of the elevator from the trim. It is flown with both signs, because terms
 quadratic in the motion are equal in both and so do not change the slopes. The amplitudes were
-chosen at other trims. From 0.1 on, the 737's pitching moment by alpha² is visible, because drag and
-lift act 59 in above the center of gravity.
+chosen at other trims. From 0.1 on, the 737's pitching moment proportional to alpha² is visible,
+because drag and lift act 59 in above the center of gravity.
 """
 
 from __future__ import annotations

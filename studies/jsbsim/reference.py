@@ -120,7 +120,7 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
     name: name of an aircraft of JSBSim
     points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, by the names
         of the `Model`, or {"trim": {"kcas", "altitude"}}. "held" lists properties that no component
-        sets then.
+        sets in this point.
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = answered(items, seconds)

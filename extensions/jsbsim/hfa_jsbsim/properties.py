@@ -272,7 +272,8 @@ class Properties:
         return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
-        """Return the value of a writer, computed once."""
+        """Return the value of a writer, computed once. Raises LoopError for a component, and
+        BadInputError for a function, that depends on itself."""
         if writer in self._running:
             if self.centered:
                 return 0.0

@@ -273,7 +273,8 @@ def quickest_flight(
 
 
 def quickest(flights: Flights, z: np.ndarray, v: np.ndarray, horizon: float) -> QuickestFlight:
-    """Return the quickest flight found from an initial condition.
+    """Return the quickest flight found from an initial condition. Raises NoSolutionError with the
+    reason if there is none.
 
     z: (k,), initial deviations
     v: (m,), inputs with which guesses begin

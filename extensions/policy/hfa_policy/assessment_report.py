@@ -100,7 +100,8 @@ class Assessment(Result, Reported):
 
     @property
     def unmet(self) -> list[str]:
-        """Requirements that are not met, one sentence each."""
+        """Requirements that are not met, one sentence each. Raises BadInputError for a required
+        cost where the deployment has none."""
         sentences = []
         for name, need in self.needs.items():
             refuse_unknown("unknown need", name, NEEDS)

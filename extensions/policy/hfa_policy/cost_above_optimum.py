@@ -82,7 +82,8 @@ def weights_at(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Q of the linear states and R of the commanded inputs from the deployment file.
 
-    Outputs in Q are linearized at the point.
+    Outputs in Q are linearized at the point. Raises BadInputError for an output that depends on the
+    inputs.
     """
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None

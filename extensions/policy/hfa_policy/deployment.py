@@ -249,7 +249,8 @@ class Deployment(Reported):
     def normalizer(self) -> Normalizer | None:
         """Normalizer before the network, or None.
 
-        A normalizer of a single sample is applied to each sample of the history.
+        A normalizer of a single sample is applied to each sample of the history. Raises
+        BadInputError for one of another size.
         """
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:

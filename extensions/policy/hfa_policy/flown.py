@@ -48,7 +48,8 @@ class DeployedPolicy(Policy):
 
     @property
     def tick(self) -> float:
-        """Longest time, s, of which the sample time and the delay are multiples."""
+        """Longest time, s, of which the sample time and the delay are multiples. Raises
+        BadInputError unless both are whole microseconds."""
         deployment = self.deployed.deployment
         dt = round(deployment.dt / _CLOCK)
         delay = round(deployment.delay / _CLOCK)

@@ -130,7 +130,8 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
 
 
 def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
-    """Return the normalizer of a table mean, variance, epsilon, clip of a deployment file."""
+    """Return the normalizer of a table mean, variance, epsilon, clip of a deployment file. Raises
+    BadInputError for a missing or wrong entry."""
     for name in ("mean", "variance"):
         if name not in entries:
             raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")

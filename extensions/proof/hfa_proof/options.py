@@ -33,7 +33,7 @@ not_negative = partial(number, declared=Number(0.0))
 def interval(text: str) -> tuple[float, ...]:
     """Return the ends of `LOW:HIGH`, or of one number, exactly as written.
 
-    A proof is about these numbers.
+    A proof is about these numbers. Raises BadInputError unless LOW < HIGH.
     """
     ends = tuple(number(part) for part in text.split(":"))
     if len(ends) > 2 or (len(ends) == 2 and not ends[0] < ends[1]):

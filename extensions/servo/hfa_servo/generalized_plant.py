@@ -473,7 +473,8 @@ def central_controller(
         Ck = F2 - Dk (C2 + D21 F1),  Bk = Z ((B2 + L1 D12) Dk - L2),
         Ak = A + B1 F1 + B2 F2 - Bk (C2 + D21 F1)
 
-    Dk is the best against D11 alone.
+    Dk is the best against D11 alone. Raises NoSolutionError where the algebraic loop with D22 has
+    no solution.
     """
     control, filter_ = plant.sides
     F1, F2 = control.policies(X, delta)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def dataset(result: Any) -> xarray.Dataset:
     """Return an operating point, a linear model or a sweep as an `xarray.Dataset`.
 
-    It has names and units. The function needs xarray.
+    It has names and units. Raises BadInputError without xarray, and for another result.
     """
     try:
         import xarray  # noqa: F401

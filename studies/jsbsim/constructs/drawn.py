@@ -113,7 +113,7 @@ class Draw:
         return f"<min> <v>2</v> <max> <v>-2</v> {text} </max> </min>"
 
     def of_function(self) -> dict[str, str]:
-        """Return a function in a moment, by itself, or by the name of one in another section."""
+        """Return a function that stands in a moment, or that a moment names in another section."""
         body = self._bounded(self.term(3))
         place = self._rng.random()
         if place < 0.6:

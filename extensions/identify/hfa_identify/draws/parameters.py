@@ -41,7 +41,8 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
 def spread_of(request: Any) -> ParameterSpread:
     """Return the uncertain parameters of the aircraft of a request, in the units of its model.
 
-    Parameters that the request holds are left out."""
+    Parameters that the request holds are left out. Raises BadInputError where no covariance is
+    known."""
     model = request.model
     native = model.extras.native or model
     if request.own:

@@ -40,7 +40,8 @@ _TYPES = {
 
 
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Return name -> array of a state dict, in the order of the file."""
+    """Return name -> array of a state dict, in the order of the file. Raises BadInputError for a
+    format of torch before 1.6."""
     if suffix == ".npz":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _refuse_large(archive)

@@ -16,7 +16,7 @@ SAME_TRIM = 1e-6
 def model_of(name: Any, source: Any, own: Model | None) -> Model:
     """Return the model of a statement: the HFA's or the user's own.
 
-    The user's model must be that of the statement.
+    Raises BadInputError unless the user's model is that of the statement.
 
     name: name of the dynamics, as in the statement
     source: the hash of the user's file, "" for the HFA

@@ -213,8 +213,8 @@ def _check_scheduled_rate(
 
 
 def check_game(statement: GameStatement, witness: GameWitness) -> int:
-    """Check that the distances, the modes and the bracket of delta_min are as claimed, and return
-    the number of boxes."""
+    """Prove that the distances, the modes and the bracket of delta_min are as claimed, and return
+    the number of boxes. Raises Rejected otherwise."""
     weights = statement.weights
     doubles = _plant(statement, witness, decimals=False)
     wide = _plant(statement, witness, decimals=True) if statement.decimals else doubles
@@ -273,7 +273,7 @@ def check_models(
     statement: ModelsStatement, witness: ModelsWitness, progress: Progress | None = None
 ) -> int:
     """Prove that the interpolation errors between the breakpoints are at most those claimed, and
-    return the number of boxes."""
+    return the number of boxes. Raises Rejected otherwise."""
     flight = statement.flight
     cells = covering("the cells", [(flight.low, flight.high)], witness.cells, _ends_of_cell)
     linear_models = []

@@ -50,7 +50,9 @@ class LoopBox:
 def closed_loop(
     linear: LinearModelBox, model: Model, controller: Controller, actuators: Actuators | None
 ) -> TaylorModel:
-    """Return F (n, n) of ζ' = F ζ on a box, without actuators or with fixed ones."""
+    """Return F (n, n) of ζ' = F ζ on a box, without actuators or with fixed ones.
+
+    Raises Rejected where a controller without actuators measures anything but states."""
     if isinstance(actuators, FixedActuators):
         apart = actuated_loop(linear, model, controller, actuators)
         count = len(actuators.order)
@@ -158,7 +160,8 @@ def controller_on(controller: Controller, low: float, high: float) -> list[Taylo
 
 
 def between(breakpoints: np.ndarray, table: np.ndarray, low: float, high: float) -> TaylorModel:
-    """Return a table of matrices, linear between its breakpoints, on a box between two of them."""
+    """Return a table of matrices, linear between its breakpoints, on a box between two of them.
+    Raises Rejected for any other box."""
     holding = [
         i
         for i, (first, last) in enumerate(pairwise(breakpoints.tolist()))

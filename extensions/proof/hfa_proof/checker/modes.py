@@ -76,7 +76,8 @@ def check_positive(form: TaylorModel, turn: arb_mat) -> None:
 
 
 def eigenvalue_signs(symmetric: arb_mat, turn: arb_mat) -> list[int]:
-    """Return the signs of the eigenvalues (Sylvester).
+    """Return the signs of the eigenvalues (Sylvester). Raises Rejected where one is not
+    distinguished from 0.
 
     turn: coordinates, whose regularity is proved
     """

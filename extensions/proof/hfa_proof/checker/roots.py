@@ -10,7 +10,8 @@ from hfa_proof.checker.reading import Rejected
 
 
 def root_offsets(residual: arb_mat, J: arb_mat, radii: list[arb]) -> arb_mat:
-    """Return the enclosure of the one root of F about x̂(s), a column, by Krawczyk's test.
+    """Return the enclosure of the one root of F about x̂(s), a column, by Krawczyk's test. Raises
+    Rejected where the test does not prove it.
 
     residual: F along x̂, a column
     J: F' where |e_i| <= r_i

@@ -51,7 +51,8 @@ def kind_of(path: Path) -> str:
 
 
 def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the content of an unedited file, and the run that wrote it."""
+    """Return the content of an unedited file, and the run that wrote it. Raises BadInputError for
+    any other file."""
     with file_faults(path):
         text = regular_file(path).read_bytes()
     try:

@@ -99,7 +99,7 @@ def prove_models(
     at every scheduling value between two breakpoints. Breakpoints are ends of cells of 1/16 of a
     step, or less. `data` of the result has the breakpoints, A (g, n, n), B, inputs_offset (g, m), K
     (g, m, n) there, and as `error` the bounds of `ModelsStatement`. Raises NoSolutionError when no
-    step is fine enough.
+    step is fine enough, and BadInputError unless low < high.
     """
     if not low < high:
         raise BadInputError(f"the interval goes from {low:g} to {high:g}; give the lower end first")
@@ -162,8 +162,10 @@ class GridSearch:
         raise Rejected("the solution of the game is not proved on this box")
 
     def coarsest(self) -> tuple[list[int], dict[str, float]]:
-        """Return the numbers of the cells with breakpoints at their ends, and the largest
-        errors."""
+        """Return the index of the cell that begins at each breakpoint, for the last breakpoint the
+        number of cells, and the largest errors.
+
+        Raises NoSolutionError where the error on a single cell exceeds the tolerance."""
         ends = [0]
         largest = dict.fromkeys(_PARTS, 0.0)
         while ends[-1] < len(self.cells):

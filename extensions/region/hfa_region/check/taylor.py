@@ -97,8 +97,8 @@ class Taylor:
     def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
         """Return f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D.
 
-        ξ is in the range, and |δ| <= m |y|. The result is undecided if f is not smooth on the whole
-        range.
+        ξ is in the range, and |δ| <= m |y|. Raises Undecided unless f is proved to be smooth on the
+        whole range.
         """
         order = self.order
         near = function(arb_series([self.center, 1], prec=order + 1))
