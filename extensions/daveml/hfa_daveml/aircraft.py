@@ -88,7 +88,9 @@ class _Files:
     def _add_output(self, document: Document, variable: Variable) -> None:
         if variable.name in self._outputs:
             other = self._outputs[variable.name][0].path
-            raise document.error(f"variable {variable.key}", f"is also an output of {other}")
+            raise document.error(
+                f"variable {variable.key}", f"is also an output of {other}; remove one"
+            )
         self._outputs[variable.name] = (document, variable)
 
     def _is_moved(self, variable: Variable) -> bool:

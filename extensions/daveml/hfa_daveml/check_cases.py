@@ -152,6 +152,7 @@ def _variable(document: Document, case: CheckCase, signal: Signal) -> Variable:
     units = [spelled(each.units) for each in (signal, variable) if each.units]
     if len(set(units)) > 1:
         raise document.error(
-            place, f"{signal.name} is in {signal.units}, its variable in {variable.units}"
+            place,
+            f"{signal.name} is in {signal.units}, its variable in {variable.units}; use one unit",
         )
     return variable

@@ -249,13 +249,13 @@ class _Reader:
         definition = element.find("functionDefn")
         found = None if definition is None else self._table_of(definition)
         if found is None:
-            raise self._error(f"function for {key}", "has no table that is defined")
+            raise self._error(f"function for {key}", "its table is not defined; define it")
         table = self._ungridded(found, key) if found.find("dataPoint") is not None else None
         table = table or self._gridded(found, key)
         if len(axes) != len(table.ends):
             raise self._error(
                 f"function for {key}",
-                f"has {len(axes)} arguments and a table of {len(table.ends)} axes",
+                f"has {len(axes)} arguments, its table {len(table.ends)} axes; make them equal",
             )
         return Function(key, axes, table)
 
@@ -381,9 +381,9 @@ class _Reader:
         try:
             value = float(text)
         except ValueError as error:
-            raise self._error(place, f"{shortened(text)!r} is not a number") from error
+            raise self._error(place, f"{shortened(text)!r} is not a number; correct it") from error
         if not math.isfinite(value):
-            raise self._error(place, f"{text} is not finite")
+            raise self._error(place, f"{text} is not finite; correct it")
         return value
 
     def _attribute(self, element: ElementTree.Element, name: str) -> str:

@@ -74,7 +74,9 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
         if element[0].tag in ("apply", "piecewise", "ci", "cn") and len(element) == 1:
             return expression(element[0], value_of)
         return _applied(element[0], [expression(each, value_of) for each in element[1:]])
-    raise BadInputError(f"<{shortened(element.tag)}> is not supported in a formula")
+    raise BadInputError(
+        f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
+    )
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:

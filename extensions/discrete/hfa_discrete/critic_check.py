@@ -135,7 +135,7 @@ def _judged(
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)
     if not critic.finite:
-        raise BadInputError("the critic has numbers that are too large or not finite")
+        raise BadInputError("the critic has entries that are too large or not finite; correct them")
     step = problem.step
     box = scope.box or balanced_box(step)
     critic = discrete_critic(problem, critic)

@@ -125,7 +125,9 @@ class DiscreteGame(Reported):
         try:
             gains = np.linalg.solve(H[n:, n:], H[n:, :n])
         except np.linalg.LinAlgError as error:
-            raise BadInputError("H over the inputs is singular: no optimal input exists") from error
+            raise BadInputError(
+                "the block of H over the inputs is singular, so no optimal input exists"
+            ) from error
         parts = {"P": H[:n, :n] - H[:n, n:] @ gains, "K": gains[:m]}
         if len(H) > n + m:
             parts["L"] = -gains[m:]

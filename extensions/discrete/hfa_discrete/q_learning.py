@@ -177,7 +177,7 @@ class _QLearner:
         cost = problem.q_function(np.zeros_like(problem.step.A))
         if together.shape[1] != len(cost):
             raise BadInputError(
-                f"the steps have {together.shape[1]} columns of x, u and w; the game has"
+                f"the steps have {together.shape[1]} columns of x, u and w; the game needs"
                 f" {len(cost)}"
             )
         scales = np.sqrt(np.mean(together**2, axis=0))

@@ -118,7 +118,7 @@ class ActuatorBank:
             if not lowest <= value <= highest:
                 raise BadInputError(
                     f"{name} is {value:.6g} at trim, outside its actuator's"
-                    f" {lowest:.6g} to {highest:.6g}; widen them"
+                    f" {lowest:.6g} to {highest:.6g}; widen its limits"
                 )
 
     @property

@@ -369,7 +369,7 @@ class ClosedLoop:
         if parts.plant.size != self.state_sizes.plant:
             raise BadInputError(
                 f"the initial state has {parts.plant.size} numbers;"
-                f" this plant has {self.state_sizes.plant} states"
+                f" give {self.state_sizes.plant}, one for each state"
             )
         return np.concatenate(parts)
 

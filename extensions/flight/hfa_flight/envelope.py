@@ -101,7 +101,7 @@ def flight_envelope(
             lowest, highest = (model.describe(name, limit) for limit in pairs[name])
             raise BadInputError(
                 f"the trim has {name} {model.describe(name, value)}, outside the envelope's"
-                f" {lowest} to {highest}"
+                f" {lowest} to {highest}; widen the envelope or choose another trim"
             )
     return envelope
 

@@ -53,7 +53,7 @@ class GainSchedule(Reported):
                 f"K is {np.shape(self.gains)}; with {count} values it must be ({count}, {m}, {n})"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
-            raise BadInputError("the table of gains contains a number that is not finite")
+            raise BadInputError("K or its breakpoints contain a number that is not finite")
         if np.ndim(self.breakpoints) != 1 or count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
                 f"{self.model.schedule_key} must contain the breakpoints of the table, in "

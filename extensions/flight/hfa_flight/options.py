@@ -314,7 +314,7 @@ def gust_at(
     length, peak, begin = typed
     if not 0 <= begin < duration:
         raise BadInputError(
-            f"--gust begins at {begin:g} s; the flight lasts from 0 to {duration:g} s"
+            f"--gust begins at {begin:g} s; begin it from 0 s to the duration, {duration:g} s"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
 

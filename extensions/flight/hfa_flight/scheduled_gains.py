@@ -143,7 +143,7 @@ def scheduled_gains(
     for commanded in commands.names:
         if commanded != model.schedule:
             raise BadInputError(
-                f"a schedule of gains follows commands of {model.schedule}, not of {commanded}"
+                f"a gain schedule follows only commands of {model.schedule}; leave {commanded} out"
             )
     start = base.values[model.schedule]
     if not commands.names:

@@ -36,7 +36,9 @@ def refuse_still(search: Search, fit: Fit | None) -> None:
     if search.moving_inputs() and not all(map(_is_noise, search.records)):
         return
     names = ", ".join(record.name for record in search.records)
-    raise NoSolutionError(f"{names}: the model explains no motion; fly a maneuver")
+    raise NoSolutionError(
+        f"{names}: the model explains none of the recorded motion; record a maneuver"
+    )
 
 
 def _is_noise(record: Record) -> bool:

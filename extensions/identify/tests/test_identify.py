@@ -487,7 +487,9 @@ def test_a_record_without_motion_is_named(coloured, moved):
         columns[name] = columns[name] - states[:, place] + states[0, place]
     elevator = inputs[0, list(model.inputs).index("elevator")]
     columns["elevator"] = elevator + moved * np.random.default_rng(1).standard_normal(len(time))
-    with pytest.raises(hfa.NoSolutionError, match="record 1: the model explains no motion"):
+    with pytest.raises(
+        hfa.NoSolutionError, match="record 1: the model explains none of the recorded motion"
+    ):
         identify(begun(1.2), columns, FREE)
 
 

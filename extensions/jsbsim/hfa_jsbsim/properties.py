@@ -239,7 +239,9 @@ class Properties:
             if name.startswith("--"):
                 raise BadInputError(f"{where}: {shortened(name)} has several signs; give one")
             if name[1:2].isspace():
-                raise BadInputError(f"{where}: {shortened(name)} has a blank after its sign")
+                raise BadInputError(
+                    f"{where}: {shortened(name)} has a blank after its sign; remove it"
+                )
             return -self.read(name[1:], where)
         key = plain(name)
         if not _NAME.fullmatch(key):
@@ -290,7 +292,9 @@ class Properties:
             try:
                 writer.value = writer.compute()
             except RecursionError as error:
-                raise BadInputError(f"{writer.where}: functions are nested too deeply") from error
+                raise BadInputError(
+                    f"{writer.where}: functions are nested too deeply; simplify them"
+                ) from error
             finally:
                 self._running.pop()
                 self._order = order

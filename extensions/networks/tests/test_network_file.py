@@ -315,7 +315,7 @@ def test_wrong_state_dicts_are_refused() -> None:
             "0.weight": np.zeros((4, 6)),
             "1.weight": np.ones(4),
         },
-        "has more than 4194304 numbers": {"weight": np.zeros((700_000, 6))},
+        "has more than 4194304 entries": {"weight": np.zeros((700_000, 6))},
         "the layer before returns 1": {"0.weight": good, "1.weight": good},
     }
     for said, tensors in wrong.items():

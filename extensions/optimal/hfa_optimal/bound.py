@@ -34,7 +34,7 @@ def plant_of(problem: FlightProblem) -> Plant:
     if problem.carried:
         names = " and ".join(problem.carried)
         raise BadInputError(
-            f"the rates of {model.title} depend on {names}, which the cost does not include: no "
+            f"the rates of {model.title} depend on {names}, which the cost does not include; no "
             "bound covers flights that change it"
         )
     states = {name: float(value) for name, value in problem.point.states._asdict().items()}

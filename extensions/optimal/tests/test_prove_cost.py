@@ -105,7 +105,7 @@ def test_every_field_has_a_use(certificate: Path) -> None:
 
 def test_a_margin_beyond_its_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prove", "cost", *AIRCRAFT, "--margin", "2"]) == 2
-    assert "--margin must be between 0.0001 and 0.5" in capsys.readouterr().err
+    assert "; give a number from 0.0001 to 0.5" in capsys.readouterr().err
 
 
 def test_a_flight_is_bracketed(certificate: Path, capsys: pytest.CaptureFixture[str]) -> None:

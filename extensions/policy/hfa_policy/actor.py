@@ -143,7 +143,7 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
             f"policy.squash is False and {path} has action_scale, after tanh; leave it out"
         )
     if not np.all(stored.scale > 0.0):
-        raise BadInputError(f"{path}: its action_scale is not above 0")
+        raise BadInputError(f"{path}: every entry of action_scale must be positive")
     box = (stored.bias - stored.scale, stored.bias + stored.scale)
     return Actor(function, network.chain, squash=True, box=box, rows=rows)
 
@@ -162,7 +162,9 @@ def stored_gain(path: Path) -> np.ndarray | None:
         except OSError as error:
             raise BadInputError(f"cannot be read ({error.strerror}); give a file") from error
         except ValueError as error:
-            raise BadInputError(f"it is not an .npz of numbers ({error})") from error
+            raise BadInputError(
+                f"it is not an .npz file of numbers ({error}); save it again"
+            ) from error
         if "K" not in arrays:
             return None
         gain = numbers_in("K", arrays["K"])

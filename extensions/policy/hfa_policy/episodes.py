@@ -87,7 +87,7 @@ class Episodes:
         the aircraft does not support turbulence.
         """
         if not points:
-            raise BadInputError("there is no trim to begin at; give at least one operating point")
+            raise BadInputError("there is no trim to start from; give at least one operating point")
         if not (is_finite(seconds) and seconds >= deployed.deployment.dt):
             raise BadInputError(f"an episode lasts {shown(seconds)} s; give at least one sample")
         self.deployed = deployed

@@ -49,10 +49,11 @@ class Normalizer:
             object.__setattr__(self, name, values)
         if self.mean.shape != self.variance.shape:
             raise BadInputError(
-                f"the normalizer has {self.mean.size} means and {self.variance.size} variances"
+                f"the normalizer has {self.mean.size} means and {self.variance.size} variances;"
+                " give one of each per observation"
             )
         if not is_finite(self.epsilon) or np.any(self.variance + self.epsilon <= 0.0):
-            raise BadInputError("a variance of the normalizer plus epsilon is not above 0")
+            raise BadInputError("every variance of the normalizer plus epsilon must be positive")
         if not self.clip > 0.0:
             raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
 
@@ -125,7 +126,7 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
     """Return a number of a stored object."""
     numbers = numbers_in(f"its {name}", attributes.get(name))
     if numbers.size != 1:
-        raise BadInputError(f"its {name} is not one number")
+        raise BadInputError(f"its {name} must be one number")
     return float(numbers.item())
 
 

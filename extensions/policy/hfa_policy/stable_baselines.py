@@ -104,7 +104,7 @@ def read_zip(path: str | Path) -> Zip:
             with zipfile.ZipFile(regular_file(path)) as archive:
                 data = json.loads(_member(archive, "data"))
                 if not isinstance(data, dict):
-                    raise BadInputError("its data are not a dictionary")
+                    raise BadInputError("its data are not a dictionary; save the model again")
                 tensors, _ = checked_tensors(tensors_in(_member(archive, "policy.pth"), ".pth"))
         except OSError as error:
             raise BadInputError(
@@ -131,7 +131,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
-        raise BadInputError("its policy_kwargs are not a dictionary")
+        raise BadInputError("its policy_kwargs are not a dictionary; save the model again")
     for name in settings:
         if name not in _SETTINGS:
             raise BadInputError(
@@ -221,7 +221,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
             try:
                 content = base64.b64decode(entry[":serialized:"])
             except (TypeError, ValueError) as error:
-                raise BadInputError(f"it is not written in base64 ({error})") from error
+                raise BadInputError(f"it is not base64 ({error}); save the model again") from error
             return inert(content)
     return entry
 
@@ -260,7 +260,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
     if low.ndim != 1 or low.shape != high.shape:
         raise BadInputError(f"its {what} have {low.ndim} axes; only a Box of one axis is supported")
     if not np.all(low <= high):
-        raise BadInputError(f"its {what} are a Box whose low is not below its high")
+        raise BadInputError(f"its {what} are a Box; its low must not exceed its high")
     return np.array(low, dtype=float), np.array(high, dtype=float)
 
 

@@ -85,7 +85,9 @@ def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
     if name in inputs:
         return
     if name in model.inputs:
-        raise BadInputError(f"cannot vary {name}: an action of the deployment file moves it")
+        raise BadInputError(
+            f"cannot vary {name}: it is an action of the deployment file; choose another"
+        )
     if not model.parameters and not inputs:
         raise BadInputError(
             f"cannot vary {name!r}: {model.title} has no parameters, and no input is free"

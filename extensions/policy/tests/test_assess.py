@@ -456,7 +456,7 @@ def test_changed_aircraft_are_flown_with_frozen_trim_values():
     [
         (
             {"elevator": (0.0, 1.0)},
-            "cannot vary elevator: an action of the deployment file moves it",
+            "cannot vary elevator: it is an action of the deployment file",
         ),
         ({"xcg": None}, r"vary\['xcg'\] is None; give \(lowest, highest\)"),
         ({"throttle": (0.0, 9.0)}, "throttle is 2.25; it lies between 0 and 1"),

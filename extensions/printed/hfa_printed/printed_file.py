@@ -147,11 +147,12 @@ def read_block(
         for index, number in enumerate(diagonal):
             rows[index][index] = number
         if not rows:
-            raise BadInputError(f"{name}: diag has no numbers")
+            raise BadInputError(f"{name}: diag has no numbers; give the diagonal")
     for index, row in enumerate(rows):
         if len(row) != len(rows[0]):
             raise BadInputError(
-                f"{name}, row {index + 1}, has {len(row)} numbers; row 1 has {len(rows[0])}"
+                f"{name}, row {index + 1}, has {len(row)} numbers; row 1 has {len(rows[0])}:"
+                " make all rows equally long"
             )
     if exponent:
         rows = _multiplied(name, rows, exponent)
@@ -173,7 +174,9 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
     for row in rows:
         for word in row:
             if not re.fullmatch(r"[+-]?\d*\.?\d*", word):
-                raise BadInputError(f"{name}: {shown(word)} cannot have a common factor")
+                raise BadInputError(
+                    f"{name}: {shown(word)} is not a decimal number, which scale needs"
+                )
         multiplied.append(
             [f"0e{exponent - decimals}" if word == "0" else f"{word}e{exponent}" for word in row]
         )
@@ -192,7 +195,7 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
     except BadInputError:
         raise
     except Exception as error:
-        raise BadInputError(f"{shortened(text)!r} is not a number") from error
+        raise BadInputError(f"{shortened(text)!r} is not a number; correct it") from error
     if not np.isfinite(value):
         raise BadInputError(f"{shortened(text)!r} is {value}; it must be finite")
     return value
@@ -204,13 +207,13 @@ def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
         if lacks_space or re.search(r"(?<!\w)\d+[xXoObB_]", word):
-            raise BadInputError(f"{shown(word)} is not a number")
+            raise BadInputError(f"{shown(word)} is not a number; correct it")
         return _value_of(word, parameters), 0.0
     decimals = len(match["decimals"] or match["only"] or "")
     half = float(f"0.5e{int(match['exponent'] or 0) - decimals}")
     value = float(word)
     if not np.isfinite([value, half]).all():
-        raise BadInputError(f"{shown(word)} is too large")
+        raise BadInputError(f"{shown(word)} overflows; correct it")
     return value, half
 
 
@@ -226,7 +229,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
     typed = {name: read_block(name, text, parameters) for name, text in plant_texts.items()}
     for name in ("A", "B", "Q", "R"):
         if name not in typed:
-            raise BadInputError(f"the plant has no {name}")
+            raise BadInputError(f"the plant has no {name}; add it")
     assumption = _completed(typed, parameters)
     plant = _plant(typed, is_discrete=time == "discrete", discount=_discount(content))
     exponent = _exponent(answer_texts.get("scale", "1.0e+00"))
@@ -236,7 +239,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
         if name in answer_texts
     }
     if not answer:
-        raise BadInputError("nothing is printed; give P, K, L, W or H")
+        raise BadInputError("the printed answer is empty; give P, K, L, W or H")
     _check_answer(answer, answer_texts, plant)
     flags = {}
     for name in ("learned", "plant_rounded"):
@@ -266,7 +269,7 @@ def _printed_file(content: dict[str, Any]) -> PrintedFile:
 def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[str, Any]:
     table = content.get(name)
     if not isinstance(table, dict):
-        raise BadInputError(f"the table [{name}] is missing")
+        raise BadInputError(f"the table [{name}] is missing; add it")
     for key in table:
         refuse_unknown(f"[{name}] has no", key, keys)
     return table

@@ -330,7 +330,7 @@ def test_formulas_of_parameters_and_a_common_factor():
     assert scaled.values.tolist() == [[12345.0, 0.0], [0.0, -20.0]]
     assert scaled.half_units == pytest.approx(0.5 * np.ones((2, 2)))
     assert scaled.roundings.tolist() == [[0.5, 0.0], [0.0, 0.5]]
-    with pytest.raises(BadInputError, match="P: '1/3' cannot have a common factor"):
+    with pytest.raises(BadInputError, match="P: '1/3' is not a decimal number, which scale needs"):
         read_block("P", "1.0e+04 *\n 1/3")
 
 

@@ -135,7 +135,7 @@ def test_matrices_are_linear_between_angles_and_constant_beyond(
     ("changed", "message"),
     [
         ({"A": np.zeros((3, 2, 2))}, r"A is \(3, 2, 2\); it must be \(3, 1, 1\)"),
-        ({"D": np.full((3, 1, 4), math.nan)}, "D has a number that is not finite"),
+        ({"D": np.full((3, 1, 4), math.nan)}, "D has an entry that is not finite"),
         ({"breakpoints": np.array([0.2, 0.1, 0.3])}, "dihedrals must increase"),
         ({"measurements": ("pitch_rate", "lift")}, "unknown measurement 'lift'"),
         (

@@ -101,7 +101,7 @@ def test_transfer_functions_have_the_response_of_the_model() -> None:
     found = linear.transfer_function("elevator_center", "pitch_rate")
     expected = linear["pitch_rate", "elevator_center"].to_control()(2j)
     assert found(2j) == pytest.approx(expected)
-    with pytest.raises(BadInputError, match="5 inputs and 1 outputs"):
+    with pytest.raises(BadInputError, match="inputs: 5, outputs: 1"):
         linear.transfer_function(None, "pitch_rate")
 
 

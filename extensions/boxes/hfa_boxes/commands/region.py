@@ -150,7 +150,7 @@ def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
-        raise BadInputError(f"{path}: concerns another loop; write to another file")
+        raise BadInputError(f"{path} concerns another loop; write to another file")
     return statement
 
 

@@ -268,7 +268,9 @@ class _Reader:
         key = _key(kind, rows)
         if key not in self._known:
             if len(self.nodes) == MOST_NODES:
-                raise BadInputError(f"{self._name}: more than {MOST_NODES} nonlinear operations")
+                raise BadInputError(
+                    f"{self._name}: more than {MOST_NODES} nonlinear operations; simplify it"
+                )
             levels = [
                 self.nodes[variable - self._first].level
                 for row in rows

@@ -24,7 +24,9 @@ def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
     spread = spread_of_set(known)
     for name, value in spread.values.items():
         if value == 0.0:
-            raise BadInputError(f"{name} is zero and identified; its logarithm cannot be sampled")
+            raise BadInputError(
+                f"{name} is identified as 0, so its logarithm cannot be sampled; fix {name}"
+            )
     samples = []
     for row in spread.draws(count, seed).tolist():
         samples.append(known.values._replace(**dict(zip(spread.values, row, strict=True))))

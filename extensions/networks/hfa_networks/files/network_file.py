@@ -176,8 +176,8 @@ def _refuse_unread(
     normalizer = found[name].normalizer
     if normalizer is not None and len(normalizer.mean) != layers[0].inputs:
         raise BadInputError(
-            f"its {shortened(normalizer.name)} normalizes {len(normalizer.mean)} numbers and the "
-            f"network has {layers[0].inputs} inputs"
+            f"its {shortened(normalizer.name)} has {len(normalizer.mean)} entries and the "
+            f"network {layers[0].inputs} inputs; save the normalizer of this network"
         )
     squash = found[name].squash
     if squash is not None and {len(squash.scale), len(squash.bias)} != {layers[-1].outputs}:
@@ -207,7 +207,7 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
             raise _no_chain(name, array, reason, tensors)
         layers.append(Layer(stem.removesuffix("."), array, bias))
     if not any(layer.is_linear for layer in layers):
-        raise BadInputError("it contains no linear layer")
+        raise BadInputError("it contains no linear layer; give a feed-forward network")
     layers = _as_saved(layers) if suffix in _ORDERED else _only_order(layers, widths)
     for before, layer in pairwise(layers):
         if before.outputs != layer.inputs:

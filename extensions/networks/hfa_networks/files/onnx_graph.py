@@ -405,8 +405,8 @@ def _evaluate(
             constants += size
         if scalars > _MOST_SCALARS or constants > LARGEST_NETWORK:
             raise BadInputError(
-                f"it computes more than {_MOST_SCALARS} numbers of one state, or more than "
-                f"{LARGEST_NETWORK} constants"
+                f"it is too large: more than {_MOST_SCALARS} numbers that depend on the state, or"
+                f" more than {LARGEST_NETWORK} constants"
             )
         arrays |= dict(zip(node.output, results, strict=False))
         precision = min(precision, node_precision)  # float32 before float64
@@ -457,7 +457,7 @@ def check_width(width: int, states: int, inputs: int) -> None:
     if width == states:
         return
     if inputs == 0:
-        raise BadInputError(f"the network has {width} inputs; {states} numbers were given")
+        raise BadInputError(f"the network has {width} inputs, but {states} numbers are given")
     if width != states + inputs:
         raise BadInputError(
             f"the network has {width} inputs; this plant needs {states} (its states) or, for a Q, "
@@ -573,7 +573,9 @@ def _refuse_more(size: int, inputs: Any) -> None:
     is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
-        raise BadInputError(f"one of its operators returns {size:.3g} numbers, more than {most}")
+        raise BadInputError(
+            f"one of its operators returns {size:.3g} numbers; the maximum is {most}"
+        )
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:

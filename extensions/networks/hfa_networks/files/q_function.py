@@ -28,7 +28,7 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(
-            f"a network of (x, u) returns {Q.numel_out(0)} numbers; a Q must be one number"
+            f"a network of (x, u) returns {Q.numel_out(0)} numbers; a Q must return one"
         )
     if _degree(Q.expand(), states) > 2.0:
         raise BadInputError(f"its Q(x, u) is not quadratic in u; {_ELSE}")

@@ -255,7 +255,9 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
         if group.keys() == names and stem.endswith(module):
             deviation, clip = divisor(group)
             if not np.all(deviation > 0.0):
-                raise BadInputError(f"its {shortened(stem)} has a variance that is not above 0")
+                raise BadInputError(
+                    f"its {shortened(stem)} has a variance <= 0; each must be positive"
+                )
             return Normalizer(stem, group[mean].ravel(), deviation.ravel(), clip)
     return None
 

@@ -71,9 +71,9 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
                 f"tensor {shortened(name)!r} is {array.dtype}; give weights as float32 or float64"
             )
         if not np.all(np.isfinite(array)):
-            raise BadInputError(f"tensor {shortened(name)!r} has numbers that are not finite")
+            raise BadInputError(f"tensor {shortened(name)!r} has entries that are not finite")
     if sum(array.size for array in tensors.values()) > LARGEST_NETWORK:
-        raise BadInputError(f"it has more than {LARGEST_NETWORK} numbers")
+        raise BadInputError(f"it has more than {LARGEST_NETWORK} entries, the maximum")
     is_single = any(array.dtype == np.float32 for array in tensors.values())
     doubles = {
         name: array.astype(float) if array.dtype.kind == "f" else array
@@ -120,7 +120,7 @@ def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndar
     last = offset + sum((count - 1) * step for count, step in steps)
     is_inside = 0 <= offset <= last < storage.size and min(stride, default=0) >= 0
     if math.prod(size) > storage.size or not is_inside:
-        raise BadInputError(f"a tensor of shape {size} is larger than its storage")
+        raise BadInputError(f"it is damaged: a tensor of shape {size} is larger than its storage")
     strides = [step * storage.itemsize for step in stride]
     return np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
 

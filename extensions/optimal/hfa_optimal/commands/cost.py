@@ -70,7 +70,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
         """Problem of the flights to the trim."""
         from hfa_optimal.problem import flight_problem
 
-        self.refuse(("delta",), "applies only to a game; the cost of a flight has no disturbance")
+        self.refuse(("delta",), "applies only to a game; leave it out")
         aircraft = self.flown_aircraft()
         point = self.operating_point(aircraft)
         game = self.game_on(linearize(aircraft, point))
@@ -81,7 +81,7 @@ def _part(text: str) -> float:
     """Return the number in a text. Raises BadInputError unless it is between 0.0001 and 0.5."""
     part = number(text)
     if not 1e-4 <= part <= 0.5:
-        raise BadInputError("must be between 0.0001 and 0.5")
+        raise BadInputError(f"is {text}; give a number from 0.0001 to 0.5")
     return part
 
 
@@ -118,7 +118,10 @@ def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
     from hfa_proof.subject import Given, compare
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
-    request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
+    request.refuse(
+        ("plant",),
+        "is a linear plant; the certificate is about a nonlinear aircraft; name it by --aircraft",
+    )
     request.refuse(("weights", "basis", "design"), "does not apply to a bound; leave it out")
     own = request.model if request.own else None
     typed = {name: value for name, value in request.changed_weights().items() if name != "delta"}

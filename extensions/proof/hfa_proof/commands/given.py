@@ -74,7 +74,9 @@ def given_for(statement: Statement, request: CheckRequest) -> dict[str, Given]:
         assert isinstance(statement, GameStatement)
         return _given_plant(statement, request)
     if request.plant is not None:
-        raise BadInputError("--model is a plant, but the certificate is about an aircraft")
+        raise BadInputError(
+            "--model is a linear plant, but the certificate is about an aircraft; leave --model out"
+        )
     given = _given_flight(flight, request)
     given |= _given_weights(flight, request)
     if isinstance(statement, GameStatement):
@@ -121,7 +123,8 @@ def _given_weights(flight: Flight, request: CheckRequest) -> dict[str, Given]:
 def _given_plant(statement: GameStatement, request: CheckRequest) -> dict[str, Given]:
     """Return the plant of --model, its weights, and the critic."""
     request.refuse(
-        (*_OF_THE_AIRCRAFT, "at"), "names an aircraft, but the certificate is about a plant"
+        (*_OF_THE_AIRCRAFT, "at"),
+        "names an aircraft, but the certificate is about a plant; leave it out",
     )
     given = {
         f"weights.{name}": Given(value, f"--{name}")
@@ -142,7 +145,9 @@ def _given_critic(statement: GameStatement, request: CheckRequest) -> dict[str, 
     Raises NoSolutionError where the file has no K and the statement's K is not the gain of its P or
     W.
     """
-    request.refuse(("design",), "applies to a schedule, but the certificate is about a game")
+    request.refuse(
+        ("design",), "applies to a schedule, but the certificate is about a game; leave it out"
+    )
     if request.weights is None:
         request.refuse(("basis",), "applies only to W; add --weights FILE")
         return {}
@@ -178,7 +183,10 @@ def _given_controller(
     option = f"--weights {request.weights}"
     model = statement.flight.model
     if isinstance(statement, ModelsStatement):
-        request.refuse(("design",), "applies to a controller, but the certificate is about models")
+        request.refuse(
+            ("design",),
+            "applies to a controller, but the certificate is about models; leave it out",
+        )
         gains = load_gain_schedule(request.weights, model)
         return {
             "breakpoints": Given(gains.file_breakpoints, option),

@@ -108,7 +108,9 @@ def region(request: RegionRequest) -> int:
     from hfa_proof.arithmetic import flint_or_refusal
 
     flint_or_refusal()
-    request.refuse(("plant",), "is linear, and its region has no boundary; name an --aircraft")
+    request.refuse(
+        ("plant",), "is a linear plant, whose region is unbounded; name an aircraft by --aircraft"
+    )
     if request.check is not None:
         return _checked(request, request.check)
     if request.output is not None and request.output.suffix.lower() != ".json":
@@ -132,8 +134,13 @@ def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
     from hfa_region.report import checked_report
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
-    request.refuse(("plant",), "is linear, but the certificate is about a nonlinear aircraft")
-    request.refuse(("design",), "applies to a schedule, but the certificate is about a region")
+    request.refuse(
+        ("plant",),
+        "is a linear plant; the certificate is about a nonlinear aircraft; name it by --aircraft",
+    )
+    request.refuse(
+        ("design",), "applies to a schedule, but the certificate is about a region; leave it out"
+    )
     own = request.model if request.own else None
     verified = check_certificate(certificate, ProgressLine("check"), own)
     given = given_for(verified.statement, request)

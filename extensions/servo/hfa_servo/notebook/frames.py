@@ -100,5 +100,7 @@ def _lines(swept: Sweep) -> list[Any]:
     """Return the points of each line along the last variable."""
     size = swept.plan.sizes[-1]
     if len(swept) % size:
-        raise BadInputError("the sweep has no lines along its last variable")
+        raise BadInputError(
+            "the points of the sweep do not form complete lines along its last variable"
+        )
     return [slice(first, first + size) for first in range(0, len(swept), size)]
