@@ -26,7 +26,7 @@ class ActuatorFault:
     damping: ζ, or None for no change
     inputs: names of the affected inputs, or () for all
 
-    Raises BadInputError when a number is not positive.
+    Raises BadInputError when `begin` is negative or another number is not positive.
     """
 
     begin: float = 0.0
@@ -64,7 +64,8 @@ class ActuatorBank:
     faults: changes of ω, ζ and the effectiveness λ, which is 1 without a fault
 
     Raises BadInputError if a lag or a rate is not positive, a lowest position is not below the
-    highest, the order is neither 1 nor 2, or a fault names an unknown input.
+    highest, the order is neither 1 nor 2, the damping is not positive, or a fault names an unknown
+    input.
     """
 
     lag: Any
@@ -76,7 +77,7 @@ class ActuatorBank:
     faults: tuple[ActuatorFault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError that names actuators that cannot move."""
+        """Raise BadInputError for actuators that cannot move and for faults of unknown inputs."""
         numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
         for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
@@ -128,7 +129,7 @@ class ActuatorBank:
 
     @property
     def held_size(self) -> int:
-        """Return the number of `held_inputs` that a fault changes."""
+        """Number of `held_inputs`, or 0 without faults."""
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:

@@ -70,7 +70,8 @@ class MonteCarlo(StatesAndInputs, Reported):
     spread: distribution of the members' parameters, or None for those of the model
 
     Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
-    relative error concerns a zero parameter, or a signal has no formula.
+    relative error concerns a zero parameter, a signal has no formula, or the scenario is already
+    drawn.
     """
 
     members: int

@@ -113,8 +113,9 @@ class Scenario(Reported):
     air: disturbance of the model -> its waveform, (1,)
     delay: s, delay of every command, a whole number of ticks
 
-    Raises BadInputError if times are not multiples of each other, do not suit the actuators or are
-    too long, or if there are two gusts.
+    Raises BadInputError if times are not multiples of each other or are too long, the step is too
+    long for the actuators, a factor is not positive, the delay is not a whole number of ticks, or
+    there are both a gust and turbulence.
 
     >>> from hfa_flight import OneMinusCosine, Scenario
     >>> gust = OneMinusCosine(length=400.0, peak=5.0, speed=68.0)
@@ -205,8 +206,8 @@ class Scenario(Reported):
         condition or signal.
 
         Raises BadInputError if it names an unknown parameter, state or disturbance, if it has a
-        gust and the model has no disturbance `updraft`, or if `initial` does not have one number
-        for each state.
+        gust that needs a disturbance which the model neither declares nor receives from `in_gusts`,
+        or if `initial` does not have one number for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))

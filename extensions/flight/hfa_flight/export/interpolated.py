@@ -40,7 +40,8 @@ class InterpolatedModel:
 
     sweep: the sweep, whose points all have a trim
 
-    Raises BadInputError if a variable has fewer than two values, or a point has no trim.
+    Raises BadInputError if the sweep is of a list of points, a variable has fewer than two values,
+    or a point has no trim.
     """
 
     sweep: Sweep
