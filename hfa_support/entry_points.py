@@ -18,7 +18,8 @@ COMMANDS = "hfa.commands"
 #: Aircraft by scheme, "jsbsim" of jsbsim:NAME, or by suffix, ".xml": text -> Model.
 AIRCRAFT = "hfa.aircraft"
 #: Critics by suffix, ".onnx", or by the name of an array of theirs, "weight":
-#: (game, path, Reading) -> Critic. "nonlinear" and "nonlinear.steps" judge one that is no matrix.
+#: (game, path, Reading) -> Critic. "module" makes one of a network in memory.
+#: "nonlinear" and "nonlinear.steps" judge one that is no matrix.
 CRITICS = "hfa.critics"
 #: What a command of the core, or of another extension, does with this package and not without.
 PARTS = "hfa.parts"

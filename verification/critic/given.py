@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from controller.critic.critic import Critic, from_gain, from_parts
 from controller.critic.critic_file import critic_in
 from controller.riccati.gare import Solution
+from hfa_support.entry_points import CRITICS, part
 
 if TYPE_CHECKING:
     from controller.game.training_run import TrainingRun
@@ -19,7 +20,7 @@ def critic_given(
 ) -> tuple[Critic, TrainingRun | None]:
     """Return a critic and the training run that ends with it, or None.
 
-    given: file, solution, training run or gain K; None where parts define the critic
+    given: file, solution, training run, network or gain K; None where parts define the critic
     parts: "K", "P", "W" -> array or None
     run: the training run of a file or a gain, if known
 
@@ -29,6 +30,8 @@ def critic_given(
         return critic_in(given, game), run
     if isinstance(given, Solution):
         return from_parts(game, {"P": given.P, "K": given.K}), run
+    if hasattr(given, "state_dict"):
+        return part(CRITICS, "module", "a network")(game, given), run
     if hasattr(given, "critic"):
         return given.critic(game), given
     if given is not None:

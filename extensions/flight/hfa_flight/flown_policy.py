@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import read_critic
+from controller.critic.critic_file import entries_in, is_network, read_critic, single_parts
+from controller.game.names import names_of_linear
 from hfa_flight.policies import (
     GainPolicy,
     Measurements,
@@ -26,7 +27,7 @@ from hfa_flight.policies import (
 from hfa_flight.scenario import Scenario
 from hfa_flight.signals import CommandSteps
 from hfa_support.entry_points import PARTS, loaded, offered, part
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, said_of, shown
 from trim.point.operating_point import OperatingPoint
 
 _FORMS = (
@@ -44,7 +45,7 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
     """
     inputs = tuple(point.model.inputs)
     if isinstance(given, (str, Path)):
-        given = _policy_of_file(Path(given))
+        given = _policy_of_file(Path(given), point)
     if isinstance(given, Policy):
         return given, scenario
     if given is None:
@@ -69,14 +70,19 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
         raise BadInputError(f"policy is {shown(given)}; {_FORMS}") from error
 
 
-def _policy_of_file(path: Path) -> Any:
+def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
     """Return the deployment of a .toml file, or the critic of another file.
 
-    The critic must have a gain K.
+    The critic must have a gain K, which is converted to the units of the aircraft.
     """
     if path.suffix.lower() == ".toml":
         return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
-    return read_critic(path)
+    entries = {} if is_network(path) else entries_in(path)
+    if "K" not in entries:
+        return read_critic(path)
+    of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
+    with said_of(path):
+        return Critic(single_parts(of_gain, names_of_linear(point.linearize()), None)["K"])
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
@@ -86,6 +92,9 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
     Raises BadInputError unless the times of each name increase from 0 on.
     """
+    for name, pairs in given.items():
+        if callable(pairs):
+            raise BadInputError(f"the steps of {name} are a function; {_FORMS}")
     steps = {name: numbers_in(f"the steps of {name}", pairs) for name, pairs in given.items()}
     for name, pairs in steps.items():
         if pairs.ndim != 2 or pairs.shape[1] != 2:

@@ -32,6 +32,7 @@ from hfa_identify.records import Record, columns_of_table, read_record, record_o
 from hfa_identify.response import Responses
 from hfa_identify.search import Search, begin_of
 from hfa_identify.sensors import sensor_errors
+from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
 #: A record, arrays by name, or the path of a file.
@@ -46,10 +47,11 @@ _MANY = 2000
 _WIDE = 2.0
 
 
+@checks_arguments
 def identify(
     model: Model,
-    records: AnyRecord | Sequence[AnyRecord],
-    free: Sequence[str] = (),
+    records: Any,
+    free: Sequence[str] | str = (),
     *,
     given: Mapping[str, float] | Sequence[str] = (),
     hold: Mapping[str, float] | None = None,
@@ -175,6 +177,8 @@ def _as_records(
                 moves = [name in model.inputs or np.ptp(table[name]) > 0.0 for name in table]
                 each = table.loc[:, moves]
             if hasattr(each, "columns"):  # a table of pandas
+                is_index = each.index.name == "time" and "time" not in each.columns
+                each = each.reset_index() if is_index else each
                 each = columns_of_table(each, model, f"record {number}")
             each = record_of(model, each, held, f"record {number}")
         read.append(replace(each, has_steps=inputs == "steps"))
@@ -189,7 +193,12 @@ def _free_names(
     Raises BadInputError for an empty list, a pattern without a match, an unknown name, and a name
     that is also given."""
     if isinstance(free, str) or not free:
-        possible = ", ".join(model.parameters) or "none"
+        if not model.parameters:
+            raise BadInputError(
+                f"{model.name} has no parameters to identify; declare them, "
+                "Model(..., parameters={NAME: Signal(...)})"
+            )
+        possible = ", ".join(model.parameters)
         raise BadInputError(f"free names no parameters; give a list of at least one of {possible}")
     errors = sensor_errors(model, (*model.inputs, *measured))
     known = (*model.parameters, *errors)

@@ -125,6 +125,10 @@ def test_tables_of_pandas_and_flights_are_records():
         assert residuals[name].std() == pytest.approx(size, rel=0.15)
     with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
         identify(begun(), table)
+    with pytest.raises(hfa.BadInputError, match="at least one of mass, Ixx"):
+        identify(begun(), table.rename(columns={"time [s]": "time"}).set_index("time"))
+    with pytest.raises(hfa.BadInputError, match="unexpected keyword argument 'states'"):
+        identify(begun(), table, states=["alpha"])
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
     flight = hfa.fly(LONGITUDINAL, policy=moved, seconds=1.9)
     off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))

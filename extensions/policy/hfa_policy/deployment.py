@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -89,6 +89,10 @@ class Deployment(Reported):
     >>> card.dt, card.delay
     (0.02, 0.0)
     """
+
+    how_to_make: ClassVar[str] = (
+        "hfa.Deployment.load(FILE) or hfa.Deployment(policy, observation, action, timing)"
+    )
 
     policy: Mapping[str, Any]
     observation: Mapping[str, Any]

@@ -15,7 +15,7 @@ from matplotlib import pyplot
 from scipy.linalg import expm
 
 import hfa
-from hfa import BadInputError, LinearModel, find_operating_point, linearize
+from hfa import BadInputError, LinearModel, NoSolutionError, find_operating_point, linearize
 from hfa_servo.notebook.arguments import ARGUMENTS
 from hfa_servo.notebook.calls import ATTRIBUTES
 
@@ -55,8 +55,14 @@ def test_step_and_simulate_agree_with_exponentials() -> None:
     assert pulse == pytest.approx(slope, rel=1e-3, abs=1e-3)
     named = linear.step(time, inputs="elevator_center", outputs=["pitch", "alpha"])
     assert named.outputs[:, 0] == pytest.approx(x[[2, 1]], rel=1e-9, abs=1e-9)
-    with pytest.raises(BadInputError, match="time is 'throttle'; give a number"):
-        linear.step("throttle")
+    for stepped in (linear.step("throttle", duration=2.0), linear.step("throttle", time=2.0)):
+        assert stepped.outputs.shape[:2] == (6, 1)
+        assert stepped.time[-1] == pytest.approx(2.0)
+    of_speed = linear.step("throttle", "speed", 2.0).outputs
+    assert np.array_equal(of_speed, linear.step(2.0, "throttle", "speed").outputs)
+    assert linear.step_response("throttle").outputs.shape[:2] == (6, 1)
+    with pytest.raises(BadInputError, match="unknown input 'throtle'; did you mean throttle"):
+        linear.step("throtle")
 
 
 def test_other_attributes_are_those_of_python_control() -> None:
@@ -223,8 +229,75 @@ def test_an_earlier_link_of_the_chain_makes_an_argument() -> None:
     assert np.array_equal(linear.solve_game(np.eye(6), np.eye(5), delta=200.0).K, K)
     assert np.array_equal(hfa.lqr(point, **weights).K, hfa.lqr(linear, **weights).K)
     assert hfa.verify(hfa.solve_game(linear, **weights, delta=200.0), K).ok
-    with pytest.raises(BadInputError, match="linear is a Model; give a LinearModel"):
-        hfa.lqr(MODEL, **weights)
+    assert np.array_equal(hfa.lqr(MODEL, **weights, dihedral=0.2).K, hfa.lqr(point, **weights).K)
+    assert np.array_equal(hfa.solve_game(MODEL, **weights, delta=200.0, dihedral=0.2).K, K)
+    made = hfa.Game(linear, **weights, delta=200.0)
+    assert made == hfa.game(linear, **weights, delta=200.0)
+    assert made.names == hfa.game(linear, **weights).names
+    with pytest.raises(BadInputError, match="A is a Flight"):
+        hfa.Game(MODEL.fly(K, seconds=0.1), **weights)
+
+
+def test_the_gain_of_a_file_flies_in_the_units_of_the_aircraft(folder: Path) -> None:
+    """fly(model, FILE) converts a gain by the units that the file states."""
+    point = find_operating_point(MODEL)
+    run = hfa.learn(hfa.paper.published_game(point.linearize()), seed=0)
+    run.save(Path("learned.npz"))
+    initial = {"alpha": 0.01}
+    flown = hfa.fly(MODEL, point, run, 0.1, initial=initial).states
+    assert np.allclose(hfa.fly(point, "learned.npz", 0.1, initial=initial).states, flown)
+    names = run.names
+    factors = [0.3048 if unit == "ft/s" else 1.0 for unit in names.state_units]
+    units = ["m/s" if unit == "ft/s" else unit for unit in names.state_units]
+    assert "m/s" in units
+    np.savez("metric.npz", K=run.K / factors, states=names.states, state_units=units)
+    assert np.allclose(hfa.fly(point, "metric.npz", 0.1, initial=initial).states, flown)
+    np.savez("weights.npz", W=run.weights[-1])
+    with pytest.raises(BadInputError, match=r"weights\.npz needs its game"):
+        hfa.fly(point, "weights.npz", 0.1)
+
+
+def test_a_gain_closes_the_loop_of_a_linear_model() -> None:
+    """linear.closed_loop(K) is z' = (A - B K) z + B v, and linear.margins(K) has its margins."""
+    linear = _linear()
+    solution = hfa.lqr(linear, np.eye(6), np.eye(5))
+    closed = linear.closed_loop(solution)
+    assert np.allclose(closed.A, linear.A - linear.B @ solution.K)
+    assert closed.input_labels == list(linear.inputs)
+    assert solution.certified is True
+    for name, margins in linear.margins(solution.K).items():
+        assert margins == pytest.approx(solution.margins()[name], rel=1e-4, nan_ok=True), name
+    with pytest.raises(BadInputError, match="give its transpose"):
+        linear.margins(solution.K.T)
+    with pytest.raises(NoSolutionError):
+        linear.margins(-solution.K)
+
+
+def test_values_of_a_model_are_the_points() -> None:
+    """environment(model, dihedral=...) and assess(point, FILE) begin at these trims."""
+    env = hfa.environment(MODEL, dihedral=[0.1, 0.2])
+    assert [point["dihedral"] for point in env.episodes.points] == [0.1, 0.2]
+    model = hfa.load_model("examples/gtm.py:GTM")
+    file = "examples/gtm_policy/on_time.toml"
+    assessed = hfa.assess(find_operating_point(model, speed=48.0), file, samples=0)
+    assert assessed.radius == hfa.assess(model, file, [48.0], samples=0).radius
+    with pytest.raises(BadInputError, match="deployment is a function; give a Deployment, made by"):
+        hfa.assess(find_operating_point(model), lambda x: x, rate=50)
+    with pytest.raises(BadInputError, match="unexpected keyword argument 'sped'"):
+        hfa.environment(MODEL, sped=170.0)
+
+
+def test_prove_chooses_by_its_arguments() -> None:
+    """hfa.prove(game, K) proves a critic, and hfa.prove(game) the exact solution."""
+    game = hfa.Game([[1.0]], [[1.0]], [[1.0]], [1.0], [1.0], delta=10.0)
+    assert hfa.prove(game, [[2.4]]).data["statement"] == "critic"
+    assert not hfa.prove(game, np.array([[0.5]])).proved
+    with pytest.raises(BadInputError, match="critic is an array of shape"):
+        hfa.prove(game, np.ones(2))
+    assert hfa.prove(game, hfa.solve_game(game)).data["distances"].keys() == {"K", "P"}
+    assert hfa.prove(game).data["statement"] == "solution"
+    with pytest.raises(AttributeError, match="use the command hfa design"):
+        hfa.design  # noqa: B018
 
 
 def test_a_point_brings_its_model() -> None:
@@ -368,6 +441,7 @@ def test_keywords_change_a_game() -> None:
     assert np.array_equal(hfa.solve_game(game, delta=400.0).K, hfa.solve_game(larger).K)
     least = hfa.solve(game).delta_min
     assert hfa.delta_min(game) == game.delta_min == pytest.approx(least)
+    assert game.smallest_delta() == game.smallest_delta == game.delta_min
     with pytest.raises(BadInputError, match="unexpected keyword argument 'gama'"):
         hfa.solve_game(game, gama=400.0)
 
@@ -426,6 +500,12 @@ def test_errors_name_the_call_that_was_meant() -> None:
         def predict(self, observation: np.ndarray) -> np.ndarray:
             return observation
 
+    with pytest.raises(BadInputError, match="quickest_flight minimizes the time"):
+        hfa.optimize(MODEL, initial={"alpha": 0.1}, minimize="time")
+    with pytest.raises(BadInputError, match=r"identify: model is 'flight\.csv'; give a"):
+        hfa.identify("flight.csv", states=["speed"])
+    with pytest.raises(BadInputError, match="the steps of throttle are a function; give a gain K"):
+        linear.point.simulate(duration=1.0, inputs={"throttle": lambda t: t})
     with pytest.raises(BadInputError, match="or the file in which the policy is saved"):
         hfa.verify(game, Trained())
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,7 @@ from hfa_networks.files.activations import COMMON
 from hfa_networks.files.network_file import NetworkFile, network_in
 from hfa_networks.files.q_function import policy_of
 from hfa_networks.files.state_dict import Squash
+from hfa_networks.files.torch_module import module_network
 from hfa_support.arguments import checks_arguments
 from hfa_support.errors import BadInputError, said_of, shortened
 
@@ -31,20 +33,20 @@ OUTPUTS = ("V", "gradient", "policy", "V+policy")
 @checks_arguments
 def from_network(
     game: Game,
-    source: str | Path | ca.Function,
+    source: str | Path | ca.Function | Callable[..., Any],
     *,
     network: str = "",
     activation: str | None = None,
     scale: np.ndarray | None = None,
     features: Basis | ca.Function | None = None,
 ) -> Critic:
-    """Return the critic of a network: a file read by `network_in`, or a CasADi Function of the
-    state.
+    """Return the critic of a network: a file read by `network_in`, a CasADi Function of the state,
+    or a torch.nn.Sequential.
 
     A network of the state and the input is a Q. Its policy, found by `policy_of`, is judged.
 
     game: the game that the critic should solve
-    source: the file, or the Function
+    source: the file, the Function, or the Sequential of linear layers and activations
     network: the parts of a file and their kinds, such as "value", "V=value" or
         "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides
     activation: activation between the layers of a state dict
@@ -70,6 +72,9 @@ def from_network(
     if isinstance(source, ca.Function):
         stored = NetworkFile({network: source}, "a CasADi function", "float64")
         return _of_states(game, stored, scales, "network", {})
+    if not isinstance(source, (str, Path)):
+        stored = module_network(source, network, n, m)
+        return _of_states(game, stored, scales, f"network {stored.chain}", {})
     count = functions.size if isinstance(functions, Basis) else functions.numel_out(0)
     parts = _parts(network)
     stored = network_in(source, n, activation, parts, count, m)

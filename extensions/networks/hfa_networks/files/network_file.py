@@ -150,7 +150,7 @@ def network_in(
             _refuse_unread(found, networks, name)
             steps = _with_activations(layers, activation)
             normalizer = found[name].normalizer
-            functions[name], on_rows = _composed(steps, normalizer)
+            functions[name], on_rows = composed(steps, normalizer)
             chains.append(_chain(name, steps, found[name]))
             if on_rows is not None:
                 rows[name] = on_rows
@@ -353,7 +353,7 @@ def _follows(before: Layer, layer: Layer) -> bool:
     return _kind(before) == _kind(layer) and numbers == _numbers(layer)
 
 
-def _composed(
+def composed(
     steps: list[tuple[Layer, str]], normalizer: Normalizer | None
 ) -> tuple[ca.Function, RowNetwork | None]:
     """Return the function x -> output of the last layer, and the function for rows.

@@ -8,11 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from controller.game.training_run import TrainingRun
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
+from controller.riccati.loop_margins import loop_margins, named_margins
 from hfa_aircraft.model import Model
 from hfa_servo.notebook.frames import entries_frame
+from hfa_servo.notebook.of_control import of_control
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
 from trim.linear.linear_model import LinearModel
@@ -21,6 +25,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.sweeps.sweep import Sweep
 
 if TYPE_CHECKING:
+    import control
     from matplotlib.axes import Axes
 
 
@@ -138,11 +143,51 @@ def _root_locus(value: Any) -> Callable[[], Any] | None:
     return value.plot if isinstance(value, Sweep) else None
 
 
+def _game_of(linear: LinearModel) -> Game:
+    """Return a game on a linear model whose weights do not matter."""
+    n, m = linear.B.shape
+    return Game(linear.A, linear.B, np.eye(n), np.eye(n), np.eye(m), np.inf)
+
+
+def _closed_loop(value: Any) -> Callable[[Any], control.StateSpace] | None:
+    """Return the method that closes the loop of a linear model: z' = (A - B K) z + B v."""
+    if not isinstance(value, LinearModel):
+        return None
+
+    def closed_loop(K: Any) -> control.StateSpace:
+        gain = _game_of(value).checked_gain(getattr(K, "K", K))
+        changes = {"A": value.A - value.B @ gain, "C": value.C - value.D @ gain}
+        return replace(value, **changes).to_control()
+
+    return closed_loop
+
+
+def _margins(value: Any) -> Callable[..., Any] | None:
+    """Return the method that returns the margins of a gain K at each input of a linear model, or
+    without a gain python-control's margins of a single loop."""
+    if not isinstance(value, LinearModel):
+        return None
+
+    def margins(*arguments: Any, **named: Any) -> Any:
+        given = named.get("K", *arguments[:1]) if len(arguments) + len(named) == 1 else None
+        gain = getattr(given, "K", given)
+        if gain is None or np.ndim(gain) != 2:
+            return of_control(value, "margin")(*arguments, **named)
+        game = _game_of(value)
+        return named_margins(value.inputs, loop_margins(game, game.checked_gain(gain)))
+
+    return margins
+
+
 #: Attribute that is added to some results -> function from a result to its value, or None.
 ADDED: dict[str, Callable[[Any], Any]] = {
+    "certified": lambda value: value.certificate.ok if isinstance(value, Solution) else None,
+    "closed_loop": _closed_loop,
     "df": lambda value: value.to_pandas() if hasattr(value, "to_pandas") else None,
     "history": _history,
     "linearize": _linearize,
+    "margin": _margins,
+    "margins": _margins,
     "plot": _plot,
     "poles": lambda value: value.eigenvalues if isinstance(value, Sweep) else None,
     "replace": _replace,

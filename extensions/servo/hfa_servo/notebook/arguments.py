@@ -10,16 +10,19 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
+from controller.critic.critic import Critic, from_gain, from_parts
 from controller.critic.critic_file import read_critic
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_aircraft.model import Model
 from hfa_support.arguments import argument_tests, evaluated
+from hfa_support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, release, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -32,9 +35,10 @@ X0: initial initial_state
 aircraft: model
 at: points
 controller: policy
-duration: seconds
+duration: seconds time
 gain: policy
 input: inputs
+inputs: policy
 output: outputs
 point: points
 sample_time: dt
@@ -58,6 +62,8 @@ ARGUMENTS = {
 _LINKS = (Model, TrimCondition, OperatingPoint, LinearModel, Game)
 #: Keywords that make a game of a linear model.
 _OF_GAME = ("Q", "R", "delta", "E")
+#: Keyword that no function has -> where its meaning is found.
+_ELSEWHERE = {"minimize": "optimize minimizes the cost; quickest_flight minimizes the time"}
 
 
 def keywords(known: Sequence[str], named: dict[str, Any]) -> dict[str, Any]:
@@ -84,17 +90,67 @@ def call_meant(
     """
     signature = inspect.signature(function)
     words = keywords([each for each in signature.parameters if each != "self"], named)
+    for word, place in _ELSEWHERE.items():
+        if word in words and word not in signature.parameters:
+            raise BadInputError(f"{word} is not an argument; {place}")
+    if function is inspect.unwrap(Game.__init__):
+        return _game_meant(arguments, words)
     if not any(_link(_classes(function, each)) for each in signature.parameters.values()):
-        return None if words.keys() == named.keys() else (arguments, words)
+        return _transfer_meant(signature, arguments, named, words)
     reading = _Reading(function, list(arguments), words)
-    if not reading.is_complete:
+    is_same = _identities(reading.arguments, reading.words) == _identities(arguments, named)
+    return None if is_same or not reading.is_complete else (reading.arguments, reading.words)
+
+
+def _identities(
+    arguments: tuple[Any, ...], named: dict[str, Any]
+) -> tuple[list[int], dict[str, int]]:
+    """Return the identities of the values of a call, which may be arrays."""
+    return [*map(id, arguments)], {name: id(value) for name, value in named.items()}
+
+
+def _game_meant(
+    arguments: tuple[Any, ...], words: dict[str, Any]
+) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
+    """Return the arguments of Game(linear, Q, R, delta) as its fields, or None."""
+    linear = linear_of(arguments[1]) if len(arguments) > 1 else None
+    if linear is None:
         return None
-    try:
-        signature.bind(*reading.arguments, **reading.words)
-    except TypeError:
-        return None
-    is_same = (reading.arguments, reading.words) == (arguments, named)
-    return None if is_same else (reading.arguments, reading.words)
+    game = import_module("hfa").game(linear, *arguments[2:], **words)
+    return arguments[:1], {each.name: getattr(game, each.name) for each in fields(Game)}
+
+
+def _transfer_meant(
+    signature: inspect.Signature,
+    arguments: tuple[Any, ...],
+    named: dict[str, Any],
+    words: dict[str, Any],
+) -> tuple[tuple[Any, ...], dict[str, Any]] | None:
+    """Return a call of a method whose first texts are its inputs and outputs, or None:
+    step("elevator", "pitch").
+
+    named: its keywords
+    words: its keywords, as the method knows them
+    """
+    names, others = leading_names(arguments[1:])
+    if names and {"inputs", "outputs"} <= {*signature.parameters} - {*words}:
+        selected = dict(zip(("inputs", "outputs"), names, strict=False))
+        return (*arguments[:1], *others), words | selected
+    return None if words.keys() == named.keys() else (arguments, words)
+
+
+def leading_names(arguments: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Return the names with which arguments begin, at most two, and the other arguments.
+
+    A name is a text or a list of texts.
+    """
+    names = list(takewhile(_is_names, arguments[:2]))
+    return names, list(arguments[len(names) :])
+
+
+def _is_names(value: Any) -> bool:
+    is_list = isinstance(value, (list, tuple)) and len(value) > 0
+    return isinstance(value, str) or (is_list and all(isinstance(each, str) for each in value))
 
 
 def accepts(function: Callable[..., Any], value: Any) -> bool:
@@ -138,12 +194,13 @@ class _Reading:
             if parameter.kind is parameter.POSITIONAL_OR_KEYWORD:
                 self._read(name, parameter, found)
         self._read_critic(found)
+        self._trims(found)
         self._build(found)
         self.arguments: tuple[Any, ...] = ()
         if any(each.kind is each.VAR_POSITIONAL for each in self.parameters.values()):
             self.arguments = (*found.values(), *self.rest)
             return
-        self.arguments = tuple(self.rest)  # superfluous ones
+        self.is_complete &= not self.rest
         self.words = {**found, **words}
 
     def _read(self, name: str, parameter: inspect.Parameter, found: dict[str, Any]) -> None:
@@ -164,7 +221,7 @@ class _Reading:
             value = self.rest.pop(places[0])
             found[name] = self._changed(value) if isinstance(value, Game) else value
             return
-        made = self._made(name, link, first[0], found) if first else None
+        made = self._made(name, link, first[0], found) if first and self._has_others(name) else None
         if first and (made is not None or link is None):
             given = self.rest.pop(0)
             found[name] = given if made is None else made
@@ -174,6 +231,19 @@ class _Reading:
             if made is not None:
                 found[name] = made
             self.is_complete &= made is not None
+
+    def _has_others(self, name: str) -> bool:
+        """Return whether enough arguments remain for the later parameters that nothing makes."""
+        names = list(self.parameters)
+        needed = [
+            each
+            for each in names[names.index(name) + 1 :]
+            if self.parameters[each].kind is inspect.Parameter.POSITIONAL_OR_KEYWORD
+            and self.parameters[each].default is inspect.Parameter.empty
+            and each not in self.words
+            and not _link(_classes(self.function, self.parameters[each]))
+        ]
+        return len(self.rest) > len(needed)
 
     def _made(self, name: str, link: Any, value: Any, found: Mapping[str, Any]) -> Any:
         """Return the link that a value makes, or None."""
@@ -190,7 +260,10 @@ class _Reading:
         if link is Game:
             return self._game(value, is_file)
         if link is LinearModel:
-            return linear_of(value)
+            return self._linear(value)
+        if name == "critic":
+            game = found.get("game", self.words.get("game"))
+            return self._critic(game, value) if isinstance(game, Game) else None
         if name == "grid" and isinstance(model, Model) and model.schedule and np.ndim(value):
             return {model.schedule: value}
         if name == "points" and (
@@ -204,13 +277,13 @@ class _Reading:
         delta."""
         if isinstance(value, Solution):
             return value.game
-        linear = None if is_file else linear_of(value)
-        if linear is None and not is_file:
-            return None
-        weights = self._weights()
         hfa = import_module("hfa")
         if is_file:
-            return hfa.load_game(value, **weights)
+            return hfa.load_game(value, **self._weights())
+        linear = self._linear(value)
+        if linear is None:
+            return None
+        weights = self._weights()
         places = list(self.parameters)
         following = self.tests.get(places[1]) if len(places) > 1 else None
         if len(self.rest) > 1 and following is not None and not following(self.rest[1]):
@@ -218,6 +291,35 @@ class _Reading:
             self.rest = self.rest[:1]
             return hfa.game(linear, *matrices, **weights)
         return hfa.game(linear, **weights)
+
+    def _critic(self, game: Game, value: Any) -> Critic | None:
+        """Return the critic of a file, a solution, a training run or a gain K, or None."""
+        if isinstance(value, (str, Path)):
+            return read_critic(value, game)
+        if isinstance(value, Solution):
+            return from_parts(game, {"P": value.P, "K": value.K})
+        if hasattr(value, "critic"):
+            made: Critic = value.critic(game)
+            return made
+        return from_gain(game, value) if np.ndim(value) == 2 else None
+
+    def _linear(self, value: Any) -> LinearModel | None:
+        """Return the linear model that a value makes, of a model that at its trim, or None."""
+        return linear_of(self._trim(value) if isinstance(value, Model) else value)
+
+    def _trim(self, model: Model) -> OperatingPoint:
+        """Return the trim of a model, at the values of keywords."""
+        point: OperatingPoint = import_module("hfa").find_operating_point(
+            model, **self._held(model, "hold", "free", "condition")
+        )
+        return point
+
+    def _held(self, model: Model, *more: str) -> dict[str, Any]:
+        """Return the keywords that are values of a model or further ones, and remove them from the
+        words."""
+        known = {*model.holdable, *model.rates, *model.parameters, *more}
+        known -= {*self.parameters, *_OF_GAME}
+        return {name: self.words.pop(name) for name in list(self.words) if name in known}
 
     def _weights(self) -> dict[str, Any]:
         """Return the keywords that make a game, and remove them from the words."""
@@ -236,17 +338,30 @@ class _Reading:
         """
         if link is Model:
             given = (*self.rest, *self.words.values())
-            return next((each.model for each in given if isinstance(each, OperatingPoint)), None)
+            point = next((each for each in given if isinstance(each, OperatingPoint)), None)
+            if point in self.rest and "points" in self.parameters:
+                self.rest.remove(point)
+                self.words["points"] = [point]
+            return None if point is None else point.model
         model = found.get("model", self.words.get("model"))
-        if link is not OperatingPoint or not isinstance(model, Model):
-            return None
-        known = {*model.holdable, *model.rates, *model.parameters, "hold", "free", "condition"}
-        held = {
-            name: self.words.pop(name)
-            for name in list(self.words)
-            if name in known and name not in self.parameters
-        }
-        return import_module("hfa").find_operating_point(model, **held)
+        is_trim = link is OperatingPoint and isinstance(model, Model)
+        return self._trim(model) if is_trim else None
+
+    def _trims(self, found: Mapping[str, Any]) -> None:
+        """Make the points of the keywords that are values of the model: environment(model,
+        speed=[150, 176])."""
+        model = found.get("model")
+        if not isinstance(model, Model) or "points" not in self.parameters:
+            return
+        if "points" in found or "points" in self.words:
+            return
+        held = self._held(model)
+        if held:
+            rows = np.broadcast_arrays(*map(np.atleast_1d, held.values()))
+            trim = import_module("hfa").find_operating_point
+            self.words["points"] = [
+                trim(model, **dict(zip(held, row, strict=True))) for row in zip(*rows, strict=True)
+            ]
 
     def _read_critic(self, found: dict[str, Any]) -> None:
         """Read the file of a critic with keywords of `hfa.read_critic`: verify(game, FILE,

@@ -49,7 +49,6 @@ gramian: gram
 hinfnorm: linfnorm
 info: report
 jacobian: at
-margins: margin
 message: reason
 n_inputs: ninputs
 n_outputs: noutputs
@@ -67,6 +66,7 @@ plot_poles: plot
 regret: cost_lost
 sigma: singular_values_plot
 simulate: fly
+smallest_delta: delta_min
 stable: is_stable
 suboptimality: cost_lost
 success: ok
@@ -91,6 +91,14 @@ ATTRIBUTES = dict(line.split(": ") for line in _SAME_ATTRIBUTES.strip().splitlin
 ANALYSED = {*AnalysedGame.__annotations__, *vars(AnalysedGame)}
 #: Attributes of the solution of a game, which a game lacks.
 _SOLVED = {*ANALYSED, *Solution.__annotations__, "poles", "margins", "closed_loop", "is_stable"}
+
+
+class _Number(float):
+    """A number that may be called: game.delta_min and game.delta_min()."""
+
+    def __call__(self) -> float:
+        """Return the number."""
+        return float(self)
 
 
 def attribute(value: Any, name: str, *more: str) -> Any:
@@ -130,7 +138,7 @@ def _of_control(value: Any, name: str) -> Any:
 def _of_same_meaning(value: Any, name: str) -> Any:
     """Return the attribute that a word of another tool means."""
     same = ATTRIBUTES.get(name)
-    return getattr(value, same) if same is not None and hasattr(value, same) else None
+    return None if same is None else getattr(value, same, None)
 
 
 def _mode(value: Any, name: str) -> Any:
@@ -161,7 +169,8 @@ def _analysed(value: Any, name: str) -> Any:
         raise AttributeError(f"Game has no attribute {name!r}; write game.solve().{name}")
     if type(value) is Solution and name in ANALYSED:
         return getattr(solve(value.game), name)
-    return minimum_delta(value).value if isinstance(value, Game) and name == "delta_min" else None
+    is_asked = isinstance(value, Game) and name == "delta_min"
+    return _Number(minimum_delta(value).value) if is_asked else None
 
 
 def _of_closed_loop(value: Any, name: str) -> None:

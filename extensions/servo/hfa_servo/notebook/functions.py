@@ -9,6 +9,7 @@ from typing import Any
 
 from controller.game.array_file import read_arrays
 from hfa_servo.notebook.calls import ANALYSED
+from hfa_support.entry_points import COMMANDS, offered
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
 from hfa_support.reporting.by_name import ByName
@@ -29,6 +30,10 @@ read_model: load_model
 read_policy: read_critic
 ss: LinearModel
 """
+#: Command without a function of its name -> what to write in Python.
+_INSTEAD = {
+    "design": "write [hfa.lqr(linear, Q, R) for linear in hfa.sweep(model, ...)], or use",
+}
 #: Function of MATLAB or gymnasium -> function of the same meaning.
 FUNCTIONS = dict(line.split(": ") for line in _SAME_FUNCTIONS.strip().splitlines())
 
@@ -43,8 +48,12 @@ def function(name: str, get: Callable[[str], Any]) -> Callable[..., Any] | None:
     if name in FUNCTIONS:
         known: Callable[..., Any] = get(FUNCTIONS[name])
         return known
-    if name == "load":
-        return load
+    if name in ("load", "prove"):
+        return load if name == "load" else prove
+    if name in offered(COMMANDS):
+        raise AttributeError(
+            f"hfa.{name} does not exist; {_INSTEAD.get(name, 'use')} the command hfa {name}"
+        )
     if name[0] == "_" or not _is_attribute(name, get):
         return None
 
@@ -79,6 +88,19 @@ def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
     if name in ANALYSED or any(hasattr(each, name) for each in results):
         return True
     return any(callable(getattr(each, name, None)) for each in (control, matlab))
+
+
+def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
+    """Return the proof of a critic, or without one that of a game's exact solution.
+
+    game: the game, or what makes it
+    critic: a critic, or a gain K
+    more, named: further arguments of `hfa.prove_critic` and `hfa.prove_solution`
+    """
+    hfa = import_module("hfa")
+    if critic is None:
+        return hfa.prove_solution(game, *more, **named)
+    return hfa.prove_critic(game, critic, *more, **named)
 
 
 def load(path: str | Path, *more: Any, **named: Any) -> Any:

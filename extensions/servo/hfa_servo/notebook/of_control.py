@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from inspect import isfunction, signature
 from typing import Any
 
-from hfa_servo.notebook.arguments import keywords
+from hfa_servo.notebook.arguments import keywords, leading_names
 from hfa_support.errors import BadInputError, on_one_line
 from trim.linear.exchange import state_space
 from trim.linear.linear_model import LinearModel
@@ -19,7 +19,7 @@ def of_control(model: LinearModel, name: str) -> Any:
 
     The function may also be one of python-control's MATLAB interface. Its call accepts inputs= and
     outputs=, which select the transfer functions. Both may also be input= and output=, or the first
-    two texts of the call. A function whose first arguments are matrices, such as ctrb(A, B), is
+    texts of the call. A function whose first arguments are matrices, such as ctrb(A, B), is
     called with the model's matrices.
 
     Raises BadInputError for an error of python-control.
@@ -36,9 +36,9 @@ def of_control(model: LinearModel, name: str) -> Any:
         def call(*arguments: Any, inputs: Names = None, outputs: Names = None, **more: Any) -> Any:
             inputs = more.pop("input", inputs)
             outputs = more.pop("output", outputs)
-            others = list(arguments)
-            if len(others) > 1 and isinstance(others[0], str):
-                inputs, outputs, *others = others
+            names, others = leading_names(arguments)
+            inputs = names[0] if names else inputs
+            outputs = names[1] if len(names) > 1 else outputs
             more = keywords(list(wanted), more)
             system = state_space(chosen(model, inputs, outputs))
             matrices = [getattr(system, each) for each in _leading_matrices(wanted)]

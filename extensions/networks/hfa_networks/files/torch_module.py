@@ -1,0 +1,121 @@
+"""Networks of torch in memory: chains of linear layers and activations, read without torch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hfa_networks.files.network_file import Layer, NetworkFile, composed
+from hfa_networks.files.onnx_graph import check_width
+from hfa_networks.files.tensors import checked_tensors
+from hfa_support.errors import BadInputError, shortened
+
+_ELSE = "export it to ONNX (torch.onnx.export), and give the file"
+#: Class of an activation in torch.nn -> its name in `ACTIVATIONS`, and the settings it must have.
+_ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "ELU": ("elu", {"alpha": 1.0}),
+    "GELU": ("gelu", {"approximate": "none"}),
+    "LeakyReLU": ("leaky_relu", {"negative_slope": 0.01}),
+    "ReLU": ("relu", {}),
+    "SELU": ("selu", {}),
+    "SiLU": ("silu", {}),
+    "Sigmoid": ("sigmoid", {}),
+    "Softplus": ("softplus", {"beta": 1.0, "threshold": 20.0}),
+    "Tanh": ("tanh", {}),
+}
+
+
+def module_network(module: Callable[..., Any], kind: str, states: int, inputs: int) -> NetworkFile:
+    """Return the network of a torch.nn.Sequential of Linear layers and activations.
+
+    kind: one of `OUTPUTS`, or "" where the number of outputs decides
+    states, inputs: those of the plant
+
+    Raises BadInputError for another module, or one whose numbers are not finite.
+    """
+    steps: list[tuple[Layer, str]] = []
+    precisions = set()
+    for name, part in _parts("", module):
+        if _class_of(part) == "Linear":
+            layer, precision = _linear(name, part)
+            steps.append((layer, ""))
+            precisions.add(precision)
+        elif not steps or steps[-1][1]:
+            raise BadInputError(
+                f"the network has the activation {_class_of(part)} without a linear layer before "
+                f"it; {_ELSE}"
+            )
+        else:
+            steps[-1] = (steps[-1][0], _activation(part))
+    if not steps:
+        raise BadInputError("the network contains no linear layer")
+    layers = [layer for layer, _ in steps]
+    check_width(layers[0].inputs, states, inputs)
+    for before, layer in pairwise(layers):
+        if before.outputs != layer.inputs:
+            raise BadInputError(
+                f"layer {layer.name} accepts {layer.inputs} numbers, but the layer before returns "
+                f"{before.outputs}"
+            )
+    function, on_rows = composed(steps, None)
+    widths = [f"{activation} {layer.outputs}".strip() for layer, activation in steps]
+    chain = " -> ".join([str(layers[0].inputs), *widths])
+    precision = "float32" if "float32" in precisions else "float64"
+    rows = {} if on_rows is None else {kind: on_rows}
+    return NetworkFile({kind: function}, chain, precision, rows=rows)
+
+
+def _class_of(module: Any) -> str:
+    """Return the name of a class of torch.nn, or that of another class with its module."""
+    kind = type(module)
+    is_own = kind.__module__.startswith("torch.nn.")
+    return kind.__name__ if is_own else f"{kind.__module__}.{kind.__name__}"
+
+
+def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and module of the parts of nested Sequentials, in order of evaluation."""
+    kind = _class_of(module)
+    if kind == "Sequential":
+        for place, part in enumerate(module):
+            yield from _parts(f"{name}.{place}".removeprefix("."), part)
+    elif kind == "Linear" or kind in _ACTIVATIONS:
+        yield name, module
+    elif kind != "Identity":
+        raise BadInputError(
+            f"the network contains {shortened(kind)}; only a torch.nn.Sequential of Linear and "
+            f"{', '.join(_ACTIVATIONS)} is read: {_ELSE}"
+        )
+
+
+def _linear(name: str, module: Any) -> tuple[Layer, str]:
+    """Return a linear layer and the precision of its numbers."""
+    tensors = {"weight": _numbers(name, module.weight)}
+    if module.bias is not None:
+        tensors["bias"] = _numbers(name, module.bias)
+    doubles, precision = checked_tensors(tensors)
+    weight = doubles["weight"]
+    return Layer(name, weight, doubles.get("bias", np.zeros(len(weight)))), precision
+
+
+def _numbers(name: str, tensor: Any) -> np.ndarray:
+    try:
+        return np.asarray(tensor.detach().cpu().numpy())
+    except (TypeError, RuntimeError) as error:  # numbers that NumPy does not have
+        raise BadInputError(
+            f"layer {name} has {tensor.dtype} numbers; give float32 or float64"
+        ) from error
+
+
+def _activation(module: Any) -> str:
+    """Return the name of an activation. Raises BadInputError for other settings than the usual."""
+    kind = _class_of(module)
+    name, usual = _ACTIVATIONS[kind]
+    for setting, value in usual.items():
+        if getattr(module, setting) != value:
+            raise BadInputError(
+                f"{kind} has {setting} {getattr(module, setting)}; only {value} is read: {_ELSE}"
+            )
+    return name

@@ -1,0 +1,124 @@
+"""Networks of torch in memory. Most tests use stand-ins with the attributes of torch's modules."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hfa
+from hfa import BadInputError
+
+GAME = hfa.Game([[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], Q=[1.0, 1.0], R=[1.0], delta=np.inf)
+RANDOM = np.random.default_rng(3)
+WEIGHTS = (RANDOM.normal(size=(8, 2)), RANDOM.normal(size=(1, 8)))
+BIASES = (0.1 * RANDOM.normal(size=8), np.zeros(1))
+POINTS = RANDOM.normal(size=(5, 2))
+
+
+class _Tensor:
+    """Tensor with the methods that are called."""
+
+    dtype = "torch.bfloat16"
+
+    def __init__(self, values: Any) -> None:
+        self.values = values
+
+    def detach(self) -> _Tensor:
+        """Return the tensor."""
+        return self
+
+    cpu = detach
+
+    def numpy(self) -> np.ndarray:
+        """Return the numbers. Raises TypeError where NumPy has no such numbers."""
+        if self.values is None:
+            raise TypeError("Got unsupported ScalarType BFloat16")
+        return np.asarray(self.values)
+
+
+def _module(kind: str, **attributes: Any) -> Any:
+    """Return a stand-in of a module of torch.nn."""
+    made = type(kind, (), {"__module__": "torch.nn.modules.any", **attributes})
+    return made()
+
+
+def _linear(weight: Any, bias: Any) -> Any:
+    return _module("Linear", weight=_Tensor(weight), bias=None if bias is None else _Tensor(bias))
+
+
+def _sequential(*parts: Any) -> Any:
+    return _module(
+        "Sequential",
+        __iter__=lambda self: iter(parts),
+        __call__=lambda self, x: x,
+        state_dict=lambda self: {},
+    )
+
+
+def _network(activation: Any) -> Any:
+    first = _linear(WEIGHTS[0], BIASES[0])
+    return _sequential(_sequential(first, activation), _linear(WEIGHTS[1], BIASES[1]))
+
+
+def test_a_sequential_is_the_network_of_its_file(folder: Any) -> None:
+    """Its policy is that of the formula, and its verdict that of its state dict in a file."""
+    network = _network(_module("Tanh"))
+    critic = hfa.from_network(GAME, network)
+    assert critic.origin == "network 2 -> tanh 8 -> 1"
+    for z in POINTS:
+        u = WEIGHTS[1] @ np.tanh(WEIGHTS[0] @ z + BIASES[0])
+        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-12)
+    arrays = zip(WEIGHTS, BIASES, strict=True)
+    named = {f"{2 * i}.{name}": a for i, pair in enumerate(arrays) for name, a in _named(pair)}
+    np.savez("policy.npz", **named)
+    of_file = hfa.verify(GAME, hfa.read_critic("policy.npz", GAME, activation="tanh"))
+    assert hfa.verify(GAME, network).cost_lost == of_file.cost_lost
+    other = hfa.from_network(GAME, _network(_module("ReLU")))
+    assert np.asarray(other.policy(POINTS[0])) != pytest.approx(
+        np.asarray(critic.policy(POINTS[0])), rel=1e-3
+    )
+
+
+def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
+    return zip(("weight", "bias"), pair, strict=True)
+
+
+def test_what_is_not_read_is_refused() -> None:
+    """Errors name the part of the network."""
+    layer = _linear(np.ones((1, 2)), None)
+    for network, said in (
+        (_network(_module("Dropout")), "contains Dropout"),
+        (_network(_module("ELU", alpha=2.0)), "ELU has alpha 2.0; only 1.0 is read"),
+        (_sequential(_module("Tanh"), layer), "activation Tanh without a linear layer"),
+        (_sequential(_module("Identity")), "no linear layer"),
+        (_sequential(layer, _linear(np.ones((1, 3)), None)), "layer 1 accepts 3 numbers"),
+        (_sequential(_linear(None, None)), "layer 0 has torch.bfloat16 numbers"),
+        (_sequential(_linear([[np.nan, 1.0]], None)), "not finite"),
+        (_sequential(_linear(np.ones((1, 5)), None)), "5"),
+        (_sequential(_linear(np.ones((9, 2)), None)), "9 outputs"),
+    ):
+        with pytest.raises(BadInputError, match=said):
+            hfa.verify(GAME, network)
+    with pytest.raises(BadInputError, match="function; only a torch"):
+        hfa.from_network(GAME, lambda z: z)
+
+
+def test_torch_modules_are_read() -> None:
+    """The outputs are those of torch."""
+    torch = pytest.importorskip("torch", reason="the package torch is not installed")
+    kinds = ("ELU", "GELU", "LeakyReLU", "ReLU", "SELU", "SiLU", "Sigmoid", "Softplus", "Tanh")
+    for kind in kinds:
+        activation = getattr(torch.nn, kind)()
+        network = torch.nn.Sequential(
+            torch.nn.Linear(2, 8),
+            activation,
+            torch.nn.Linear(8, 8),
+            activation,
+            torch.nn.Linear(8, 1, bias=False),
+        ).double()
+        critic = hfa.from_network(GAME, network)
+        for z in POINTS:
+            u = network(torch.tensor(z)).detach().numpy()
+            assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-7), kind
