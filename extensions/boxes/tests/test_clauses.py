@@ -266,7 +266,7 @@ FORGED: dict[str, tuple[Callable[[Content], None], str]] = {
     "an unknown entry of V": (_put("x", "piece", "note"), "unknown entry"),
     "an entry of no claim": (lambda content: content.update(note="x"), "unknown entry"),
     "a negative multiplier": (_witness(multipliers=[[-0.1, 0.5], [0.5, 0.5]]), "multipliers"),
-    "few boxes": (_witness(boxes=3), "decided on 3 boxes"),
+    "few boxes": (_witness(boxes=3), "undecided after 3 boxes"),
     "a witness that claims": (_witness(rho=1.0), "unknown entry"),
 }
 
