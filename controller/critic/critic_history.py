@@ -77,7 +77,7 @@ def rows_over_time(
     """Return the critics of a history, or None where the file has times but only one row of
     parts."""
     if reading.lists_functions:
-        raise BadInputError("--basis accepts a list only for weights W without times")
+        raise BadInputError("--basis accepts a list only for weights W without times; give a name")
     times = np.ravel(numbers_in("time", entries["time"]))
     stored_basis = words(entries, "basis") if "basis" in entries else ("quadratic",)
     if reading.basis is None and len(stored_basis) != 1:

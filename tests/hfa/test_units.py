@@ -108,7 +108,7 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
     data["operating_point"]["state_units"]["speed"] = "km/h"
     Path(point).write_text(json.dumps(data), encoding="utf-8")
     assert_refused(
-        hfa("trim", "--dihedral", "12", "--start", point), 2, "is in km/h, not in ft/s or m/s"
+        hfa("trim", "--dihedral", "12", "--start", point), 2, "is in km/h; give it in ft/s or m/s"
     )
 
 

@@ -313,7 +313,7 @@ class _Reader:
         missing = [key for key in keys if key not in self._breakpoints]
         if missing or not keys:
             raise self._error(
-                place, f"breakpoints {', '.join(missing) or '(none)'} are not defined"
+                place, f"breakpoints {', '.join(missing) or '(none)'} are not defined; define them"
             )
         breakpoints = tuple(self._breakpoints[key] for key in keys)
         for key, points in zip(keys, breakpoints, strict=True):
@@ -368,10 +368,12 @@ class _Reader:
             values = np.array([float(word) for word in words])
         except ValueError as error:
             raise self._error(
-                place, f"<{child.tag}> contains a word that is not a number ({error})"
+                place, f"<{child.tag}> contains a word that is not a number ({error}); correct it"
             ) from error
         if not np.isfinite(values).all():
-            raise self._error(place, f"<{child.tag}> contains a number that is not finite")
+            raise self._error(
+                place, f"<{child.tag}> contains a number that is not finite; correct it"
+            )
         return values
 
     def _number_or(self, text: str | None, place: str, default: float) -> float:

@@ -47,7 +47,9 @@ class Expressions:
             raise self._document.error(f"variable {asked}", f"{key} is not defined; define it")
         if key in self._asked:
             circle = ", ".join(self._asked[self._asked.index(key) :])
-            raise self._document.error(f"variable {key}", f"depends on itself ({circle})")
+            raise self._document.error(
+                f"variable {key}", f"depends on itself ({circle}); break the loop"
+            )
         self._asked.append(key)
         try:
             self._values[key] = _limited(variable, self._value(variable))

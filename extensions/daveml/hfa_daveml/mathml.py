@@ -98,7 +98,9 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
         return _OF_TWO[name](*arguments)
     if name in _OF_MANY and count >= 1:
         return reduce(_OF_MANY[name], arguments)
-    raise BadInputError(f"<{shortened(name)}> of {count} argument(s) is not supported in a formula")
+    raise BadInputError(
+        f"<{shortened(name)}> of {count} argument(s) is not supported in a formula; rewrite it"
+    )
 
 
 def _number(element: ElementTree.Element) -> float:
@@ -111,7 +113,7 @@ def _number(element: ElementTree.Element) -> float:
         return float((element.text or "").strip())
     except (ValueError, IndexError) as error:
         raise BadInputError(
-            f"<cn> contains {shortened(element.text or '')!r}, which is not a number"
+            f"<cn> contains {shortened(element.text or '')!r}, which is not a number; correct it"
         ) from error
 
 

@@ -53,7 +53,9 @@ class GainSchedule(Reported):
                 f"K is {np.shape(self.gains)}; with {count} values it must be ({count}, {m}, {n})"
             )
         if not (np.all(np.isfinite(self.breakpoints)) and np.all(np.isfinite(self.gains))):
-            raise BadInputError("K or its breakpoints contain a number that is not finite")
+            raise BadInputError(
+                "K or its breakpoints contain a number that is not finite; correct it"
+            )
         if np.ndim(self.breakpoints) != 1 or count < 1 or np.any(np.diff(self.breakpoints) <= 0.0):
             raise BadInputError(
                 f"{self.model.schedule_key} must contain the breakpoints of the table, in "
@@ -109,7 +111,8 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
         if K.ndim != 3:
             if K.shape != (m, n):
                 raise BadInputError(
-                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each value"
+                    f"the file contains neither a K of {m} x {n} nor {key} with a K for each value;"
+                    " add one of them"
                 )
             gain = checked_matrix("K", K, LARGEST_CRITIC_ENTRY) * file_scales(stored, plant)
             return GainSchedule(np.zeros(1), gain[None], model)

@@ -112,7 +112,9 @@ def _reason(parent: Element, child: Element) -> str:
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
     if known is None:
-        raise child.error(f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported")
+        raise child.error(
+            f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported; remove it"
+        )
     if name in known["idle"]:
         return _NO_FORCE
     if name in known["read"]:

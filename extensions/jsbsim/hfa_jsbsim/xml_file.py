@@ -125,7 +125,7 @@ class Element:
         """Return a text of this element as a number."""
         value = number_of(text)
         if value is None:
-            raise self.error(f"<{self.name}> contains {shortened(text)!r}, not a number")
+            raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a number")
         if not math.isfinite(value):
             raise self.error(f"<{self.name}> is {text}; give a finite number")
         return value
@@ -231,7 +231,9 @@ def parsed(text: bytes, file: str) -> Element:
         parser.Parse(text, True)
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.errors.messages.get(error.code, "")
-        raise BadInputError(f"{file}:{error.lineno}: this is not XML ({what})") from error
+        raise BadInputError(
+            f"{file}:{error.lineno}: this is not XML ({what}); correct it"
+        ) from error
     except BadInputError:
         raise
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know

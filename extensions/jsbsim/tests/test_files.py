@@ -125,7 +125,7 @@ def test_provenance_changes_with_every_file(tmp_path):
         ),
         (
             glider().replace(" 1500 ", " heavy "),
-            r"glider.xml:\d+: <emptywt> contains 'heavy', not a number",
+            r"glider.xml:\d+: <emptywt> contains 'heavy'; give a number",
         ),
         (
             glider(more="<propulsion> <engine> <brushless_dc_motor/> </engine> </propulsion>"),

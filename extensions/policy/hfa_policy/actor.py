@@ -127,7 +127,10 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
     parts = {"policy": str(entries.get("network", ""))}
     network = network_in(path, observations, entries.get("activation"), parts)
     if not network.functions:
-        raise BadInputError(f"{path} contains no policy with {observations} observations")
+        raise BadInputError(
+            f"{path} contains no policy with {observations} observations; list"
+            " those of its training"
+        )
     name, function = next(iter(network.functions.items()))
     normalizer = network.normalizers.get(name)
     if normalizer is not None and entries.get("normalizer", NONE) != NONE:

@@ -188,7 +188,7 @@ class Deployment(Reported):
             checked("policy.normalizer", normalizer, _NORMALIZER)
         elif normalizer is not None and not isinstance(normalizer, (str, Path)):
             raise BadInputError(
-                "policy.normalizer is neither a file nor a table of mean, variance, epsilon, clip"
+                "policy.normalizer must be a file or a table of mean, variance, epsilon, clip"
             )
 
     def _check_observation(self) -> None:

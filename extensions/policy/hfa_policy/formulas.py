@@ -67,7 +67,7 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
     Raises BadInputError for an unknown name, and for text that is not a formula.
     """
     if not isinstance(text, str) or len(text) > _LONGEST:
-        raise BadInputError(f"{shown(text)} is not a formula of at most {_LONGEST} characters")
+        raise BadInputError(f"{shown(text)} must be a formula of at most {_LONGEST} characters")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -112,7 +112,9 @@ def _check_number(value: Any, text: str) -> None:
     except OverflowError:
         is_number = False
     if not is_number:
-        raise BadInputError(f"the formula {shown(text)} has a number that is not finite")
+        raise BadInputError(
+            f"the formula {shown(text)} has a number that is not finite; correct it"
+        )
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:

@@ -113,7 +113,9 @@ def read_zip(path: str | Path) -> Zip:
         except BadInputError:
             raise
         except Exception as error:  # a damaged member makes the readers raise nearly anything
-            raise BadInputError(f"it is not a zip of Stable-Baselines3 ({error})") from error
+            raise BadInputError(
+                f"it is not a zip of Stable-Baselines3 ({error}); give one of model.save"
+            ) from error
         return _described(data, tensors)
 
 

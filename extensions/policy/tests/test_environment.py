@@ -89,7 +89,7 @@ def test_an_action_that_is_no_number_is_error() -> None:
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
-        with pytest.raises(BadInputError, match="the actions are|an action"):
+        with pytest.raises(BadInputError, match=r"the actions are|an action"):
             env.step(wrong)
 
 

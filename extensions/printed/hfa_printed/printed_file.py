@@ -379,7 +379,7 @@ def _check_answer(answer: dict[str, Block], texts: dict[str, Any], plant: Plant)
     if "H" in answer and not plant.is_discrete:
         raise BadInputError('H applies only to discrete time; did you mean time = "discrete"?')
     if "L" in answer and not k:
-        raise BadInputError("L is printed, but the plant has no E and gamma")
+        raise BadInputError("L is printed, but the plant has no E and gamma; add them")
     shapes = {"P": (n, n), "K": (m, n), "L": (k, n), "H": (size, size)}
     for name, block in answer.items():
         if name == "W":

@@ -419,7 +419,8 @@ def _controller_of(content: Mapping[str, Any], model: Model) -> ScheduledControl
     texts: dict[str, Any] = {key: str(content[key]) for key in _TEXTS}
     if texts["dynamics"] not in (model.name, *model.extras.variants):
         raise BadInputError(
-            f"the controller was made for {texts['dynamics']}, not for {model.title}"
+            f"the controller was made for {texts['dynamics']}, not for {model.title}; design it"
+            " again"
         )
     names: dict[str, Any] = {key: tuple(map(str, content[key].ravel())) for key in _NAMES}
     arrays: dict[str, Any] = {}

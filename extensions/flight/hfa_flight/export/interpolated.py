@@ -82,7 +82,7 @@ class InterpolatedModel:
                 describe = self.sweep.model.describe
                 raise BadInputError(
                     f"{name} lies outside the sweep, which goes from {describe(name, axis[0])} "
-                    f"to {describe(name, axis[-1])}"
+                    f"to {describe(name, axis[-1])}; choose a value within it"
                 )
         flat = self._interpolator(np.stack(columns, axis=-1))
         shapes = [table.shape[len(self.axes) :] for table in self._tables]

@@ -138,7 +138,9 @@ def network_in(
             raise
         except Exception as error:  # a damaged file makes the readers raise nearly anything
             reason = shortened(str(error).partition("\n")[0])
-            raise BadInputError(f"it is damaged or not a network ({reason})") from error
+            raise BadInputError(
+                f"it is damaged or not a network ({reason}); save it again"
+            ) from error
         first = next(iter(networks.values()))
         if len(first) == 1 and first[0].inputs == features:
             return NetworkFile({}, f"{features} functions -> 1", precision, first[0])

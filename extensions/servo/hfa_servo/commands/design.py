@@ -100,7 +100,7 @@ def design(request: DesignRequest) -> int:
 
     if (request.file is None) == (request.design is None):
         raise BadInputError(
-            "name one of --design NAME and a file: of a design (.toml) or of a controller (.npz)"
+            "give either --design NAME or a file: a design (.toml) or a controller (.npz)"
         )
     model = request.model
     design = request.design

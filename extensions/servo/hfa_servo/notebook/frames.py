@@ -101,6 +101,7 @@ def _lines(swept: Sweep) -> list[Any]:
     size = swept.plan.sizes[-1]
     if len(swept) % size:
         raise BadInputError(
-            "the points of the sweep do not form complete lines along its last variable"
+            "the points of the sweep do not form complete lines along its last variable;"
+            " sweep a full grid"
         )
     return [slice(first, first + size) for first in range(0, len(swept), size)]
