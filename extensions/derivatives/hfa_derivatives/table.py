@@ -230,7 +230,7 @@ def _float(text: str) -> float:
 
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor of a value in the stated unit."""
+    """Return the factor from the stated unit to `unit`, 1 if none is stated."""
     if not stated:
         return 1.0
     factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)

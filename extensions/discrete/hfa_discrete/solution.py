@@ -323,7 +323,8 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Return whether a step has a value: where its equivalent has one and δ² I - E'P E > 0."""
+    """Return whether a step has a value: where its equivalent game in continuous time has one and
+    δ² I - E'P E > 0."""
     try:
         answer = existence(form.equivalent)
         if not answer.exists:

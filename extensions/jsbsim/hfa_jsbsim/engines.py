@@ -110,7 +110,7 @@ class EngineFile:
 
     @property
     def usual_lag(self) -> float:
-        """Typical value of the state of its lag."""
+        """Typical value of the state that represents the engine's lag."""
         if self.kind == "piston_engine":
             return 24.0
         low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")

@@ -169,7 +169,7 @@ def _sensor(component: Element, properties: Properties) -> Any:
 
 
 def _refuse_delay(component: Element) -> None:
-    """Raise BadInputError for a delay of whole frames."""
+    """Raise BadInputError for a component with a delay."""
     delay = component.find("delay")
     if delay is not None:
         raise delay.error(f"the <delay> of a <{component.name}> is not supported; remove it")

@@ -47,7 +47,7 @@ def on_the_box(flights: int) -> Scope:
 
 
 def test_a_network_that_is_the_value_passes(game: Game) -> None:
-    """A network that equals the value passes, also with weights in float32, whose rounding is below
+    """A network that equals the value passes, even with weights in float32, whose rounding is below
     the limit.
     """
     wide, narrow = (

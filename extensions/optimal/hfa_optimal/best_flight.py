@@ -114,7 +114,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def cost(self) -> float:
-        """∫ z'Qz + v'Rv dt of the simulated flight, with the linear cost of its end."""
+        """∫ z'Qz + v'Rv dt of the simulated flight, with the linear cost after its end."""
         return self.found.flown.cost
 
     @property

@@ -43,8 +43,8 @@ class Flown(NamedTuple):
     times: (N,), s.
     states: (N, n), absolute.
     inputs: (N, m), absolute.
-    running_cost: cost until its end.
-    tail: the linear cost of its end.
+    running_cost: cost until the end of the flight.
+    tail: linear cost after the end, z'P z.
     cost: sum of running cost and tail, or inf if it does not end at the trim.
     departure: the state that first left the envelope, or None without one.
     saturated: names of saturated inputs.

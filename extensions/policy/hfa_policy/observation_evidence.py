@@ -93,7 +93,8 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the training may have seen it as declared by the deployment."""
+        """Return whether the training may have seen the observation as the deployment declares
+        it."""
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
@@ -219,7 +220,7 @@ def _seen(
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
     """Return mean and size of the training's observations, (k,) each, or None if unknown.
 
-    The size is the root mean square about the mean. Without a normalizer the few last observations
+    The size is the root mean square about the mean. Without a normalizer the last few observations
     are used, with an assumed mean of 0.
     """
     seen = _seen(deployment.actor.stored, deployment.normalizer)

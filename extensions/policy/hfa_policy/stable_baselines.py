@@ -229,7 +229,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """Return a non-negative number of the data, or the usual one where it is missing."""
+    """Return a non-negative number of the data, or `usual` where it is missing."""
     entry = entries.get(name)
     if entry is None:
         return usual

@@ -290,7 +290,8 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """Return the entry and its value, to two digits finer than its tolerance."""
+    """Return an entry outside its tolerance, as printed and exact, the latter two digits finer than
+    the tolerance."""
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)

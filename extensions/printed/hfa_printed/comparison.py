@@ -55,12 +55,13 @@ class Comparison:
 
     @property
     def outside(self) -> np.ndarray:
-        """Mask of the entries that differ from the print, (N,)."""
+        """Mask of the entries whose printed value is further from the exact one than allowed,
+        (N,)."""
         return np.abs(self.printed - self.exact) > self.allowed
 
     @property
     def wrong_positions(self) -> list[Position]:
-        """Positions of the entries outside. Mirrored entries count once."""
+        """Positions of the entries `outside`, ascending. Mirrored entries count once."""
         wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 

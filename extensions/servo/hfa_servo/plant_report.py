@@ -171,7 +171,8 @@ class StateSolution(PlantSolution):
 
 
 def solved_plant(file: Path, arrays: dict[str, Any], delta: float | None) -> Report:
-    """Return the report on the controller of a generalized plant, of the arrays of its file.
+    """Return the report on the controller of a generalized plant, which the arrays of its file
+    give.
 
     delta: bound of the gain in the notation of the file, or None for that of the file
     """

@@ -305,7 +305,7 @@ class Shape:
         or None if none was found.
 
         margins: z (N, n) -> (N,)
-        count: of rays
+        count: number of rays
         slow: T of `slow`
         """
         n = self.basis.n

@@ -317,7 +317,7 @@ def _exact_terms(terms: Terms) -> list[_Term]:
 
 
 def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
-    """Return the terms of the derivative by one variable."""
+    """Return the terms of the derivative with respect to one variable."""
     slopes = []
     for coefficient, exponents in terms:
         power = exponents[index]
