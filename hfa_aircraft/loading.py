@@ -97,13 +97,14 @@ def _loaded(model: Model, text: str, digest: str) -> Model:
     """
     extras = replace(model.extras, source=(text, digest), made_by=reloaded)
     known = _known_equations(text, digest)
-    known.append(model.equations)
+    if not known:
+        known.append(model.equations)
     return replace(model, equations=known[0], extras=extras)
 
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return the equations that were loaded for a text and a fingerprint, the first one first."""
+    """Return the list that keeps the equations first loaded for a text and a fingerprint."""
     return []
 
 
