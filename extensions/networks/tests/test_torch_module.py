@@ -85,6 +85,22 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
     return zip(("weight", "bias"), pair, strict=True)
 
 
+def test_a_network_flies() -> None:
+    """Its flight is that of the same policy as a function of the state."""
+    model = hfa.aircraft()
+    point = hfa.find_operating_point(model)
+    K = hfa.lqr(point, np.eye(6), np.eye(5)).K
+    network = _sequential(_linear(np.eye(6), None), _module("Tanh"), _linear(-K, None))
+    initial = {"alpha": 0.02}
+    flown = hfa.fly(model, point, network, 0.1, initial=initial)
+    z = flown.states[:, [list(model.states).index(name) for name in model.linear]]
+    z = z - [point[name] for name in model.linear]
+    u = flown.inputs - [point[name] for name in model.inputs]
+    assert u == pytest.approx(-np.tanh(z) @ K.T, rel=1e-6, abs=1e-9)
+    with pytest.raises(BadInputError, match="the network has 1 outputs"):
+        hfa.fly(model, point, _sequential(_linear(np.ones((1, 6)), None)), 0.1)
+
+
 def test_what_is_not_read_is_refused() -> None:
     """Errors name the part of the network."""
     layer = _linear(np.ones((1, 2)), None)
