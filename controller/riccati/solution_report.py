@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,6 +47,14 @@ class AnalysedGame(Solution):
     meaning: tuple[Check, ...]
     loops: tuple[LoopMargin, ...]
     disk_margin: DiskMargin
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """Yield K, P and the poles, as python-control's lqr: K, P, poles = hfa.lqr(A, B, Q, R)."""
+        return iter((self.K, self.P, self.poles()))
+
+    def __getitem__(self, place: int) -> np.ndarray:
+        """Return K, P or the poles, by their place in `__iter__`."""
+        return (*self,)[place]
 
     @property
     def delta_min(self) -> float:

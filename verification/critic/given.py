@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller.critic.critic import Critic, from_gain, from_parts
+from controller.critic.critic import Critic, from_parts
 from controller.critic.critic_file import critic_in
 from controller.riccati.gare import Solution
 from hfa_support.entry_points import CRITICS, part
@@ -28,13 +28,13 @@ def critic_given(
     """
     if isinstance(given, (str, Path)):
         return critic_in(given, game), run
-    if isinstance(given, Solution):
-        return from_parts(game, {"P": given.P, "K": given.K}), run
     if hasattr(given, "state_dict"):
         return part(CRITICS, "module", "a network")(game, given), run
     if hasattr(given, "critic"):
         return given.critic(game), given
-    if given is not None:
-        return from_gain(game, given), run
+    if isinstance(given, Solution):
+        parts = {"P": given.P, "K": given.K}
+    elif given is not None:
+        parts = {"K": given}
     named = {name: array for name, array in parts.items() if array is not None}
     return from_parts(game, named), run

@@ -263,6 +263,10 @@ def test_a_gain_closes_the_loop_of_a_linear_model() -> None:
     solution = hfa.lqr(linear, np.eye(6), np.eye(5))
     closed = linear.closed_loop(solution)
     assert np.allclose(closed.A, linear.A - linear.B @ solution.K)
+    K, P, poles = solution
+    assert K is solution.K is solution[0]
+    assert P is solution.P
+    assert np.sort_complex(closed.poles()) == pytest.approx(np.sort_complex(poles), rel=1e-6)
     assert closed.input_labels == list(linear.inputs)
     assert solution.certified is True
     for name, margins in linear.margins(solution.K).items():
