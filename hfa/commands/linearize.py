@@ -77,8 +77,8 @@ class LinearizeRequest(OneTrimRequest):
 
 @command(LinearizeRequest)
 def linearize(request: LinearizeRequest) -> int:
-    """Linearize exactly at a trim: matrices, modes, handling qualities, transfer functions, error
-    bands, comparison with the printed matrices."""
+    """Linearize exactly at a trim, and report matrices, modes, handling qualities, transfer
+    functions, error bands and the difference from the printed matrices."""
     aircraft = request.flown_aircraft()
     point = trimmed(request, aircraft)
     usual = aircraft.linear

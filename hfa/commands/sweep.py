@@ -81,7 +81,7 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
         named=True,
     )
     condition: TrimCondition | Path | None = option(
-        lambda model: f"{condition_help(model)}; or points (.csv): names, then rows of values",
+        lambda model: f"{condition_help(model)}; or points (.csv): a row of names, then of values",
         "FILE",
         OfModel(condition_or_list),
         rare=True,

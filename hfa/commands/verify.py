@@ -59,7 +59,9 @@ def _critics(text: str) -> list[Path]:
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     note_read(folder)
     if not paths:
-        raise BadInputError(f"{text}: the folder contains no critic ({' '.join(suffixes)})")
+        raise BadInputError(
+            f"{text}: the folder contains no critic ({' '.join(suffixes)}); name another"
+        )
     return sorted(paths, key=lambda path: [int(part) for part in re.findall(r"\d+", path.name)])
 
 

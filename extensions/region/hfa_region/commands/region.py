@@ -49,7 +49,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         critic_path,
     )
     policy: Path | None = option(
-        "a deployment file in place of --weights, in continuous time; proved on boxes",
+        "policy from a deployment file, in continuous time; proved on boxes",
         "DEPLOYMENT.toml",
         input_file(".toml"),
     )
@@ -65,7 +65,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         "highest degree of V: 2, 4 or 6; default 4", "N", lambda text: _degree(text), default=4
     )
     seconds: float = option(
-        "processor time of the search; default 60",
+        "processor time of the search, s; default 60",
         "S",
         positive,
         default=60.0,
@@ -82,7 +82,7 @@ class RegionRequest(PlantOptions, ReadingOptions, OutputOptions):
         OfModel(_size),
         named=True,
     )
-    resume: bool = option("continue with V of the certificate given by -o", rare=True)
+    resume: bool = option("continue from V in the certificate given by -o", rare=True)
     picture: Path | None = picture_option(
         "sections of the proved set, with initial conditions that do not converge"
     )
