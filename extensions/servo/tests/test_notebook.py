@@ -404,6 +404,9 @@ def test_methods_are_functions_and_files_are_loaded(tmp_path: Path) -> None:
     again = hfa.load(tmp_path / "linear.npz")
     assert again.states == linear.states
     assert all(map(np.array_equal, again, linear))
+    assert again.state_units == linear.state_units
+    assert again.input_units == linear.input_units
+    assert again.model.name == f"linear plant of {linear.model.name}"
     solution = hfa.lqr(linear, np.eye(6), np.eye(5))
     solution.to_json(tmp_path / "solution.json")
     assert np.array_equal(hfa.solve_game(hfa.game(linear, np.eye(6), np.eye(5))).K, solution.K)

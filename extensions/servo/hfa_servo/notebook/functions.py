@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from controller.game.array_file import read_arrays
+from hfa_aircraft.signals import Signal
 from hfa_servo.notebook.calls import ANALYSED
 from hfa_support.entry_points import COMMANDS, offered
 from hfa_support.errors import BadInputError, file_faults
@@ -103,6 +105,22 @@ def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
     return hfa.prove_critic(game, critic, *more, **named)
 
 
+def _with_units(linear: LinearModel, stored: Mapping[str, Any]) -> LinearModel:
+    """Return a linear model of deviations with the name and the units that its file states."""
+    changes: dict[str, Any] = {}
+    if "dynamics" in stored:
+        changes["name"] = f"{linear.model.name} of {stored['dynamics']}"
+    for kind in ("state", "input"):
+        names = getattr(linear, f"{kind}s")
+        units = [str(unit) for unit in stored.get(f"{kind}_units", ())]
+        if len(units) == len(names):
+            changes[f"{kind}s"] = {
+                name: Signal(unit) for name, unit in zip(names, units, strict=True)
+            }
+    point = replace(linear.point, model=replace(linear.model, **changes))
+    return replace(linear, point=point)
+
+
 def load(path: str | Path, *more: Any, **named: Any) -> Any:
     """Return what a file contains: an aircraft, a deployment, a linear model, a game or a critic.
 
@@ -134,5 +152,5 @@ def load(path: str | Path, *more: Any, **named: Any) -> Any:
             if key in stored
         }
         matrices = [stored[key] for key in "ABCD" if key in stored]
-        return LinearModel(*matrices, **names)
+        return _with_units(LinearModel(*matrices, **names), stored)
     return hfa.read_critic(path, *more, **named)
