@@ -66,7 +66,7 @@ def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Pat
     gain.write_text(json.dumps({"K": known["K"]}), encoding="utf-8")
     assert_solved_and_checked(plant, gain, known)
     plant.write_text(json.dumps(content | {"dt": 0.1}, default=np.ndarray.tolist), encoding="utf-8")
-    assert_refused(hfa("solve", "--model", str(plant)), 2, "dt is 0.1", "x' = A x + B u")
+    assert_refused(hfa("solve", "--model", str(plant)), 2, "dt = 0.1", "set dt = 0")
 
 
 def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
