@@ -37,7 +37,7 @@ as printed: all 20 entries
 [Each verdict](critics.md#a-printed-answer) concerns digits, not causes. [The table of
 results](../studies/published/results.csv) lists every answer with its verdict. [The
 sources](../studies/published/sources) contain the printed digits. `python -m
-studies.published` judges all of them.
+studies.published` judges all answers.
 """
 
 
