@@ -519,6 +519,15 @@ def test_errors_name_the_call_that_was_meant() -> None:
 
 def test_wrong_calls_are_one_line() -> None:
     """Wrong calls raise one-line errors about the call, and none from inside the functions."""
+
+    class Table:
+        """Compares entry by entry, as a DataFrame does."""
+
+        __hash__ = None  # type: ignore[assignment]
+
+        def __eq__(self, other: object) -> np.ndarray:  # type: ignore[override]
+            return np.array([True, False])
+
     for wrong, said in (
         (lambda: hfa.step(), "hfa.step is a method of results"),
         (lambda: hfa.save(5, "x.npz"), r"write result\.save\(...\)$"),
@@ -527,6 +536,7 @@ def test_wrong_calls_are_one_line() -> None:
         (lambda: hfa.sweep(LinearModel([[0.0]], [[1.0]]).model, at=[1.0]), "cannot sweep 'at'"),
         (lambda: hfa.sweep(MODEL, at=[0.1]).plot(5), "plot draws names"),
         (lambda: hfa.linearize(MODEL, None), "point is None"),
+        (lambda: hfa.identify(Table()), "model is a Table; give a Model"),
     ):
         with pytest.raises(BadInputError, match=said):
             wrong()

@@ -339,10 +339,12 @@ class _Reading:
         if link is Model:
             given = (*self.rest, *self.words.values())
             point = next((each for each in given if isinstance(each, OperatingPoint)), None)
-            if point in self.rest and "points" in self.parameters:
-                self.rest.remove(point)
+            if point is None:
+                return None
+            if "points" in self.parameters and any(each is point for each in self.rest):
+                self.rest = [each for each in self.rest if each is not point]
                 self.words["points"] = [point]
-            return None if point is None else point.model
+            return point.model
         model = found.get("model", self.words.get("model"))
         is_trim = link is OperatingPoint and isinstance(model, Model)
         return self._trim(model) if is_trim else None
