@@ -179,7 +179,7 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, mode=0o600)
     except OSError as error:
         raise BadInputError(
-            f"cannot write {target}: {error.strerror}; choose a folder that exists"
+            f"cannot write {target}: {error.strerror}; choose a writable folder"
         ) from error
     return open(handle, "wb")
 

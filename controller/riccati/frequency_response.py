@@ -115,7 +115,9 @@ def responses(loop: np.ndarray, B: np.ndarray, frequencies: np.ndarray) -> np.nd
     try:
         return np.linalg.solve(resolvent, np.broadcast_to(B, (len(frequencies), *B.shape)))
     except np.linalg.LinAlgError as error:
-        raise NoSolutionError("rounding hides whether a pole of A - B K is imaginary") from error
+        raise NoSolutionError(
+            "within rounding, a pole of A - B K is on the imaginary axis"
+        ) from error
 
 
 def square_root(matrix: np.ndarray) -> np.ndarray:

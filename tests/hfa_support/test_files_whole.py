@@ -52,7 +52,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     """Saving to a missing folder is refused with advice."""
-    with pytest.raises(BadInputError, match="choose a folder that exists"):
+    with pytest.raises(BadInputError, match="choose a writable folder"):
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
 

@@ -231,7 +231,7 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
     """Return BIC, pole and share of the variance of the slow noise that explains an autocorrelation
     best.
 
-    The noise is the sum of white and slow noise. The criterion is the likelihood of Whittle.
+    The total noise is the sum of white and slow noise. The criterion is the Whittle likelihood.
     """
     lags = np.arange(len(seen))
     decreasing = seen * (1.0 - lags / len(seen))

@@ -618,8 +618,8 @@ def written(path, columns, units):
 
 
 def test_the_command_writes_an_aircraft(folder, capsys):
-    """From a CSV file in degrees the command writes an aircraft that trims, with the estimates of
-    Python.
+    """The command reads a CSV file in degrees and writes an aircraft that trims, with Python's
+    estimates.
     """
     written(
         "flight.csv",

@@ -369,7 +369,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
-            fault = "JSBSim ignores a <test> with a tab in a condition; write blanks"
+            fault = "JSBSim ignores a <test> with a tab in a condition; replace it with spaces"
             raise test.error_at(line, fault)
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""

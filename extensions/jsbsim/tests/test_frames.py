@@ -86,7 +86,7 @@ def _pulled(model, step):
 
 
 def test_command_flies_frames(capsys):
-    """`--method jsbsim` is named in the first line and in the data."""
+    """The JSON output states the method and the step."""
     words = "fly --aircraft jsbsim:c172p --hold kcas=90 --law none --duration 1 --json"
     assert main([*words.split(), "--method", "jsbsim", "--step", "1/120"]) == 0
     data = json.loads(capsys.readouterr().out)

@@ -200,7 +200,7 @@ def test_other_operations_are_searched_alone(game: Game) -> None:
 
 
 def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
-    """Return relu units in two layers that are 1 at y = at, and 0 where any |y_i - at_i| >=
+    """Return a relu function of two layers that is 1 at y = at, and 0 where any |y_i - at_i| >=
     half_width.
     """
     t = (y - ca.DM(at)) / half_width

@@ -294,7 +294,7 @@ class Window:
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
-    """Call `work` with numbers of rows, in as many threads as processors.
+    """Call `work` with indices of rows, in up to one thread per processor.
 
     The rows are distributed in turn.
     """

@@ -123,7 +123,7 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
     """Return one file of the zip, of a bounded size."""
     if name not in archive.namelist():
         raise BadInputError(
-            f"it contains no {name}; give a file of model.save of Stable-Baselines3"
+            f"it contains no {name}; give a file written by Stable-Baselines3's model.save"
         )
     return unpacked(archive, name)
 

@@ -1,4 +1,4 @@
-"""Design of controllers for the aircraft with actuators, integrals of outputs and weights."""
+"""Controller design with actuators, integrals of outputs, and cost weights."""
 
 from hfa_support.public_names import public_names
 

@@ -33,7 +33,7 @@ THIRD = [
 
 
 def made_up(parameters: Parameters, rng: np.random.Generator) -> Parameters:
-    """Return an aircraft with every identified constant up to 20 % larger or smaller than ours."""
+    """Return the parameters, the identified ones scaled by at most exp(±0.2)."""
     factors = np.exp(rng.uniform(-0.2, 0.2, len(IDENTIFIED)))
     return parameters._replace(
         **{

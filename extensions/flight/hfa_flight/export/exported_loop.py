@@ -76,7 +76,7 @@ class Steering(NamedTuple):
 
     policy: the policy; each state of its memory has a channel in `states`
     arguments: channels of v
-    v: (k,), symbols
+    v: (k,), symbols of the inputs of the loop
     reference: x_d, in v
     states: channels of the memory and of the filter
     filtered: (f,), symbols of the states of a filter of the arguments
