@@ -357,7 +357,7 @@ def test_the_f104_has_its_published_modes(mode):
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
-    """Moments of inertia turned by hand into stability axes give the same modes."""
+    """Moments of inertia that the test rotates into stability axes give the same modes."""
     body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
     turn = rotation(0.0, math.radians(2.2), 0.0).full()
     turned = turn @ body @ turn.T

@@ -113,7 +113,7 @@ class Draw:
         return f"<min> <v>2</v> <max> <v>-2</v> {text} </max> </min>"
 
     def of_function(self) -> dict[str, str]:
-        """Return a function that stands in a moment, or that a moment names in another section."""
+        """Return a function inside a moment, or in another section with its name in the moment."""
         body = self._bounded(self.term(3))
         place = self._rng.random()
         if place < 0.6:

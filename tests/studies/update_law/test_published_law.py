@@ -234,7 +234,7 @@ def test_reevaluated_policies_can_reach_game_from_stabilizing_start() -> None:
 
 
 def test_gains_by_hand_fly_with_plant_end_uncertified() -> None:
-    """Plant and learning with gains chosen by hand equal a handwritten loop of Euler steps. The
+    """The flight of the plant with chosen learning gains equals a loop of Euler steps in this test. The
     result is not certified.
     """
     game = stable_game()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, get_args
@@ -21,6 +20,7 @@ from controller.critic.critic_file import read_critic
 from controller.game.zero_sum import Game
 from controller.riccati.gare import Solution
 from hfa_aircraft.model import Model
+from hfa_servo.notebook.public import public
 from hfa_support.arguments import argument_tests, evaluated
 from hfa_support.errors import BadInputError
 from trim.linear.linear_model import LinearModel
@@ -116,7 +116,7 @@ def _game_meant(
     linear = linear_of(arguments[1]) if len(arguments) > 1 else None
     if linear is None:
         return None
-    game = import_module("hfa").game(linear, *arguments[2:], **words)
+    game = public().game(linear, *arguments[2:], **words)
     return arguments[:1], {each.name: getattr(game, each.name) for each in fields(Game)}
 
 
@@ -250,13 +250,13 @@ class _Reading:
         is_file = isinstance(value, (str, Path))
         model = found.get("model", self.words.get("model"))
         if link is Model and is_file:
-            return import_module("hfa").load_model(str(value))
+            return public().load_model(str(value))
         if link is TrimCondition and isinstance(value, Mapping) and isinstance(model, Model):
             return release(usual_condition(model), hold=value)
         if link is OperatingPoint and isinstance(value, LinearModel):
             return value.point
         if link is OperatingPoint and isinstance(value, Mapping) and isinstance(model, Model):
-            return import_module("hfa").find_operating_point(model, hold=value)
+            return public().find_operating_point(model, hold=value)
         if link is Game:
             return self._game(value, is_file)
         if link is LinearModel:
@@ -277,7 +277,7 @@ class _Reading:
         delta."""
         if isinstance(value, Solution):
             return value.game
-        hfa = import_module("hfa")
+        hfa = public()
         if is_file:
             return hfa.load_game(value, **self._weights())
         linear = self._linear(value)
@@ -309,7 +309,7 @@ class _Reading:
 
     def _trim(self, model: Model) -> OperatingPoint:
         """Return the trim of a model, at the values of keywords."""
-        point: OperatingPoint = import_module("hfa").find_operating_point(
+        point: OperatingPoint = public().find_operating_point(
             model, **self._held(model, "hold", "free", "condition")
         )
         return point
@@ -360,7 +360,7 @@ class _Reading:
         held = self._held(model)
         if held:
             rows = np.broadcast_arrays(*map(np.atleast_1d, held.values()))
-            trim = import_module("hfa").find_operating_point
+            trim = public().find_operating_point
             self.words["points"] = [
                 trim(model, **dict(zip(held, row, strict=True))) for row in zip(*rows, strict=True)
             ]

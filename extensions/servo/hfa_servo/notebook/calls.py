@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from functools import partial, reduce
-from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -20,6 +19,7 @@ from hfa_servo.notebook.added import ADDED
 from hfa_servo.notebook.arguments import accepts
 from hfa_servo.notebook.frames import frame
 from hfa_servo.notebook.of_control import names_of_control, of_control
+from hfa_servo.notebook.public import public
 from hfa_support.errors import nearest
 from hfa_support.reporting.by_name import ByName
 from hfa_support.reporting.report import Reported
@@ -112,7 +112,7 @@ def attribute(value: Any, name: str, *more: str) -> Any:
         found = source(value, name)
         if found is not None:
             return found
-    methods = [each for each in nearest(name, dir(_public())) if _method(value, each) is not None]
+    methods = [each for each in nearest(name, dir(public())) if _method(value, each) is not None]
     raise no_attribute(value, name, *methods, *_known(value), *more)
 
 
@@ -225,14 +225,9 @@ def _declared(value: Any, name: str) -> Any:
     return getattr(value, name) if is_declared else None
 
 
-def _public() -> Any:
-    """Return the module `hfa`, which no extension imports."""
-    return import_module("hfa")
-
-
 def _method(value: Any, name: str) -> Callable[..., Any] | None:
     """Return a function of `hfa` with its first argument given, or None where it has another."""
-    function = getattr(_public(), name, None) if name in dir(_public()) else None
+    function = getattr(public(), name, None) if name in dir(public()) else None
     if not inspect.isfunction(function):
         return None
     return partial(function, value) if accepts(function, value) else None

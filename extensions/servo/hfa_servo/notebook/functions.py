@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from controller.game.array_file import read_arrays
 from hfa_aircraft.signals import Signal
 from hfa_servo.notebook.calls import ANALYSED
+from hfa_servo.notebook.public import public
 from hfa_support.entry_points import COMMANDS, offered
 from hfa_support.errors import BadInputError, file_faults
 from hfa_support.files import regular_file
@@ -84,7 +84,7 @@ def _is_attribute(name: str, get: Callable[[str], Any]) -> bool:
     import control
     from control import matlab
 
-    if name.lower() in {each.lower() for each in dir(import_module("hfa"))}:
+    if name.lower() in {each.lower() for each in dir(public())}:
         return False
     results = map(get, ("Model", "OperatingPoint", "LinearModel", "Solution", "Flight", "Verdict"))
     if name in ANALYSED or any(hasattr(each, name) for each in results):
@@ -99,7 +99,7 @@ def prove(game: Any, critic: Any = None, *more: Any, **named: Any) -> Any:
     critic: a critic, or a gain K
     more, named: further arguments of `hfa.prove_critic` and `hfa.prove_solution`
     """
-    hfa = import_module("hfa")
+    hfa = public()
     if critic is None:
         return hfa.prove_solution(game, *more, **named)
     return hfa.prove_critic(game, critic, *more, **named)
@@ -129,7 +129,7 @@ def load(path: str | Path, *more: Any, **named: Any) -> Any:
 
     Raises BadInputError where the contents are of no known kind.
     """
-    hfa = import_module("hfa")
+    hfa = public()
     text = str(path)
     suffix = Path(text).suffix.lower()
     if suffix == ".toml":
