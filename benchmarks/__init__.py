@@ -1,1 +1,1 @@
-"""Speed, measured side by side with peers: `make bench`."""
+"""Benchmarks of speed against other software, run by `make bench`."""

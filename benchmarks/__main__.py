@@ -1,9 +1,9 @@
 """Run the benchmarks three times and publish the table: `python -m benchmarks [--quick] [names]`.
 
-The table is printed, stored, drawn and written into the pages. --quick runs everything once at a
-toy size to test it. Its figures have no meaning and are not stored. Jobs, or subjects with all
-their jobs, that are named on the command line are run alone and replace their own figures among the
-stored ones. An interruption keeps the finished runs.
+The table is printed, stored, drawn and written into the documents. --quick tests the benchmarks: it
+runs each job once at a toy size and stores nothing. Names select single jobs, or all jobs of a
+subject. Only the stored figures of the selected jobs are replaced. After an interruption the
+finished runs are kept.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ _RUNS = 3
 
 
 def main(words: list[str] | None = None) -> int:
-    """Run all jobs, or those named."""
+    """Run the named jobs, or all jobs, and return the exit code: 1 if no run was finished, else 0.
+
+    words: arguments of the command line; None reads them from `sys.argv`
+    """
     choices = [*report.SUBJECTS, *report.jobs()]
     parser = argparse.ArgumentParser("benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="toy sizes, nothing stored")
@@ -49,7 +52,12 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _run(names: list[str], number: int, quick: bool) -> report.Results:
-    """Return the figures of these jobs. Jobs that grow are measured in the first run alone."""
+    """Run these jobs once and return their figures, by job.
+
+    The growing jobs (subject "scale") are measured in the first run only.
+
+    number: number of the run, from 1
+    """
     rows: dict[str, list[report.Row | report.Growth]] = {}
     for name in names:
         if number > 1 and name in report.SUBJECTS["scale"]:
@@ -64,8 +72,9 @@ def _run(names: list[str], number: int, quick: bool) -> report.Results:
 
 
 def _asked(names: list[str]) -> list[str]:
-    """Return the jobs of these names and subjects, in the order of the table, or all without
-    names.
+    """Return the jobs selected by names of jobs or subjects, in the order of the table.
+
+    Without names, all jobs are returned.
     """
     jobs = report.jobs()
     return [job for job, subject in jobs.items() if not names or {job, subject} & set(names)]

@@ -1,4 +1,4 @@
-"""The least work of certified games: decompositions and products of their certificate."""
+"""Least time of a certified game solution: the matrix algebra of its certificate."""
 
 from __future__ import annotations
 
@@ -19,12 +19,20 @@ _OF_RESIDUAL = 6
 
 
 def certificate_limit(forms: Sequence[NormalForm]) -> Limit:
-    """Return the time of a game in these stacks that its decompositions and products take alone.
+    """Return the time of one game's matrix decompositions and products alone, as a limit.
 
-    The decompositions are the balancing of the Hamiltonian; its eigenvectors and their inverse,
-    which bound the distance from the axis and take less time than its ordered Schur form; the
-    inverse and the doublings of a second derivation; the eigenvectors of A - B K and their inverse;
-    and the eigenvalues of P. The products of one step and of the residual are one call.
+    These are timed:
+
+    - the balancing of the Hamiltonian,
+    - the eigenvectors of the Hamiltonian and its inverse, for a bound on the distance of its
+      eigenvalues from the imaginary axis; they take less time than its ordered Schur form,
+    - the inverses and products of the doubling iteration, the second derivation,
+    - the eigenvectors of A - B K and their inverse,
+    - the eigenvalues of P.
+
+    The products of one doubling, and those of the residual, are computed in one call each.
+
+    forms: stacks of games of equal size
     """
     tasks = [(form, certified_stack(form).X) for form in forms]
 

@@ -1,7 +1,7 @@
-"""20 s of closed-loop flight with a learning critic, step 1e-4 s.
+"""Simulation of a learning critic in closed loop: 20 s with a step of 1e-4 s.
 
-The project's loop is compared with the same loop written in C. Many such flights at once are timed
-too.
+The project's loop is compared with the same loop written in C. A Monte Carlo run of this simulation
+is also timed.
 """
 
 from __future__ import annotations
@@ -44,11 +44,12 @@ _EFFICIENCY = 0.85
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the largest difference of two histories.
+    """Return the largest relative difference of two histories (N, states and weights).
 
-    It is a fraction of the largest value of that state, or of any weight. The power 1 - eta of Eq.
-    (46) has an infinite slope where a residual is 0. There a rounding error of 1e-16 becomes 1e-16
-    to that power, and two orders of summation differ by far more than rounding.
+    A state is relative to its largest magnitude in `other`, a weight to the largest magnitude of
+    all weights. The differences exceed rounding errors: the power 1 - eta in Eq. (46) has an
+    infinite slope where a residual is 0, so that a rounding error of 1e-16 becomes 1e-16 to the
+    power 1 - eta.
     """
     largest = np.abs(other).max(axis=0)
     largest[6:] = largest[6:].max()
@@ -56,8 +57,10 @@ def difference(one: np.ndarray, other: np.ndarray) -> float:
 
 
 class FlightCase:
-    """The loop of paper Section 5.1 at 5 degrees with a bounded setting of its law, as data for the
-    peer.
+    """The closed loop of paper Section 5.1 at 5 degrees of dihedral, with its data for the C
+    program.
+
+    The learning law has settings for which its weights remain bounded.
     """
 
     def __init__(self) -> None:
@@ -91,7 +94,9 @@ class FlightCase:
         self.compiled = lru_cache(self._compiled)
 
     def fly(self, compile_code: bool, steps: int = STEPS) -> np.ndarray:
-        """Fly the project's loop and return every state at every step."""
+        """Simulate the project's loop and return states and weights at all steps, (steps +
+        1, n).
+        """
         flight = self.compiled(compile_code, steps).fly()
         return np.hstack([flight.states, flight.memory])
 
@@ -105,7 +110,7 @@ class FlightCase:
         )
 
     def data(self) -> dict[str, Any]:
-        """Return all data of the loop, as arrays and numbers, in the order of the C struct."""
+        """Return name -> array or number, in the order of the fields of the C struct."""
         law = self.law
         game = self.law.game
         equations = law.equations
@@ -132,7 +137,10 @@ class FlightCase:
 
 
 def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
-    """Return the loop in hand-written C as a function () -> history."""
+    """Compile the hand-written C loop and return a function that runs it.
+
+    The function returns the states and weights at all steps, (steps + 1, n).
+    """
     compiler = c_compiler()
     assert compiler is not None
     folder = tempfile.mkdtemp()
@@ -170,7 +178,7 @@ def c_flight(case: FlightCase, steps: int = STEPS) -> Callable[[], np.ndarray]:
 
 
 def _loop(quick: bool) -> list[Row]:
-    """Compare the loop with hand-written C, where a compiler is available."""
+    """Compare the project's loop with hand-written C. Without a C compiler, return no rows."""
     if c_compiler() is None:
         return []
     case = FlightCase()
@@ -194,10 +202,13 @@ def _loop(quick: bool) -> list[Row]:
 
 
 def critic_plan(members: int, duration: float) -> MonteCarlo:
-    """Return the flight of `FlightCase` by many members.
+    """Return a Monte Carlo run of the simulation of `FlightCase`, with uncertain parameters.
 
-    It has 25 weights, 50 samples, step 1e-4 s and seven states at 5 degrees. The envelope is so
-    wide that every member flies to the end.
+    The critic has 25 weights and 50 samples. The aircraft has seven states. The limits are so wide
+    that every member is simulated to the end.
+
+    members: number of simulations
+    duration: s
     """
     case = FlightCase()
     aircraft = hfa.aircraft()
@@ -215,9 +226,9 @@ def critic_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _members(quick: bool) -> list[Row]:
-    """Time many members, with one process for each core.
+    """Compare a Monte Carlo run on one process per core with its members simulated one by one.
 
-    The time includes the start of the processes, the compiled loop and the store.
+    The time includes the start of the processes, the compilation of the loop and the storage.
     """
     cores = os.cpu_count() or 1
     workers = max(2, cores)

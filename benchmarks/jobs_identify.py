@@ -1,12 +1,13 @@
-"""11 unknowns of a small aircraft from a record of 3,000 samples.
+"""Identification of 11 parameters of a small aircraft from a record of 3,000 samples.
 
-`hfa.identify` is compared with SciPy's `least_squares` with its own differences, on the same
-equations, from parameters 10 % off. The first peer takes Runge-Kutta steps of equations written in
-plain Python. The second uses the compiled simulation of `hfa.identify`. Both receive the noise of
-the sensors that `hfa.identify` estimates, and end at its estimates, within 1 % of half the bands.
-They compute the estimates alone. `hfa.identify` also computes corrected bands, and searches for
-faults of the record and for a second minimum. 33 unknowns from four records are compared with a
-goal.
+`hfa.identify` is compared with two uses of SciPy's `least_squares` with finite differences: one
+with Runge-Kutta steps in plain Python, one with the compiled simulation of `hfa.identify`. All
+searches begin with parameters 10 % off. SciPy receives the sensor noise that `hfa.identify`
+estimated, and its estimates agree within 1 % of the half-widths of the bands. SciPy computes
+estimates alone. `hfa.identify` also computes corrected bands and searches for faults of the record
+and for a second minimum.
+
+A second job identifies 33 parameters from four records. Its time is compared with a goal.
 """
 
 from __future__ import annotations
@@ -52,10 +53,10 @@ _DIVERGED = 1e6
 
 
 class RecordCase:
-    """A record of a small aircraft, and the residuals of its least squares.
+    """A record of a small aircraft and its least-squares problem.
 
     samples: number of samples of the record.
-    off: factor of the parameters at the start of the search.
+    off: factor on the true parameters at the start of the search.
     """
 
     def __init__(self, samples: int, off: float) -> None:
@@ -90,7 +91,10 @@ class RecordCase:
         self.noise = np.array([each.noise for each in self.found.quantities.values()])
 
     def _integrated(self, start: np.ndarray) -> np.ndarray:
-        """Return the states (N, n) by SciPy."""
+        """Return the states (N, n) at the samples, integrated with SciPy's LSODA.
+
+        start: initial state, (n,)
+        """
 
         def rates(time: float, x: np.ndarray) -> np.ndarray:
             place = min(int(time / _STEP), len(self.time) - 2)
@@ -105,13 +109,21 @@ class RecordCase:
         return np.asarray(solved.y.T)
 
     def unknown(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the start (n,) and the unknowns θ from the unknowns of the least squares."""
+        """Return the initial state (n,) and the parameters θ contained in the unknowns v.
+
+        v: parameters θ, then the measured components of the initial state
+        """
         start = self.start.copy()
         start[self.seen] = v[len(FREE) :]
         return start, v[: len(FREE)]
 
     def by_hand(self, v: np.ndarray) -> np.ndarray:
-        """Return the residuals of Runge-Kutta steps in plain Python."""
+        """Return the residuals, in standard deviations, with Runge-Kutta steps in plain Python.
+
+        All residuals are `_DIVERGED` if the simulation fails.
+
+        v: unknowns, as in `unknown`
+        """
         start, theta = self.unknown(v)
         k = self.derivatives | dict(zip(PARAMETERS, theta.tolist(), strict=False))
         try:
@@ -123,7 +135,7 @@ class RecordCase:
         return np.asarray(((self.measured - y) / self.noise).ravel())
 
     def compiled(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the residuals of the compiled simulation of `hfa.identify`."""
+        """Return a function v -> residuals that uses the compiled simulation of `hfa.identify`."""
         responses, record = self._responses()
 
         def residuals(v: np.ndarray) -> np.ndarray:
@@ -137,9 +149,8 @@ class RecordCase:
         return residuals
 
     def limit(self) -> Limit:
-        """Return the time of the response with its sensitivities.
-
-        It counts once for each step and once for the covariance.
+        """Return the time of the simulations with sensitivities, one for each step and one for the
+        covariance.
         """
         responses, record = self._responses()
         start, theta = self.unknown(self.begin)
@@ -148,23 +159,25 @@ class RecordCase:
         return Limit(count * seconds, f"{count} simulations with sensitivities, one each step")
 
     def _responses(self) -> tuple[Responses, Record]:
-        """The compiled responses of the model, and the record."""
+        """Return the compiled responses of the model, and the record."""
         responses = Responses(self.model, FREE, tuple(SENSORS))
         responses.compile()
         return responses, record_of(self.model, self.columns, {})
 
     def ours(self) -> Any:
-        """The result of `hfa.identify`."""
+        """Identify the parameters with `hfa.identify`."""
         return identify(self.model, self.columns, FREE)
 
     def fitted(
         self, residuals: Callable[[np.ndarray], np.ndarray], steps: int | None = None
     ) -> np.ndarray:
-        """Return the estimates by SciPy's least squares.
+        """Return the parameters that SciPy's `least_squares` estimates.
 
-        steps: largest number of steps
+        residuals: function v -> residuals
+        steps: largest number of steps, None without a limit
 
-        Raises RuntimeError where they end elsewhere than those of `hfa.identify`.
+        Raises RuntimeError if the estimates of an unlimited search differ from those of
+        `hfa.identify`.
         """
         found = least_squares(
             residuals, self.begin, x_scale="jac", diff_step=_DIFFERENCE, max_nfev=steps
@@ -183,7 +196,12 @@ class RecordCase:
 def _flown_by_hand(
     start: list[float], inputs: list[list[float]], k: Mapping[str, float]
 ) -> np.ndarray:
-    """Return the states (N, n) at the samples, by Runge-Kutta steps."""
+    """Return the states (N, n) at the samples, simulated with Runge-Kutta steps of order 4.
+
+    start: initial state, (n,)
+    inputs: inputs at the samples, (N, inputs)
+    k: values of mass, inertias and derivatives by name
+    """
     h = _STEP
     x = start
     states = [x]
@@ -204,11 +222,11 @@ def _ahead(x: Sequence[float], step: float, rates: Sequence[float]) -> list[floa
 
 
 def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> list[float]:
-    """Return the rates of the ten states of examples/uav.toml in plain NumPy.
+    """Return the derivatives of the ten states of examples/uav.toml, in plain Python.
 
-    x: speed, alpha, beta, roll, pitch and yaw rate, roll, pitch, yaw, altitude
+    x: speed, alpha, beta, roll rate, pitch rate, yaw rate, roll, pitch, yaw, altitude
     u: thrust, elevator, aileron, rudder
-    k: mass, inertias and derivatives
+    k: values of mass, inertias and derivatives by name
     """
     speed, alpha, beta, p, q, r, roll, pitch, _, altitude = x
     thrust, elevator, aileron, rudder = u
@@ -253,13 +271,15 @@ def _rates(x: Sequence[float], u: Sequence[float], k: Mapping[str, float]) -> li
 
 
 def _3211(units: np.ndarray) -> np.ndarray:
-    """Return steps of alternating sign that last 3, 2, 1 and 1 units."""
+    """Return a 3-2-1-1 input: steps 1, -1, 1, -1 that last 3, 2, 1 and 1 units of time, else 0."""
     place = np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], units, side="right")
     return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[place]
 
 
 def _record(quick: bool) -> list[Row]:
-    """Return a record of 3,000 samples."""
+    """Time the identification of 11 parameters from one record, and return one row for each
+    peer.
+    """
     case = RecordCase(1600 if quick else 3000, 1.1)
     job = f"{len(FREE)} unknowns from a record of {len(case.time)} samples"
     rows = []
@@ -291,7 +311,11 @@ _GOAL = 20.0
 
 
 def _large(quick: bool) -> list[Row]:
-    """Time 33 coefficients, each 50 % off, from four records of 20 s with 50 samples a second."""
+    """Time the identification of 33 coefficients from four records of 20 s with 50 samples a
+    second.
+
+    The search begins with each coefficient 50 % off.
+    """
     table = read_toml(_UAV)
     true = from_derivatives(table | {"more": _FLAP | _MORE})
     free = [name for name in true.parameters if name.startswith("C")]

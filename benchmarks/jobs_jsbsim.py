@@ -1,7 +1,8 @@
-"""A sweep of the 737 of JSBSim, and the environment of the c172p.
+"""A sweep of trims of JSBSim's 737, and the environment of the c172p.
 
-The peer of the sweep is python-control's `find_operating_point` on the same compiled equations. The
-peer of the environment is JSBSim's own steps. Without JSBSim's data there are no figures.
+The sweep is compared with python-control's `find_operating_point` on the same compiled equations.
+The environment is compared with frames simulated by JSBSim. There are no figures where the package
+jsbsim is not installed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ _ROWS = 256
 
 
 def _sweeps(quick: bool) -> list[Row]:
-    """Time trims and linear models over airspeed and altitude, without and with a compiler."""
+    """Time trims and linear models over airspeed and altitude, without a compiler and with
+    generated C.
+    """
     if importlib.util.find_spec("jsbsim") is None:
         return []
     model = load_model("jsbsim:737")
@@ -65,7 +68,7 @@ def _sweeps(quick: bool) -> list[Row]:
 
 
 def _environments(quick: bool) -> list[Row]:
-    """Time steps of the environments of the c172p, of one frame and of six."""
+    """Time steps of one and of 256 environments of the c172p. A step has one frame or six."""
     if importlib.util.find_spec("jsbsim") is None:
         return []
     cases = ((1, 256, 3.0), (6, 256, 3.0), (1, 1, 1.0), (6, 1, 2.0))
@@ -73,9 +76,10 @@ def _environments(quick: bool) -> list[Row]:
 
 
 def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
-    """Time steps of many environments of the c172p with random actions.
+    """Time steps of `count` environments of the c172p with random actions.
 
-    A step has the given number of frames of JSBSim's 120 Hz.
+    frames: frames in a step, at JSBSim's 120 Hz
+    target: required ratio of the times
     """
     import jsbsim
 
@@ -138,7 +142,10 @@ def _environment(frames: int, count: int, target: float, quick: bool) -> Row:
 
 
 def _sweep(model: Model, grid: np.ndarray, compiled: bool) -> None:
-    """Trim and linearize all points."""
+    """Trim and linearize at all points, and assert that each point is trimmed.
+
+    grid: calibrated airspeed and altitude of each point, (points, 2)
+    """
     points = trim_points(model, ("kcas", "altitude"), grid, compile_code=compiled)
     assert (points.status == TRIMMED).all()
 

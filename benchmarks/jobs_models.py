@@ -1,4 +1,4 @@
-"""Start-up, trims, linear models and games: against python-control, an optimizer and SciPy."""
+"""Start-up, trims, linear models and games, compared with python-control and SciPy."""
 
 from __future__ import annotations
 
@@ -48,10 +48,11 @@ _STATE = np.array([68.0, np.radians(2.8), np.radians(2.8), 0.0, 0.0, 0.0])
 
 
 def _start(quick: bool) -> list[Row]:
-    """Time a trim, and the help, from the start of the process to the last line.
+    """Time `hfa trim` and `hfa --help` in new processes, compared with the import of
+    python-control.
 
-    The project's modules are read as bytecode, as the peer's are. The uncounted round writes it.
-    Within the limit NumPy starts no threads, as in `hfa`.
+    The modules of both are read as bytecode, which the uncounted first round writes. The limits are
+    the times of Python processes in which NumPy starts no threads, as in `hfa`.
     """
     repeats = 1 if quick else 5
     environment = dict(os.environ)
@@ -80,9 +81,9 @@ def _start(quick: bool) -> list[Row]:
 
 
 def _games(quick: bool) -> list[Row]:
-    """Time exact game solutions with certificates between 0 and 20 degrees.
+    """Time certified game solutions of the HFA from 0 to 20 degrees of dihedral.
 
-    The peer is SciPy's solver without a certificate.
+    They are compared with SciPy's solver, which computes no certificate.
     """
     from scipy.linalg import block_diag, solve_continuous_are
 
@@ -112,7 +113,9 @@ def _games(quick: bool) -> list[Row]:
 
 
 def _one_game(quick: bool) -> list[Row]:
-    """Time certified solutions of random games, one by one, by the number of states."""
+    """Time certified solutions of random games, one by one. Each number of states has its
+    own row.
+    """
     from benchmarks.jobs_scale import random_game
 
     rows = []
@@ -138,7 +141,7 @@ def _each(function: Callable[[Game], Any], games: Sequence[Game]) -> None:
 
 
 def scipy_value(game: Game) -> np.ndarray:
-    """Return P by SciPy."""
+    """Return the value matrix P (n, n) of a game, computed with SciPy."""
     from scipy.linalg import block_diag, solve_continuous_are
 
     weights = block_diag(game.R, -(game.delta**2) * np.eye(game.E.shape[1]))
@@ -146,11 +149,12 @@ def scipy_value(game: Game) -> np.ndarray:
 
 
 def six_state_rates(p: Parameters, altitude: float) -> Callable[..., np.ndarray]:
-    """Return x' of the six states at a fixed altitude, in python-control's signature (t, x (6,), u
-    (5,), p).
+    """Return a function (t, x (6,), u (5,), params) -> x' (6,) of the published dynamics.
 
-    These are the published dynamics written a second time, plainly in Python floats, as a user of
-    python-control would write them. A test compares them with the project's.
+    It is written in plain Python from the published equations, as a user of python-control would
+    write it. A test compares it with the project's model.
+
+    altitude: ft; its air density is used at all times
     """
     rho = float(density(altitude))
     area = p.panel_span * p.chord
@@ -233,7 +237,12 @@ def peer_system() -> Any:
 
 
 def peer_point(system: Any, dihedral: float) -> tuple[Any, Any]:
-    """Find the four free inputs by python-control's Levenberg-Marquardt, then linearize."""
+    """Return the operating point and linear model at a dihedral angle, found with python-control.
+
+    Levenberg-Marquardt finds the four free inputs.
+
+    dihedral: rad
+    """
     import control
 
     state = _STATE.copy()
@@ -257,10 +266,13 @@ def evaluations(
     condition: TrimCondition | None,
     compile_code: bool,
 ) -> Limit:
-    """Return the least work of trims and linear models of these points.
+    """Return the least time of a trim with its linear model at these points.
 
-    At each point there is one evaluation of the equations with their Jacobian, for a step of
-    Newton's method, and one of A and B.
+    It contains one evaluation of the equations with their Jacobian, for a step of Newton's method,
+    and one of A and B.
+
+    variables: names of the variables of the sweep
+    values: values of the variables, (points, variables)
     """
     condition = usual_condition(model) if condition is None else condition
     system = SharedSystem(model, condition.freed_for(variables), variables)
@@ -283,9 +295,9 @@ def evaluations(
 
 
 def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any]:
-    """Return a function of (z, c) as machine code, for many rows.
+    """Return a CasADi function of (z, c) as machine code that evaluates many rows.
 
-    residual: the equations
+    residual: trim equations, which are compiled too
     """
     flat = ca.vertcat(*(ca.vec(part) for part in function.call([*function.sx_in()])))
     one = ca.Function("one", function.sx_in(), [ca.densify(flat)])
@@ -295,7 +307,7 @@ def _compiled(residual: ca.Function, function: ca.Function) -> Callable[..., Any
 
 
 def _trim(quick: bool) -> list[Row]:
-    """Time one trim with its linear model, from Python."""
+    """Time one trim with its linear model, from Python, compared with python-control."""
     flexible = aircraft()
     system = peer_system()
 
@@ -327,7 +339,10 @@ def _trim(quick: bool) -> list[Row]:
 
 
 def _angles(quick: bool) -> list[Row]:
-    """Time many dihedral angles of the HFA."""
+    """Time trims and linear models of the HFA at many dihedral angles.
+
+    The last row adds tracked modes.
+    """
     count, peer_count = _counts(quick)
     flexible = aircraft()
     system = peer_system()
@@ -360,8 +375,11 @@ def _angles(quick: bool) -> list[Row]:
 
 
 def _with_modes(flexible: Model, angles: np.ndarray, limit: Limit) -> Limit:
-    """Return the limit of trims and linear models at these angles, with the eigenvectors of every
-    A.
+    """Return the limit of trims and linear models plus the time of the eigenvectors of A at each
+    angle.
+
+    angles: dihedral angles, rad
+    limit: limit of the trims and linear models
     """
     kept = [STATES.index(name) for name in LINEAR_STATES]
     A = trim_points(flexible, ("dihedral",), angles[:, None]).A[:, kept][:, :, kept]
@@ -375,8 +393,9 @@ _AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rud
 
 
 def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
-    """Return the F-16's condition, its varied variable and range: turn rate at 502 ft/s, or
-    speed.
+    """Return the trim condition of the F-16, the varied variable, and its lowest and highest value.
+
+    The turn rate varies from 0 to 0.2 rad/s at 502 ft/s, or the speed from 300 to 700 ft/s.
     """
     model = load_model(f"{Path(__file__).parents[1] / 'examples' / 'f16.py'}:F16")
     usual = usual_condition(model)
@@ -397,9 +416,9 @@ def f16_case(turning: bool) -> tuple[TrimCondition, str, float, float]:
 
 
 def f16_peer(condition: TrimCondition) -> Callable[[str, Sequence[float]], list[Any]]:
-    """Return (name, its values) -> python-control's operating points and linear models.
+    """Return a function (name, values of this variable) -> python-control's linear models.
 
-    Each search starts from the point before. Its system calls the equations compiled by CasADi.
+    Each search starts from the preceding operating point. The equations are compiled by CasADi.
     """
     import casadi as ca
     import control
@@ -463,7 +482,7 @@ def _f16(quick: bool) -> list[Row]:
 
 
 def _counts(quick: bool) -> tuple[int, int]:
-    """Return the number of points of the project and of the peer."""
+    """Return the number of points at which the project is timed, and the number for the peer."""
     return (500, 2) if quick else (10_000, 100)
 
 

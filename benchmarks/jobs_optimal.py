@@ -1,7 +1,8 @@
-"""A proposal for the best flight of the GTM, compared with rockit on the same problem.
+"""The optimizer's proposal for the best flight of the GTM, compared with rockit.
 
-Equations, limits, cost, guess, number of intervals, Radau collocation of degree 2, and IPOPT with
-its tolerance are equal. Without rockit (`pip install rockit-meco`) there are no figures.
+Both solve the same problem: equations, limits, cost, initial guess and number of intervals are
+equal. Both use Radau collocation of degree 2 and IPOPT with equal tolerance. Without rockit (`pip
+install rockit-meco`) there are no figures.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _EVALUATIONS = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")
 
 
 def _best_flight(quick: bool) -> list[Row]:
-    """Time the second and later solutions, without the parts that are built once for an
+    """Time the solution of the problem, without the functions that are built once for an
     aircraft.
     """
     if importlib.util.find_spec("rockit") is None:
@@ -58,7 +59,10 @@ def _best_flight(quick: bool) -> list[Row]:
 
 
 def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that solves the problem from a start z by the project's transcription."""
+    """Return a function that solves the problem with the project's transcription.
+
+    start: initial deviation from the trim, (states,)
+    """
     lengths = growing(_SECONDS, _INTERVALS, 1.0, 0.005)
     ends = np.append(0.0, np.cumsum(lengths))
     inside = (ends[:-1, None] + lengths[:, None] * collocation_points()[1:]).ravel()
@@ -72,10 +76,10 @@ def _ours(transcription: Transcription, start: np.ndarray) -> Callable[[], Any]:
 
 
 def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int) -> Limit:
-    """Return the time of the evaluations that IPOPT counts, and of one factorization an iteration.
+    """Return the time of IPOPT's function evaluations plus one factorization per iteration.
 
-    The evaluations count CasADi's own time of each. The factorization is that of the sparse KKT
-    matrix.
+    The times of the evaluations are those that CasADi reports. The factorization is that of a
+    sparse KKT matrix with the problem's sparsity.
     """
     solver = transcription._solver
     times = []
@@ -95,15 +99,18 @@ def _limit(transcription: Transcription, solve: Callable[[], Any], repeats: int)
 
 
 def _drawn(pattern: ca.Sparsity) -> sp.csc_matrix:
-    """Return a matrix of random numbers with this pattern."""
+    """Return a matrix with this sparsity pattern and normally distributed entries."""
     values = np.random.default_rng(0).normal(size=pattern.nnz())
     return sp.csc_matrix((values, pattern.row(), pattern.colind()), shape=pattern.shape)
 
 
 def _rockit(problem: FlightProblem, start: np.ndarray) -> Callable[[], Any]:
-    """Return a function that solves the problem by rockit.
+    """Return a function that solves the problem with rockit.
 
-    The intervals of rockit grow alike, and its inputs are constant on each.
+    The lengths of rockit's intervals increase geometrically, and its inputs are constant in each
+    interval.
+
+    start: initial deviation from the trim, (states,)
     """
     from rockit import DirectCollocation, GeometricGrid, Ocp
 

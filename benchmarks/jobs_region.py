@@ -1,4 +1,4 @@
-"""The proved region of attraction of the GTM, within the limits of the model."""
+"""Time of the proof of a region of attraction of the GTM."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ _GOAL = 30.0
 
 
 def _gtm_region(quick: bool) -> list[Row]:
-    """Time the proof from the command to its report, once."""
+    """Time one proof of the GTM's region of attraction, from the command to its report.
+
+    The limit is the time of the Cholesky factorizations of the interior-point method.
+    """
     name = "pendulum.py:VAN_DER_POL" if quick else "gtm.py:GTM"
     aircraft = Path(__file__).parents[1] / "examples" / name
     sizes: list[int] = []
@@ -38,7 +41,9 @@ def _gtm_region(quick: bool) -> list[Row]:
 
 
 def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
-    """Append the size of each matrix that `scipy.linalg.cho_factor` factors in the block."""
+    """Return a context manager that appends the size of each matrix that `cho_factor` factors to
+    `sizes`.
+    """
     factor = scipy.linalg.cho_factor
 
     def recorded(matrix: np.ndarray, **options: bool) -> Any:
@@ -49,7 +54,7 @@ def _recorded(sizes: list[int]) -> contextlib.AbstractContextManager[Any]:
 
 
 def _factorizations(sizes: list[int]) -> float:
-    """Return the time of Cholesky factorizations of these sizes by LAPACK, s."""
+    """Return the total time of Cholesky factorizations of matrices of these sizes by LAPACK, s."""
     total = 0.0
     for size, count in Counter(sizes).items():
         M = np.eye(size) + 1.0

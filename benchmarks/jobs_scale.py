@@ -1,5 +1,4 @@
-"""Jobs that grow: time and memory over the number of points, flights or states, or the width of a
-network.
+"""Growing jobs: time and memory versus the number of points, flights or states, or network width.
 
 `python -m benchmarks.jobs_scale points 1000` runs one job of that size and prints its time and
 memory. The time excludes the start of the process and the import of the libraries.
@@ -55,7 +54,9 @@ _GROWING: dict[str, tuple[str, str, tuple[int, ...]]] = {
 
 
 def _growth(job: str, quick: bool) -> list[Growth]:
-    """Measure a job at all its sizes, each in a new process."""
+    """Measure a job at all its sizes, each in a new process. With `quick`, measure the first
+    two.
+    """
     name, unit, sizes = _GROWING[job]
     measured = []
     for size in sizes[:2] if quick else sizes:
@@ -68,21 +69,28 @@ def _growth(job: str, quick: bool) -> list[Growth]:
 
 
 def _points(count: int, folder: Path) -> Callable[[], object]:
-    """Trim at dihedral angles from 0 to 20 degrees, into a store."""
+    """Return a function that trims at `count` dihedral angles between 0 and 20 degrees and stores
+    the trims.
+    """
     steps = Steps(0.0, float(np.radians(20.0)) / count, count)
     plan = SweepPlan({"dihedral": steps}, hfa.aircraft())
     return lambda: stream_sweep(plan, folder / "store.zarr")
 
 
 def _flights(count: int, folder: Path) -> Callable[[], object]:
-    """Fly the nonlinear aircraft in turbulence under the exact gain, step 1e-3 s, into a store."""
+    """Return a function that simulates `count` flights in turbulence under the exact gain and
+    stores them.
+    """
     plan = gain_plan(count, duration=0.1)
     return lambda: stream_members(plan, folder / "store.zarr")
 
 
 def gain_plan(members: int, duration: float) -> MonteCarlo:
-    """Return the flight of the nonlinear aircraft under the exact gain at 15 degrees, step 1e-3
-    s.
+    """Return a Monte Carlo run of the nonlinear aircraft under the exact gain.
+
+    The dihedral angle is 15 degrees. The step is 1e-3 s.
+
+    duration: s
     """
     aircraft = hfa.aircraft()
     scenario = Scenario(duration, uncertainty=UNCERTAIN)
@@ -94,13 +102,15 @@ def gain_plan(members: int, duration: float) -> MonteCarlo:
 
 
 def _states(count: int, folder: Path) -> Callable[[], object]:
-    """Solve one game of this number of states exactly."""
+    """Return a function that solves a random game with `count` states."""
     game = random_game(count)
     return lambda: solve_game(game)
 
 
 def random_game(states: int, seed: int = 0) -> hfa.Game:
-    """Return a game with eigenvalues on both sides of the axis and one input for three states."""
+    """Return a random game with unstable plant, one input for every three states and two
+    disturbances.
+    """
     rng = np.random.default_rng(seed)
     inputs = max(1, states // 3)
     A = rng.standard_normal((states, states)) / np.sqrt(states)
@@ -110,7 +120,10 @@ def random_game(states: int, seed: int = 0) -> hfa.Game:
 
 
 def _networks(width: int, folder: Path) -> Callable[[], object]:
-    """Search the largest error of a policy network of random weights in the usual box."""
+    """Return a function that checks a policy network in the usual box, without simulations.
+
+    The network has two hidden layers of `width` units and random weights.
+    """
     model = level_model(hfa.aircraft(), float(np.radians(15.0)))
     game = published_game(model.A, model.B)
     rng = np.random.default_rng(0)
@@ -126,7 +139,12 @@ def _networks(width: int, folder: Path) -> Callable[[], object]:
 
 
 def _sized(job: str, count: int) -> Size:
-    """Time one job of this size, after one of the smallest size that loads all modules."""
+    """Return the time and memory of one job of this size.
+
+    A job of the smallest size is run before, so that all modules are loaded.
+
+    count: size of the job
+    """
     prepared = {"points": _points, "flights": _flights, "states": _states, "networks": _networks}
     smallest = _GROWING[job][2][0]
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Two jobs timed in turn, and the figures of all comparisons as tables, as a file and as a
+"""Timing of two functions in turn, and the report of all comparisons as tables, file and
 picture.
 """
 
@@ -42,7 +42,9 @@ _PACKAGES = ("casadi", "numpy", "scipy", "control", "zarr")
 
 
 class Comparison(NamedTuple):
-    """Medians over the repeats, s for one unit of work, and the median of the ratios of pairs."""
+    """Median times of the project and its peer for one unit of work, s, and median ratio peer /
+    ours.
+    """
 
     ours: float
     peer: float
@@ -50,9 +52,10 @@ class Comparison(NamedTuple):
 
     @classmethod
     def of(cls, ours: list[float], peer: list[float]) -> Comparison:
-        """Return the comparison of times measured in turn.
+        """Return the medians of times measured in turn, and of their ratios peer / ours.
 
-        ratio: peer / ours, how many times faster ours is
+        ours: times of the project, s
+        peer: times of the peer, s
         """
         ratios = [b / a for a, b in zip(ours, peer, strict=True)]
         return cls(statistics.median(ours), statistics.median(peer), statistics.median(ratios))
@@ -66,11 +69,13 @@ def in_turn(
     *,
     repeats: int = 7,
 ) -> Comparison:
-    """Time ours, peer, ours, peer, ... after one uncounted round.
+    """Time two functions alternately and return their comparison, after one uncounted call of each.
 
-    A drift of the machine's speed then affects both equally.
+    The alternation lets a drift of the machine's speed affect both equally.
 
-    units: pieces of work in one call of each
+    units: units of work in one call of `ours`
+    peer_units: units of work in one call of `peer`
+    repeats: timed calls of each
     """
     ours()
     peer()
@@ -84,7 +89,7 @@ def in_turn(
 
 
 class Size(NamedTuple):
-    """One size of a job that grows: its time, s, and the largest memory of its process, MB."""
+    """Time of a growing job at one size, s, and the peak memory of its process, MB."""
 
     size: int
     seconds: float
@@ -92,7 +97,10 @@ class Size(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A job at growing sizes, and the unit of the sizes."""
+    """A job measured at increasing sizes.
+
+    unit: unit of the sizes
+    """
 
     job: str
     unit: str
@@ -100,17 +108,17 @@ class Growth(NamedTuple):
 
     @property
     def slope(self) -> float:
-        """Exponent p of time ~ size^p, fitted to the larger half of the sizes."""
+        """Return the exponent p of time ~ size^p, fitted to the larger half of the sizes."""
         upper = self.sizes[-(len(self.sizes) // 2 + 1) :]
         logarithms = [(math.log(each.size), math.log(each.seconds)) for each in upper]
         return statistics.linear_regression(*zip(*logarithms, strict=True)).slope
 
 
 class Limit(NamedTuple):
-    """The least time that one unit of a job can take on this machine.
+    """Least time of one unit of a job on this machine.
 
-    seconds: measured time
-    what: the unavoidable work
+    seconds: measured time of the unavoidable work
+    what: description of the unavoidable work
     """
 
     seconds: float
@@ -120,8 +128,8 @@ class Limit(NamedTuple):
 class Row(NamedTuple):
     """One comparison.
 
-    target: required ratio
-    limit: limit of the job, or None where no shorter time is known to be needed
+    target: required ratio of the times, peer / ours
+    limit: least time of the job, or None if unknown
     """
 
     job: str
@@ -133,7 +141,11 @@ class Row(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Whether ours is at least `target` times as fast as the peer, or at its limit."""
+        """Return "yes" if the ratio reaches the target, "limit" if our time is near the limit, else
+        "NO".
+
+        Near means at most `AT_LIMIT` times the limit.
+        """
         if self.timing.ratio >= self.target:
             return "yes"
         if self.limit is not None and self.timing.ours <= AT_LIMIT * self.limit.seconds:
@@ -146,7 +158,7 @@ Results = Mapping[str, Sequence[Row | Growth]]
 
 
 def jobs() -> dict[str, str]:
-    """Return the name of each job and its module, in the order of the table."""
+    """Return name of a job -> its module, in the order of the table."""
     return {name: module for module, names in SUBJECTS.items() for name in names}
 
 
@@ -158,7 +170,10 @@ def rows_of(job: str, quick: bool) -> list[Row | Growth]:
 
 
 def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) -> float:
-    """Return the shortest time of a function for a unit of work, s, after one uncounted call."""
+    """Return the shortest time of `repeats` calls per unit of work, s, after one uncounted call.
+
+    units: units of work in one call
+    """
     function()
     times = []
     for _ in range(repeats):
@@ -169,9 +184,11 @@ def shortest(function: Callable[[], Any], units: float = 1.0, repeats: int = 7) 
 
 
 def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
-    """Return the comparison of median ratio among the runs of one row of this job, ready for JSON.
+    """Return the run with the median ratio, with the smallest and largest ratio of all runs, for
+    JSON.
 
-    It has the smallest and the largest ratio too.
+    runs: the same row in each run
+    name: name of the job
     """
     by_ratio = sorted(runs, key=lambda run: run.timing.ratio)
     row = by_ratio[len(by_ratio) // 2]
@@ -193,9 +210,9 @@ def figure(runs: Sequence[Row], name: str = "") -> dict[str, Any]:
 
 
 def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """Return the figures of all rows.
+    """Return the figures of all comparisons, ready for JSON.
 
-    runs: runs of the same jobs
+    runs: results of the same jobs in each run
     """
     found = []
     for name in runs[0]:
@@ -205,7 +222,7 @@ def figures(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
-    """Return the jobs that grow of the first run, ready for JSON."""
+    """Return the measurements of the growing jobs in the first run, ready for JSON."""
     return [
         {
             "set": name,
@@ -221,7 +238,7 @@ def growths(runs: Sequence[Results]) -> list[dict[str, Any]]:
 
 
 def markdown(figures: Iterable[dict[str, Any]]) -> str:
-    """Return the figures as a table, one row each."""
+    """Return the comparisons as a Markdown table."""
     rows = []
     for each in figures:
         times = (value_text(each[name]) for name in ("ours", "peers"))
@@ -234,7 +251,7 @@ def markdown(figures: Iterable[dict[str, Any]]) -> str:
 
 
 def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
-    """Return the jobs that grow as a table, one row each."""
+    """Return the growing jobs as a Markdown table."""
     rows = []
     for each in grown:
         first, last = each["sizes"][0], each["sizes"][-1]
@@ -246,7 +263,9 @@ def growth_markdown(grown: Iterable[dict[str, Any]]) -> str:
 
 
 def limit_text(figure: Mapping[str, Any]) -> str:
-    """Return our time over the limit, and the work of the limit, or a dash where none is known."""
+    """Return the ratio of our time to the limit, with the limit's description, or "–" without a
+    limit.
+    """
     limit = figure["limit"]
     if limit is None:
         return "–"
@@ -254,7 +273,10 @@ def limit_text(figure: Mapping[str, Any]) -> str:
 
 
 def value_text(value: float) -> str:
-    """Return a time, s, with a suitable prefix."""
+    """Return a time as text in s, ms, µs or ns.
+
+    value: s
+    """
     for factor, name in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
         if value >= factor:
             return f"{value / factor:.3g} {name}"
@@ -262,12 +284,12 @@ def value_text(value: float) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """Return a ratio with three digits, without a power of ten."""
+    """Return a ratio as text with three significant digits, not in scientific notation."""
     return f"{float(f'{ratio:.3g}'):.12g}"
 
 
 def machine() -> dict[str, str]:
-    """Return the data of the machine on which the figures depend."""
+    """Return the processor, the number of cores and the versions of Python and of the packages."""
     lines = (
         Path("/proc/cpuinfo").read_text("utf-8").splitlines()
         if Path("/proc/cpuinfo").exists()
@@ -283,9 +305,9 @@ def machine() -> dict[str, str]:
 def store(runs: Sequence[Results]) -> dict[str, Any]:
     """Write results.json and return its content.
 
-    Jobs that were not run, or have no figures here, keep theirs if the machine is the same.
+    Stored figures of jobs without new figures are kept if they were measured on the same machine.
 
-    runs: runs of the same jobs, except for jobs that grow, which run once
+    runs: results of the same jobs in each run; growing jobs have results in the first run only
     """
     new: dict[str, Any] = {"machine": machine(), "figures": figures(runs), "growth": growths(runs)}
     if RESULTS.exists() and (old := stored())["machine"] == new["machine"]:
@@ -300,8 +322,10 @@ def store(runs: Sequence[Results]) -> dict[str, Any]:
 
 
 def show(data: Mapping[str, Any]) -> None:
-    """Write the tables of both pages. A missed target is on the first page, a new row on the
-    second.
+    """Write the tables into both documents.
+
+    The first document receives the comparisons that it already lists and those with a missed
+    target. The second document receives the other comparisons and the growing jobs.
     """
     first, second = (page.read_text("utf-8") for page in PAGES)
     on_first = [
@@ -316,7 +340,7 @@ def show(data: Mapping[str, Any]) -> None:
 
 
 def with_table(page: str, table: str) -> str:
-    """Return the page with this table in place of the one with the same header."""
+    """Return the page with its table of the same header replaced by this table."""
     heads = table.splitlines()[0]
     before, found, after = page.partition(heads)
     assert found, f"the page has no table {heads}"
@@ -326,13 +350,13 @@ def with_table(page: str, table: str) -> str:
 
 
 def stored() -> dict[str, Any]:
-    """Return the figures stored last."""
+    """Return the content of results.json."""
     result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
     return result
 
 
 def draw(data: dict[str, Any], path: Path = PICTURE) -> Path:
-    """Draw bars of the ratios, and curves of time and memory over size.
+    """Draw bars of the ratios, and curves of time and memory versus size, and return the path.
 
     Ratios below 1 are orange. Targets and limits are marked.
     """

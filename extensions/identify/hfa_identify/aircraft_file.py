@@ -1,4 +1,4 @@
-"""The file of an identified aircraft, which `--aircraft` reads."""
+"""Text of the aircraft file with identified parameters, for `--aircraft`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,14 @@ if TYPE_CHECKING:
 
 
 def aircraft_text(found: Identified) -> str:
-    """Return the TOML text of an aircraft with the estimates as its parameters, with their bands.
+    """Return the TOML text of an aircraft file with the estimates, their bands and their
+    covariance.
 
-    Raises BadInputError where the model was not loaded from a file that can be named."""
+    The file refers to the aircraft file from which the model was loaded. Estimated errors of
+    columns are in [sensors].
+
+    Raises BadInputError if the model was not loaded from a file.
+    """
     source = found.model.extras.source[0]
     if not source:
         raise BadInputError("-o FILE.toml names the aircraft's file; give the aircraft as a file")

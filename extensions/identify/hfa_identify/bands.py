@@ -1,4 +1,4 @@
-"""Accuracy of identified parameters: covariance, correlation, whiteness of residuals."""
+"""Accuracy of identified parameters: covariance, correlation, whiteness of the residuals."""
 
 from __future__ import annotations
 
@@ -33,11 +33,13 @@ _GONE = 1e-3
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
-    """Return the (p, p) Cramér-Rao bound, the inverse of the information, for white residuals.
+    """Return the (p, p) Cramér-Rao bound for white residuals: the inverse of the information
+    matrix.
 
-    The noise variances are those of the residuals, enlarged by the unknowns that were fitted to
-    them. The variance of a parameter is inf if no sample depends on it, or if its information is
-    lost in rounding."""
+    The noise variances are those of the residuals, times N / (N - number of unknowns). The variance
+    of a parameter is inf if no sample depends on it, or if its information is lost in rounding
+    errors.
+    """
     covariance = _enlarged(fit) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
     covariance[unseen, unseen] = np.inf
@@ -45,24 +47,29 @@ def white_covariance(fit: Fit) -> np.ndarray:
 
 
 def _enlarged(fit: Fit) -> float:
-    """Return N / (N - unknowns), the ratio of the noise variance to that of fitted residuals."""
+    """Return N / (N - number of unknowns), which converts the variance of residuals to that of
+    noise.
+    """
     samples = int(fit.samples.sum())
     return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> int:
-    """Return the number of parameters and of initial states that the records determine."""
+    """Return the number of fitted unknowns: parameters, and initial states that the records
+    determine.
+    """
     starts = [np.linalg.matrix_rank(each.A, tol=1e-6 * np.trace(each.A)) for each in fit.normals]
     return len(fit.theta) + int(sum(starts))
 
 
 def covariance(fit: Fit) -> np.ndarray:
-    """Return the (p, p) covariance of the parameters with the residuals' own autocorrelation.
+    """Return the (p, p) covariance of the parameters, corrected for autocorrelated residuals.
 
         C = D [Σ_i Σ_j S_i' R⁻¹ R_vv(i - j) R⁻¹ S_j] D,   D = (Σ S_i' R⁻¹ S_i)⁻¹
 
-    S are the sensitivities without the part that another initial condition explains. R_vv is the
-    autocovariance of the noise (`noise_of`). For white residuals C = D.
+    S are the sensitivities without the part that a change of the initial state explains. R is the
+    noise variance, and R_vv is the autocovariance of the noise (`noise_of`). For white residuals C
+    = D. No variance is less than that of `white_covariance`.
 
     Source: E. A. Morelli, V. Klein, Accuracy of aerodynamic model parameters estimated from flight
     test data, Journal of Guidance, Control, and Dynamics 20 (1997) 74-80.
@@ -82,11 +89,12 @@ Score = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
-    """Return the information, the covariance of the score, and the score of each record.
+    """Return (information, covariance of the score, score) of each record.
 
-    They are Σ S' R⁻¹ S, the covariance with the noise's autocovariance, and Σ S' R⁻¹ v.
+    The information is Σ S' R⁻¹ S. The score is Σ S' R⁻¹ v with the residuals v. Its covariance
+    contains the autocovariance of the noise.
 
-    halves: whether each record is divided into two halves, with separate results
+    halves: whether each record is split into two halves, each with its own entry
     """
     parts = []
     for residual, present, projected, noise in zip(
@@ -109,12 +117,12 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Noise of one quantity of a record.
+    """Noise of one measured quantity in a record.
 
-    fitted: number of unknowns that its samples determine.
-    lost: ratio of its variance to that of the residuals, from which the unknowns take a part.
-    variance: its variance.
-    correlation: its autocorrelation at lags 0, 1, ..., until it is gone.
+    fitted: number of unknowns that the samples of the quantity determine. lost: ratio of the noise
+    variance to the variance of the residuals, which the fit reduces. variance: noise variance.
+    correlation: autocorrelation at lags 0, 1, ..., up to the last lag at which it is not
+    negligible.
     """
 
     fitted: float
@@ -124,16 +132,17 @@ class Noise:
 
 
 def noise_of(fit: Fit) -> list[dict[int, Noise]]:
-    """Return for each record the place of a measured quantity -> its noise.
+    """Return, for each record, index of a measured quantity -> its noise.
 
-    With the projection P of the noise onto the sensitivities S of all unknowns, the residuals are
-    v = (I - P) e, so that the weighted sum of squares of a quantity q is
+    The residuals are v = (I - P) e, where e is the noise and P is the projection onto the
+    sensitivities S of all unknowns. The expected weighted sum of squares of a quantity q with N
+    samples is
 
         Σ v² / r = N - 2 tr(K V_q) + tr(K V K M_q)
 
-    M_q = S' S / r and V_q = S' R_vv S / r² of the quantity, V = Σ V_q, and K = (Σ M_q)⁻¹. Slow
-    noise resembles the sensitivities, so that V_q exceeds M_q and the residuals lose more than one
-    sample's variance to an unknown.
+    with the noise variance r, M_q = S' S / r and V_q = S' R_vv S / r² of the quantity, V = Σ V_q,
+    and K = (Σ M_q)⁻¹. Slow noise resembles the sensitivities. V_q then exceeds M_q, and each
+    unknown reduces the sum of squares by more than the variance of one sample.
     """
     from scipy.linalg import block_diag
 
@@ -173,10 +182,10 @@ def noise_of(fit: Fit) -> list[dict[int, Noise]]:
 
 
 def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return Σ_i Σ_j S_i' r(i - j) S_j of one quantity.
+    """Return Σ_i Σ_j S_i' r(i - j) S_j for one quantity.
 
-    S: sensitivities of consecutive samples
-    covariance: r at lags 0, 1, ..., 0 beyond
+    S: sensitivities of consecutive samples, (N, p)
+    covariance: r at lags 0, 1, ...; r is 0 at greater lags
     """
     from scipy.signal import oaconvolve
 
@@ -190,14 +199,16 @@ def _summed(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: float) -> np.ndarray:
-    """Return the autocorrelation of the noise at lags 0, 1, ..., up to the lag at which it is gone.
+    """Return the autocorrelation of the noise at lags 0, 1, ..., up to the last non-negligible lag.
 
-    It is that of an autoregressive process of order 0 to 4, or of white noise together with slow
-    noise of order 1. The process of least BIC is chosen.
+    The noise is modeled as an autoregressive process of order 0 to 4, or as white noise plus a
+    first-order process. The model with the least BIC (Bayesian information criterion) is chosen.
 
-    fitted: number of unknowns that were fitted to this quantity. They take a part of the slow noise
-        out of its residuals. The sum a of the coefficients is corrected by the first-order bias of
-        its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954) 390-402).
+    residual: residuals of one quantity, (N,) present: whether each sample was measured, (N,)
+    fitted: number of unknowns fitted to this quantity. The fit removes a part of the slow noise
+    from
+      the residuals. Therefore the sum a of the coefficients is corrected by the first-order bias of
+      its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954) 390-402).
     """
     from scipy.linalg import solve_toeplitz
 
@@ -223,15 +234,23 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
 
 
 def _unbiased(total: float, fitted: float, count: int) -> float:
-    """Return the sum of the coefficients of a process, corrected for the bias of its estimate."""
+    """Return the sum of autoregressive coefficients, corrected for bias and at most `_SLOWEST`.
+
+    total: estimated sum
+    fitted: number of fitted unknowns
+    count: number of samples
+    """
     return min(total + fitted * (1.0 + 3.0 * total) / count, _SLOWEST)
 
 
 def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
-    """Return BIC, pole and share of the variance of the slow noise that explains an autocorrelation
-    best.
+    """Fit white noise plus a first-order process to an autocorrelation.
 
-    The total noise is the sum of white and slow noise. The criterion is the Whittle likelihood.
+    Returns the BIC, the pole of the process, and its share of the variance, for the largest Whittle
+    likelihood among fixed poles and shares.
+
+    seen: autocorrelation at lags 0, 1, ...
+    count: number of samples
     """
     lags = np.arange(len(seen))
     decreasing = seen * (1.0 - lags / len(seen))
@@ -245,9 +264,12 @@ def _white_and_slow(seen: np.ndarray, count: int) -> tuple[float, float, float]:
 
 @lru_cache(maxsize=4)
 def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return means of logarithms and inverses of the spectra of white noise with slow noise.
+    """Return the spectra of white noise plus a first-order process, for all fixed poles and shares.
 
-    The means are (poles, shares), the inverses (poles, shares, count).
+    Returns the mean logarithms of the spectra, (poles, shares), and their reciprocals, (poles,
+    shares, count).
+
+    count: number of frequencies
     """
     turns = np.cos(np.pi * np.arange(count) / (count - 1))
     poles = np.array(_POLES)[:, None, None]
@@ -258,8 +280,10 @@ def _slow_spectra(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
-    """Return the autocorrelation of an autoregressive process, up to the lag at which it is
-    gone."""
+    """Return the autocorrelation of an autoregressive process, up to the last non-negligible lag.
+
+    coefficients: coefficients of the process, (order,)
+    """
     lags = np.arange(1, len(coefficients) + 1)
     turns = np.exp(-2j * np.pi * np.outer(np.arange(_LENGTH) / _LENGTH, lags))
     spectrum = 1.0 / np.abs(1.0 - turns @ coefficients) ** 2
@@ -270,8 +294,13 @@ def _autocorrelation_of(coefficients: np.ndarray) -> np.ndarray:
 
 
 def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the autocorrelation at lags 0 to N - 1 of the samples that are present, with equal
-    weights of all pairs."""
+    """Return the autocorrelation of the measured samples at lags 0 to N - 1.
+
+    At each lag, all pairs of measured samples have equal weight.
+
+    residual: (N,)
+    present: whether each sample was measured, (N,)
+    """
     values = np.where(present, residual, 0.0)
     pairs = np.maximum(np.round(sums_of_products(present.astype(float))), 1.0)
     means = sums_of_products(values) / pairs
@@ -279,23 +308,31 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 
 def sums_of_products(values: np.ndarray) -> np.ndarray:
-    """Return Σ_i v_i v_(i + lag) of N values for lags 0 to N - 1."""
+    """Return Σ_i v_i v_(i + lag) for lags 0 to N - 1.
+
+    values: v, (N,)
+    """
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(values, size)
     return np.asarray(np.fft.irfft(spectrum * spectrum.conj(), size)[: len(values)])
 
 
 def whiteness(residual: np.ndarray, present: np.ndarray) -> float:
-    """Return the share of the first lags whose autocorrelation lies within 95 % of white
-    noise's."""
+    """Return the fraction of the first `LAGS` lags that are compatible with white noise.
+
+    At these lags the autocorrelation is within the 95 % band of white noise.
+    """
     correlation = autocorrelation(residual, present)[1 : LAGS + 1]
     limit = BAND / np.sqrt(max(1, int(present.sum())))
     return float((np.abs(correlation) < limit).mean())
 
 
 def explained(fit: Fit) -> np.ndarray:
-    """Return the (k,) coefficients of determination: 1 - (sum of squared residuals) / (sum of
-    squares of the measured quantity about its mean)."""
+    """Return the coefficient of determination of each measured quantity, (k,).
+
+    It is 1 - (sum of squared residuals) / (sum of squared deviations of the quantity from its
+    mean).
+    """
     parts = []
     for place in range(len(fit.noise)):
         measured, residuals = _samples(fit, place)
@@ -306,18 +343,20 @@ def explained(fit: Fit) -> np.ndarray:
 
 
 def unexplained(fit: Fit) -> np.ndarray:
-    """Return flags of quantities whose simulated motion contradicts the measured one, (k,).
+    """Return whether the simulated motion of each quantity contradicts the measured motion, (k,).
 
-    Their residuals would be smaller without the motion. Large noise alone sets no flag.
+    A constant simulated value would leave smaller residuals. Large noise alone sets no flag.
     """
     motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
     return np.asarray(fit.noise > _WORSE * np.array(motions))
 
 
 def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples of a quantity and their residuals for each record, (N,) each.
+    """Return the measured samples of one quantity and their residuals, as two lists with one (N,)
+    array per record.
 
-    place: of the quantity"""
+    place: index of the quantity
+    """
     measured, residuals = [], []
     for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
         seen = present[:, place]
@@ -327,8 +366,10 @@ def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:
-    """Return the (p, p) correlation coefficients of estimates, 0 for an estimate of infinite
-    variance."""
+    """Return the (p, p) correlation coefficients of estimates.
+
+    Coefficients of an estimate with infinite variance are 0.
+    """
     variances = np.diag(covariance)
     seen = np.isfinite(variances) & (variances > 0.0)
     deviations = np.sqrt(np.where(seen, variances, 1.0))

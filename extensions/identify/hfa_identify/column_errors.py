@@ -1,4 +1,6 @@
-"""Bias, scale and delay of each column of the records with bands, estimated by one step from 0."""
+"""Bias, scale error and delay of record columns, estimated after the search by one Newton step from
+0.
+"""
 
 from __future__ import annotations
 
@@ -30,12 +32,12 @@ _DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class ColumnError(Result):
-    """An error of a column that the search did not free, estimated by one step from 0.
+    """Error of a column that the search did not estimate, estimated by one Newton step from 0.
 
-    value: its estimate, or None if parameters compensate any such error.
-    half: half-width of its 95 % band, or None where `value` is None.
-    unit: unit of both.
-    moves: the parameter that an error of this half-width shifts most, relative to its band.
+    value: the estimate, or None if a change of the parameters has the same effect.
+    half: half-width of its 95 % band, or None if `value` is None.
+    unit: unit of `value` and `half`.
+    moves: parameter that an error of this half-width shifts most, relative to the parameter's band.
     bands: that shift in half-widths of the parameter's band, or None if unbounded.
     shift: largest shift of a parameter by the estimated error, in half-widths of its band.
     """
@@ -49,29 +51,30 @@ class ColumnError(Result):
 
     @property
     def is_assumed(self) -> bool:
-        """True if the bands assume that the error is 0: within its own band it shifts an estimate
-        beyond that estimate's band, or without bound."""
+        """True if the parameters' bands are valid only if this error is 0.
+
+        An error within its 95 % band would then shift an estimate beyond that estimate's band.
+        """
         return self.bands is None or self.bands > 1.0
 
     @property
     def clear(self) -> float:
-        """Absolute value of the estimate divided by its standard deviation."""
+        """Magnitude of the estimate in standard deviations, 0 without an estimate."""
         return abs(self.value) / self.half * BAND if self.value is not None and self.half else 0.0
 
 
 def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, ColumnError]:
     """Return name of an error, such as bias_alpha -> its estimate.
 
-    An error without an effect on the measured quantities is left out.
-
-    half: (p,) half-widths of the bands of white residuals
-
-    With information M and score g of the parameters θ and of one error c,
+    Errors without an effect on the measured quantities are omitted. With information M and score g
+    of the parameters θ and of one error c,
 
         c = s / m,  s = g_c - M_cθ M_θθ⁻¹ g_θ,  m = M_cc - M_cθ M_θθ⁻¹ M_θc.
 
-    The variance of s is computed from residuals without the error and their autocorrelation,
-    because a bias is not slow noise.
+    The variance of s is computed from residuals without the estimated error, because a bias is not
+    slow noise.
+
+    half: half-widths of the parameters' bands for white residuals, (p,)
     """
     responses = search.responses
     known = _estimated(search)
@@ -118,9 +121,11 @@ def column_errors(search: Search, fit: Fit, half: np.ndarray) -> dict[str, Colum
 
 
 def _estimated(search: Search) -> dict[str, SensorError]:
-    """Return the errors of columns that the search did not free, by name.
+    """Return name -> error, for each column error to be estimated after the search.
 
-    A constant input can have a bias alone: its scale is one, and its delay has no effect."""
+    Errors that the search estimates are omitted, and errors that the model does not support. A
+    constant input has only a bias: a scale error would be a second bias, and a delay has no effect.
+    """
     responses = search.responses
     steady = search.steady_inputs()
     columns = (*search.moving_inputs(), *steady, *responses.measured)
@@ -134,25 +139,34 @@ def _estimated(search: Search) -> dict[str, SensorError]:
 
 
 def _summed(one: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the (c, d) sums over samples and quantities of the products of (N, k, c) and (N, k, d)
-    of each record."""
+    """Return the (c, d) sum of products over records, samples and quantities.
+
+    one: array (N, k, c) of each record
+    other: array (N, k, d) of each record
+    """
     pairs = zip(one, other, strict=True)
     return np.asarray(sum(np.tensordot(*pair, ((0, 1), (0, 1))) for pair in pairs))
 
 
 def _slopes(search: Search, fit: Fit, number: int, errors: Sequence[SensorError]) -> np.ndarray:
-    """Return the (N, k, errors) derivatives of the measured quantities of a record with respect to
-    errors of columns."""
+    """Return the derivatives of a record's measured quantities with respect to errors, (N, k,
+    errors).
+
+    number: index of the record
+    """
     return np.stack([_effect(search, fit, number, error) for error in errors], axis=2)
 
 
 def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.ndarray:
-    """Return the (N, k) derivative of the measured quantities of a record with respect to an error
-    of a column.
+    """Return the derivative of a record's measured quantities with respect to one column error, (N,
+    k).
 
-    Correcting an error c subtracts c d from the column: d is 1 for a bias, the column itself for a
-    scale, and minus its slope for a delay. A change of an input, and in turbulence of any column,
-    also changes the simulation."""
+    An error c changes the column by c d, where d is 1 for a bias, the column for a scale, and minus
+    its time derivative for a delay. Correcting an input also changes the simulation. In turbulence,
+    so does correcting any column.
+
+    number: index of the record
+    """
     responses = search.responses
     record = search.records[number]
     y = fit.responses[number].y
@@ -185,10 +199,12 @@ def _effect(search: Search, fit: Fit, number: int, error: SensorError) -> np.nda
 def _variance(
     fit: Fit, effects: list[np.ndarray], value: float, noises: list[dict[int, Noise]]
 ) -> float:
-    """Return the variance of the score of one error, without the residuals that it explains.
+    """Return the variance of the score of one column error.
 
-    effects: (N, k) of each record, of the error with the parameters moved along
-    value: its estimate
+    The part of the residuals that the estimated error explains is subtracted first.
+
+    effects: effect of the error after the best change of the parameters, (N, k) of each record
+    value: estimate of the error
     noises: noise of the quantities of each record
     """
     total = 0.0

@@ -62,25 +62,28 @@ def identify(
     columns: str | Path | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
-    """Identify the parameters of a model from flight records, by output error or, in turbulence,
-    filter error with maximum likelihood and white Gaussian noise of unknown variance.
+    """Identify parameters of a model from flight records by maximum likelihood.
 
-    model: with the values at which the search begins.
-    records: one or more maneuvers, each a path, a flight, a table of pandas, or a dictionary of
-        arrays by name in the model's units: time (s), every input, measured states or outputs, NaN
-        where a sample is missing.
+    The method is output error, or filter error if `turbulence` is set. The measurement noise is
+    white and Gaussian with unknown variance.
+
+    model: its parameter values are the initial values of the search.
+    records: one maneuver or several. Each is a path, a flight, a pandas table, or a dictionary of
+      arrays by name in the model's units: time (s), every input, measured states or outputs. NaN
+        marks
+      a missing sample.
     free: names of parameters, or patterns such as "Cm_*". Errors of columns can be free too, such
-        as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) +
-        bias.
-    given: parameters that keep their values although a pattern fits them, or name -> other value.
-    hold: input without a column, or unmeasured state at the start -> value.
-    inputs: "linear" or "steps" between samples; commands of a flight computer are steps.
-    validate: records that are not fitted, on which Theil's coefficient is computed.
-    turbulence: whether the air moved (filter error). Speed, alpha and beta of the records are then
-        relative to the air, as measured by pitot tubes and vanes.
-    columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
+      as bias_alpha, scale_speed, delay_elevator: recorded(t) = (1 + scale) true(t - delay) + bias.
+    given: parameters that keep their values although a pattern matches them, or name -> fixed
+    value. hold: input without a column, or initial value of an unmeasured state -> value. inputs:
+    "linear" or "steps", the interpolation between samples. Commands of a flight computer are
+      steps.
+    validate: records that are not fitted. Theil's coefficient is computed for them.
+    turbulence: whether the air moved. Speed, alpha and beta of the records are then relative to the
+      air, as measured by pitot tubes and vanes.
     plan: whether to compare further maneuvers by how much they narrow the bands.
-    progress: called with (work done, work in all).
+    columns: TOML file that maps fields of PX4 logs (.ulg) to columns.
+    progress: called with (work done, total work).
 
     Raises BadInputError if a record or a name is wrong, and NoSolutionError if nothing moves in the
     records or the simulation diverges.
@@ -138,7 +141,7 @@ def identify(
 
 
 def _listed(records: Any) -> list[Any]:
-    """Return one or more records as a list."""
+    """Return `records` as a list, also if it is a single record."""
     is_table = hasattr(records, "to_pandas") or hasattr(records, "columns")
     is_one = is_table or isinstance(records, Record | Mapping | str | Path)
     return [records] if is_one else list(records)
@@ -147,7 +150,10 @@ def _listed(records: Any) -> list[Any]:
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
-    """Return the model with the given values, and the names of all given parameters."""
+    """Return the model with the given values, and the names of the given parameters.
+
+    Raises BadInputError if a parameter is unknown or a value is not a finite number.
+    """
     names = tuple(given)
     for name in names:
         refuse_unknown(f"{model.name} has no parameter", name, tuple(model.parameters))
@@ -166,7 +172,12 @@ def _as_records(
     inputs: str,
     columns: str | Path | None,
 ) -> list[Record]:
-    """Return records from paths, dictionaries or `Record` objects."""
+    """Return a `Record` for each path, flight, table, dictionary or record.
+
+    held: input or state without a column -> constant value
+    inputs: "linear" or "steps", the interpolation between samples
+    columns: TOML file that maps fields of PX4 logs to columns
+    """
     read = []
     for number, each in enumerate(given, start=1):
         if isinstance(each, str | Path):
@@ -188,10 +199,14 @@ def _as_records(
 def _free_names(
     model: Model, free: Sequence[str], given: Sequence[str], measured: Sequence[str]
 ) -> tuple[str, ...]:
-    """Return the names of unknowns selected by the names and patterns in `free`.
+    """Return the parameters and column errors selected by the names and patterns in `free`.
 
-    Raises BadInputError for an empty list, a pattern without a match, an unknown name, and a name
-    that is also given."""
+    given: names of fixed parameters
+    measured: names of the measured quantities
+
+    Raises BadInputError if `free` is empty, a pattern matches nothing, a name is unknown, or a name
+    is also given.
+    """
     if isinstance(free, str) or not free:
         if not model.parameters:
             raise BadInputError(

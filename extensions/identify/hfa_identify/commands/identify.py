@@ -22,7 +22,7 @@ RECORDS = (".csv", ".npz", ".mat", ".ulg")
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Return the names in a text, separated by commas."""
+    """Return the comma-separated names in a text. Raises BadInputError if a name is empty."""
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
         raise BadInputError(f"is {text!r}; give names between commas")
@@ -30,13 +30,19 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def _held(model: Model, name: str, text: str) -> float:
-    """Return the value of an input, or of a state at the start."""
+    """Return the value given for an input or an initial state, in the model's units.
+
+    Raises BadInputError if the model has no such input or state.
+    """
     refuse_unknown("names the unknown input or state", name, (*model.inputs, *model.states))
     return quantity(model, name, text)
 
 
 def _given(model: Model, name: str, text: str) -> float:
-    """Return the value of a parameter."""
+    """Return the value given for a parameter, in the model's units.
+
+    Raises BadInputError if the model has no such parameter.
+    """
     refuse_unknown("names the unknown parameter", name, tuple(model.parameters))
     return quantity(model, name, text)
 

@@ -1,1 +1,1 @@
-"""`--draws`: the spread of results over the aircraft that uncertain parameters allow."""
+"""Option `--draws`: spread of results over aircraft with randomly drawn uncertain parameters."""

@@ -1,4 +1,4 @@
-"""Uncertain parameters of an aircraft, from its file or from the HFA's parameter set."""
+"""Uncertain parameters of an aircraft, read from its file or from the HFA's parameter set."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 
 
 def spread_of_file(path: str, model: Model) -> ParameterSpread:
-    """Return the parameters of a file with [covariance], in the units of its model.
+    """Return the uncertain parameters given by [covariance] in an aircraft file, in the model's
+    units.
 
-    Raises BadInputError where the file has no covariance, or a wrong one."""
+    Raises BadInputError if [covariance] is missing or is not a covariance of parameters.
+    """
     data = read_toml(path) if path.endswith(".toml") and Path(path).is_file() else {}
     table = data.get("covariance")
     if table is None:
@@ -39,10 +41,12 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
 
 
 def spread_of(request: Any) -> ParameterSpread:
-    """Return the uncertain parameters of the aircraft of a request, in the units of its model.
+    """Return the uncertain parameters of the request's aircraft.
 
-    Parameters that the request holds are left out. Raises BadInputError where no covariance is
-    known."""
+    Parameters that the request fixes are left out. Units are SI if the request's model is in SI.
+
+    Raises BadInputError if the covariance is unknown.
+    """
     model = request.model
     native = model.extras.native or model
     if request.own:
@@ -64,13 +68,18 @@ def spread_of(request: Any) -> ParameterSpread:
 
 
 def spread_of_set(known: Any) -> ParameterSpread:
-    """Return the identified parameters of a `ParameterSet` with their covariance."""
+    """Return the identified parameters of a `ParameterSet` with the covariance of their
+    logarithms.
+    """
     values = {name: getattr(known.values, name) for name in known.identified}
     return ParameterSpread(values, known.covariance, of_logarithms=True)
 
 
 def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
-    """Return the spread of the parameters in SI units."""
+    """Return the uncertain parameters converted to SI units.
+
+    native: model in the units of `spread`
+    """
     factors = np.array([si_factor(native.unit(name)) for name in spread.values])
     values = {
         name: value * factor
@@ -81,7 +90,7 @@ def _in_si(spread: ParameterSpread, native: Model) -> ParameterSpread:
 
 
 def _is_square(rows: Any, size: int) -> bool:
-    """Return whether rows are a square matrix of `size` rows of finite numbers."""
+    """Return True if `rows` is a list of `size` lists of `size` finite numbers."""
     if not isinstance(rows, list) or len(rows) != size:
         return False
     return all(
@@ -90,6 +99,6 @@ def _is_square(rows: Any, size: int) -> bool:
 
 
 def _scaled(covariance: np.ndarray) -> np.ndarray:
-    """Return the matrix of correlations."""
+    """Return the correlation matrix of a covariance."""
     sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return np.asarray(covariance / sizes[:, None] / sizes)

@@ -1,4 +1,4 @@
-"""Section of `--draws N` in the reports of trim, linearize, solve and verify."""
+"""Section that `--draws N` adds to the reports of trim, linearize, solve and verify."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ _CONSTANT = 1e-9
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return the report with the spread of its subject over `request.draws` aircraft.
+    """Return the report with a section on `request.draws` aircraft with drawn parameters.
 
-    subject: an operating point, a linear model, or (`NamedGame`, gain)
+    subject: the reported operating point, linear model, or pair (`NamedGame`, gain)
 
-    Raises BadInputError where the aircraft has no uncertain parameters.
+    Raises BadInputError if the aircraft has no uncertain parameters, or if the game has no
+    aircraft.
     """
     progress = ProgressLine("draws")
     if isinstance(subject, OperatingPoint):
@@ -43,9 +44,11 @@ def with_draws(report: Report, request: Any, subject: Any) -> Report:
 
 
 def reported(report: Report, draws: Draws) -> Report:
-    """Return a report with a table of bands, and a line on the draws after its first line.
+    """Return the report with a table of the bands and a line that summarizes the draws.
 
-    Where the draws fail and the subject itself does not, the line on the draws is the first."""
+    The line follows the first line of the report. It comes first if the draws fail and the report
+    does not.
+    """
     rows = []
     for name, band in draws.bands.items():
         if band.high - band.low <= _CONSTANT * max(abs(band.high), abs(band.low)):
@@ -67,7 +70,10 @@ def reported(report: Report, draws: Draws) -> Report:
 
 
 def _drawn(request: Any, point: OperatingPoint) -> DrawnAircraft:
-    """Return the drawn aircraft of a request."""
+    """Return the aircraft drawn for a request.
+
+    point: trim of the aircraft with the given parameters
+    """
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)
     condition = request.trim_condition

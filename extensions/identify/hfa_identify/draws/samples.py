@@ -1,4 +1,4 @@
-"""Random samples of a `ParameterSet`, offered as the entry point `parameters.samples`."""
+"""Random samples of a `ParameterSet`: the entry point `parameters.samples`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from hfa_support.errors import BadInputError, refuse_unless_whole
 
 
 def samples_of_set(known: Any, count: int, seed: int) -> tuple[Any, ...]:
-    """Return samples of the parameters, as `hfa_model.sample_parameters` describes.
+    """Return `count` random samples of the parameters.
 
-    Raises BadInputError when there is no covariance, an identified parameter is zero, or count or
-    seed is out of range.
+    The logarithms of identified parameters are normally distributed. The other parameters are
+    constant.
+
+    Raises BadInputError if the covariance is missing, an identified parameter is zero, or `count`
+    or `seed` is out of range.
     """
     if not known.covariance.size:
         raise BadInputError(

@@ -1,4 +1,4 @@
-"""The spread of a trim, of a linear model and of a gain over drawn aircraft."""
+"""Spread of a trim, a linear model and a closed loop over aircraft with drawn parameters."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _BAND = (2.5, 97.5)
 
 @dataclass(frozen=True)
 class Band(Result):
-    """Band that contains 95 % of the drawn aircraft.
+    """Interval that contains 95 % of the drawn aircraft.
 
-    value: value of the aircraft itself.
+    value: value of the aircraft with the given parameters.
     low: 2.5th percentile.
     high: 97.5th percentile.
-    unit: unit of all three.
+    unit: unit of `value`, `low` and `high`.
     """
 
     value: float
@@ -42,19 +42,16 @@ class Band(Result):
 
 @dataclass(frozen=True, eq=False)
 class Draws(Result):
-    """A result on aircraft with drawn parameters.
+    """Result for aircraft with drawn parameters.
 
-    count: number of aircraft.
-    seed: seed of the draws.
-    parameters: names of the drawn parameters.
-    trimmed: number of aircraft with a trim within their limits.
-    stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
-    stable_alone: number of aircraft whose linear model is stable without control, or None with a
-        gain.
-    cost_lost_worst_percent: largest cost of the gain above the optimum of an aircraft's linear
-        model, percent, or None without a gain.
+    count: number of aircraft. seed: seed of the draws. parameters: names of the drawn parameters.
+    trimmed: number of aircraft that have a trim within their limits. stable: number of aircraft
+    whose linear model the gain stabilizes, or None without a gain. stable_alone: number of aircraft
+    whose linear model is stable without control, or None with a gain. cost_lost_worst_percent:
+    largest excess of the gain's cost over the optimum of an aircraft's linear
+      model, percent, or None without a gain.
     bands: quantity -> its band.
-    unsolved: aircraft on which the game has no solution, or None without a gain.
+    unsolved: number of aircraft whose game has no solution, or None without a gain.
     """
 
     json_keys = (
@@ -74,12 +71,14 @@ class Draws(Result):
 
     @property
     def ok(self) -> bool:
-        """True if every aircraft has a trim, and the gain stabilizes it."""
+        """True if every aircraft has a trim and the gain, if any, stabilizes every aircraft."""
         return self.trimmed == self.count and self.stable in (None, self.count)
 
     @property
     def first_line(self) -> str:
-        """Return the number of aircraft and the largest cost of the gain, in one line."""
+        """Return the numbers of trimmed and stable aircraft in one line, with the gain's largest
+        cost if known.
+        """
         aircraft = f"of {self.count} drawn aircraft"
         if self.stable is None:
             return (
@@ -99,9 +98,9 @@ class Draws(Result):
 
 @dataclass(frozen=True, eq=False)
 class WithDraws(Result):
-    """The fields that `--draws N` adds to a result.
+    """Field that `--draws N` adds to a result.
 
-    draws: the result on drawn aircraft.
+    draws: result for aircraft with drawn parameters.
     """
 
     draws: Draws | None = None
@@ -109,13 +108,13 @@ class WithDraws(Result):
 
 @dataclass(frozen=True, eq=False)
 class DrawnAircraft:
-    """Aircraft with drawn parameters, trimmed like the aircraft itself.
+    """Aircraft with drawn parameters, with the trim condition of the given aircraft.
 
-    models: the aircraft.
+    models: the drawn aircraft.
     parameters: names of the drawn parameters.
     seed: seed of the draws.
     condition: trim condition of all aircraft.
-    point: the trim of the aircraft itself.
+    point: trim of the given aircraft.
     """
 
     models: Sequence[Model]
@@ -125,7 +124,7 @@ class DrawnAircraft:
     point: OperatingPoint
 
     def points(self, progress: Progress | None = None) -> list[OperatingPoint]:
-        """Return the trims of the aircraft that have one."""
+        """Return the trims of the drawn aircraft. Aircraft without a trim are omitted."""
         found = []
         for model in told(self.models, progress):
             try:
@@ -135,7 +134,7 @@ class DrawnAircraft:
         return found
 
     def trims(self, progress: Progress | None = None) -> Draws:
-        """Return the spread of the trim."""
+        """Return the bands of the trim's free quantities, and the stability without control."""
         points = self.points(progress)
         model = self.point.model
         names = [name for name in self.point.values if name not in self.condition.imposed]
@@ -147,10 +146,11 @@ class DrawnAircraft:
         return self._alone(bands, drawn)
 
     def linear_models(self, linear: LinearModel, progress: Progress | None = None) -> Draws:
-        """Return the spread of the modes of a linear model, and of the largest real part of its
-        eigenvalues.
+        """Return the bands of the modes, and of the largest real part of the eigenvalues.
 
-        A mode that some aircraft lack is listed with the number that have it.
+        If some aircraft lack a mode, its name includes the number of aircraft that have it.
+
+        linear: linear model of the given aircraft
         """
         points = self.points(progress)
         drawn = [linearize(point.model, point) for point in points]
@@ -170,10 +170,10 @@ class DrawnAircraft:
         return self._alone(bands, drawn)
 
     def gain(self, game: Game, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the spread of the stability and cost of a gain, u = -K z about the trim of each
-        aircraft.
+        """Return the stability and the largest cost of the law u = -K z on the drawn aircraft.
 
-        game: game of the aircraft itself, whose weights the others share
+        game: game of the given aircraft; the drawn aircraft have the same weights
+        K: gain, (m, n)
         """
         linear_models = [linearize(each.model, each) for each in self.points(progress)]
         costs = []
@@ -191,18 +191,20 @@ class DrawnAircraft:
         return replace(found, cost_lost_worst_percent=worst, unsolved=unsolved)
 
     def loops(self, K: np.ndarray, progress: Progress | None = None) -> Draws:
-        """Return the spread of the stability of a gain, as `gain` does, without a game."""
+        """Return the stability of the law u = -K z on the drawn aircraft, without a cost.
+
+        K: gain, (m, n)
+        """
         drawn = [linearize(each.model, each) for each in self.points(progress)]
         itself = linearize(self.point.model, self.point)
         return self._loops(K, _abscissa(itself.A - itself.B @ K), drawn)
 
     def _loops(self, K: np.ndarray, own: float, drawn: Sequence[LinearModel]) -> Draws:
-        """Return the stability of a gain on linear models, and the largest real part of their
-        eigenvalues.
+        """Return the number of stable loops A - B K, and the band of the eigenvalues' largest real
+        part.
 
-        The eigenvalues are those of A - B K.
-
-        own: the largest real part of the aircraft itself
+        own: largest real part for the given aircraft, 1/s
+        drawn: linear models of the drawn aircraft
         """
         slowest = [_abscissa(each.A - each.B @ K) for each in drawn]
         bands = {"abscissa of the loop": band_of(own, slowest, "1/s")}
@@ -210,21 +212,29 @@ class DrawnAircraft:
         return replace(self._draws(len(drawn), bands), stable=stable)
 
     def _alone(self, bands: Mapping[str, Band], drawn: Sequence[LinearModel]) -> Draws:
-        """Return the result without a gain, from the linear models of the aircraft with a trim."""
+        """Return the result without a gain, with the number of stable linear models.
+
+        drawn: linear models of the drawn aircraft that have a trim
+        """
         stable = sum(_abscissa(each.A) < 0.0 for each in drawn)
         return replace(self._draws(len(drawn), bands), stable_alone=stable)
 
     def _draws(self, trimmed: int, bands: Mapping[str, Band]) -> Draws:
-        """Return the result of a number of trimmed aircraft, without their stability."""
+        """Return the result for a number of trimmed aircraft, with `stable` and `stable_alone`
+        None.
+        """
         return Draws(len(self.models), self.seed, self.parameters, trimmed, None, None, bands)
 
 
 def _abscissa(A: np.ndarray) -> float:
-    """Largest real part of the eigenvalues."""
+    """Return the largest real part of the eigenvalues of A."""
     return float(np.linalg.eigvals(A).real.max())
 
 
 def band_of(value: float, values: Sequence[float], unit: str) -> Band:
-    """Return the band of drawn values."""
+    """Return the band that contains 95 % of the drawn values, NaN without values.
+
+    value: value of the given aircraft
+    """
     low, high = np.percentile(values, _BAND).tolist() if values else (np.nan, np.nan)
     return Band(float(value), low, high, unit)
