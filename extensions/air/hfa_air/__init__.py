@@ -1,5 +1,6 @@
-"""The `unsteady` dynamics of the highly flexible aircraft, in air with apparent mass and lagged
-lift."""
+"""The `unsteady` dynamics of the highly flexible aircraft: apparent mass of the air and lagged
+lift.
+"""
 
 from hfa_support.public_names import public_names
 

@@ -1,29 +1,29 @@
-"""The `unsteady` dynamics: the mechanics of `newton` with the air loads omitted by the report of
-2011.
+"""The `unsteady` dynamics: the mechanics of `newton` with unsteady and finite-span air loads.
 
-`docs/validity.md` describes these loads. Each effect has a parameter, 1 for the full effect and 0
-for none. Without any effect the rates are those of `newton`.
+The report of 2011 omits these loads. `docs/validity.md` describes them. Each effect has a
+parameter: 1 is the full effect, and 0 switches it off. With all effects at 0, the rates equal
+those of `newton`.
 
-- `local_motion`: the flow of wing and tail is that at their own three-quarter chord, and each part
-  of an outer wing has its own η'.
-- `apparent_mass`: air moves with wings and tails, π ρ b² per length, with its moments (Theodorsen,
-  NACA 496).
+- `local_motion`: the angle of attack of each wing and tail is taken at its three-quarter chord,
+  and η' changes it over the span of an outer wing.
+- `apparent_mass`: wings and tails accelerate the air around them, π ρ b² per length, with its
+  moments (Theodorsen, NACA 496).
 - `lift_lag`: the lift follows motion, ailerons and elevators with Wagner's function (R. T. Jones,
   NACA 681).
 - `gust_lag`: the lift follows vertical and outward gusts with Küssner's function. A headwind acts
-  at once.
-- `finite_span`: the lift slope is a / (1 + a / (π Λ)), with Λ of the whole wing (span 3 s), and of
-  a tail `tail_aspect_ratio`.
+  without lag.
+- `finite_span`: the lift slope is a / (1 + a / (π Λ)). The aspect ratio Λ is that of the complete
+  wing (span 3 s), or `tail_aspect_ratio` for a tail.
 - `downwash_share`: the downwash at the tails is 2 C_L / (π Λ), with C_L the mean of the wings,
   delayed by l_b / V (first order).
 
-At 1 the downwash is that of the far wake. A lifting line gives 1.71 times that value at the center
+At 1, the downwash is that of the far wake. A lifting line gives 1.71 times that value at the center
 tail and 1.52 times at the others. The lags are those of two-dimensional flow. In steady flight
-nothing lags, so that a trim is that of quasi-steady loads.
+all lags vanish, so a trim equals the trim with quasi-steady loads.
 
 Assumptions: the density of the air is constant along the path. Panels are rigid and the motion is
-longitudinal. A gust meets wing and tail of a panel at once. No number was fitted here. All other
-parameters, including the drag polar, are those of `newton`.
+longitudinal. A gust reaches the wing and tail of a panel at the same time. No parameter of this
+module was fitted to data. All other parameters, including the drag polar, are those of `newton`.
 """
 
 from __future__ import annotations
@@ -87,12 +87,12 @@ EFFECTS = ("local_motion", "apparent_mass", "lift_lag", "gust_lag", "finite_span
 
 
 class _PanelMotion(NamedTuple):
-    """Motion of a panel relative to its air.
+    """Motion of a panel relative to the air around it.
 
     panel: "center" or "outer"
-    wind: wind of the air at the panel
-    calm: velocity relative to air that moves only from ahead, without rising or outward gusts
-    moving: velocity relative to the air with all gusts
+    wind: wind at the panel
+    calm: velocity relative to the air, ft/s, with the headwind but without updraft and outward gust
+    moving: velocity relative to the air, ft/s, with all gusts
     turn: pitch rate about the spanwise axis of the panel, rad/s
     """
 
@@ -107,9 +107,9 @@ class _Strip(NamedTuple):
     """Wing or tail of a panel, with the flow at it.
 
     name: one of `STRIPS`
-    control: angle of attack equivalent to the deflection of its control surface, rad
+    control: change of the angle of attack equivalent to the control deflection, rad
     behind: distance from the wing's quarter chord back to the strip's three-quarter chord, ft
-    downwash: rad
+    downwash: downwash angle, rad
     chord: ft
     """
 
@@ -121,9 +121,9 @@ class _Strip(NamedTuple):
 
 
 class _LaggedPanel(NamedTuple):
-    """Velocity of the air at one panel, and its loads.
+    """Lagged loads on one panel, with the rates of its lag states.
 
-    loads: loads of wing and tail
+    loads: sum of the loads on wing and tail
     lift_coefficient: lift coefficient of the wing
     rates: rates of the panel's lag states, by name
     """
@@ -149,15 +149,14 @@ class _Plate(NamedTuple):
 
 
 class _CarriedAir(NamedTuple):
-    """Loads of the air accelerated by a plate, and the matrix of their derivatives with respect to
-    the accelerations.
+    """Loads of the air accelerated by a plate.
 
-    The loads are those at accelerations of 0.
+    The load vector is the value at zero acceleration minus M_a a, where a holds the accelerations.
 
-    forward: lbf, along the x axis of the body
-    downward: lbf, along the z axis
-    pitching_moment: ft lbf
-    hinge_moment: hinge moment of one outer panel, ft lbf
+    forward: force at zero acceleration along the x axis of the body, lbf
+    downward: force at zero acceleration along the z axis, lbf
+    pitching_moment: at zero acceleration, ft lbf
+    hinge_moment: hinge moment of one outer panel at zero acceleration, ft lbf
     mass: M_a, (3, 3)
     """
 
@@ -170,9 +169,9 @@ class _CarriedAir(NamedTuple):
 
 @dataclass(frozen=True)
 class UnsteadyEquations:
-    """Unsteady equations in the form of a `Model`.
+    """Equations of the `unsteady` dynamics, callable as `Model.equations`.
 
-    ground_drag: as in `declaration.Equations`
+    ground_drag: whether the drag in wind uses the speed over ground in place of the airspeed
     """
 
     ground_drag: bool = False
@@ -180,12 +179,12 @@ class UnsteadyEquations:
     def __call__(
         self, x: Any, u: Any, p: Any, w: Any
     ) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-        """Return rates by state and outputs by name.
+        """Return the rates by state and the outputs by name.
 
-        x: states, the seven and `LAG_STATES`
+        x: states: the seven of `newton`, then `LAG_STATES`
         u: inputs
-        p: parameters, those of the aircraft, `EFFECTS` and `tail_aspect_ratio`
-        w: disturbances, of `DISTURBANCES`
+        p: parameters: those of `newton`, `EFFECTS` and `tail_aspect_ratio`
+        w: disturbances, a subset of `DISTURBANCES`
         """
         winds = winds_named(w._fields, w, ground_drag=self.ground_drag)
         air = density(x.altitude)
@@ -207,7 +206,7 @@ class UnsteadyEquations:
 
 
 def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
-    """Return the motion of the panel "center" or "outer" through its air."""
+    """Return the motion relative to the air of the panel "center" or "outer"."""
     # Air that rises or moves outward is a gust; the air from ahead is part of the motion.
     calm = Winds(
         winds.center._replace(updraft=0.0, outward=0.0),
@@ -231,13 +230,15 @@ def _panel_motion(panel: str, x: Any, p: Any, winds: Winds) -> _PanelMotion:
 
 
 def _aspect_ratio(p: Any) -> Quantity:
-    """Return the aspect ratio Λ = 3 s / c of the whole wing."""
+    """Return the aspect ratio Λ = 3 s / c of the complete wing."""
     return 3 * p.panel_span / p.chord
 
 
 def _slope_factor(p: Any, aspect_ratio: Quantity) -> Quantity:
-    """Return 1 / (1 + a / (π Λ)), the effect of a finite span on the lift slope (Prandtl, elliptic
-    lift)."""
+    """Return 1 / (1 + f a / (π Λ)), the factor of a finite span on the lift slope a.
+
+    f is the parameter `finite_span`. Source: Prandtl, for elliptic lift.
+    """
     return 1 / (1 + p.finite_span * p.lift_slope / (math.pi * aspect_ratio))
 
 
@@ -247,9 +248,9 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def missing(kind: str, strip: str, lag: Lag, angle: Quantity, x: Any) -> Quantity:
-    """Return Σ A_i (a - z_i), rad, the part of a strip's angle a that does not act yet.
+    """Return Σ A_i (a - z_i), rad, the part of the angle a of a strip that is still delayed.
 
-    kind: "lag" or "gust", the beginning of the names of the states z_i
+    kind: "lag" or "gust", the prefix of the names of the states z_i
     strip: one of `STRIPS`
     lag: A_i and b_i
     angle: a, rad
@@ -264,7 +265,7 @@ def lag_rates(
 ) -> dict[str, Quantity]:
     """Return the rates z_i' = b_i (V/b) (a - z_i), rad/s, by the names of the states z_i.
 
-    half_chords: V/b, the half chords flown in a second, 1/s
+    half_chords: V/b, the number of half chords b flown in a second, 1/s
 
     The other arguments are those of `missing`.
     """
@@ -278,13 +279,14 @@ def lag_rates(
 def _lagged_panel(
     motion: _PanelMotion, x: Any, u: Any, p: Any, air: Quantity, ground_drag: bool
 ) -> _LaggedPanel:
-    """Return the loads on a panel whose lift lags behind its motion, its controls and its gusts.
+    """Return the loads on a panel with lagged lift, and the rates of its lag states.
+
+    The lift lags behind motion, controls and gusts. The lagged angle of attack also turns the
+    direction of the lift, because the induced velocity of the wake is part of the flow.
 
     motion: motion of the panel
     air: density, slug/ft^3
-    ground_drag: whether the drag depends on the speed over ground
-
-    The induced velocity of the wake is a flow, so the lagged angle of attack also turns the lift.
+    ground_drag: whether the drag uses the speed over ground in place of the airspeed
     """
     aileron = getattr(u, f"aileron_{motion.panel}")
     elevator = getattr(u, f"elevator_{motion.panel}")
@@ -328,8 +330,10 @@ def _lagged_panel(
 def _lagged_alpha(
     strip: _Strip, motion: _PanelMotion, x: Any, p: Any
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the angle of attack of a strip that acts, rad, and the rates of the strip's lag
-    states."""
+    """Return the effective angle of attack of a strip, rad, and the rates of its lag states.
+
+    The effective angle is the geometric one minus the delayed parts of motion, control and gust.
+    """
     moved = p.local_motion * motion.turn * strip.behind
     alpha = ca.atan2(motion.calm[2] + moved, motion.calm[0]) - strip.downwash
     gust = ca.atan2(motion.moving[2] + moved, motion.moving[0]) - strip.downwash - alpha
@@ -347,8 +351,10 @@ def _lagged_alpha(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the hinge moment of the lift due to the hinge motion along an outer wing, and its lag
-    rates.
+    """Return the hinge moment of the lift due to the hinge motion, ft lbf, and the rates of its lag
+    states.
+
+    The hinge rate changes the angle of attack linearly along an outer wing.
 
     speed: V, ft/s
     air: ρ, slug/ft^3
@@ -367,15 +373,15 @@ def _with_apparent_mass(
     p: Any,
     air: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads, with the apparent mass of wings and tails.
+    """Return the loads including the apparent mass of wings and tails.
 
-    loads: all others
-    motions: motions of the center panel and of an outer one
+    The accelerations a = (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0. M is the
+    inertia of the aircraft and M_a that of the carried air (`_carried_air`). a_0 are the
+    accelerations due to all loads except -M_a a.
+
+    loads: loads without apparent mass
+    motions: motions of the center panel and of an outer panel
     air: density, slug/ft^3
-
-    The accelerations (w_b', q', η''), w_b = V sin α, solve (M + M_a) a = M a_0: M is the inertia of
-    the aircraft, M_a that of the carried air (`_carried_air`), and a_0 the accelerations of a rigid
-    aircraft with all loads but -M_a a.
     """
     forward: Quantity = 0.0
     downward: Quantity = 0.0
@@ -418,11 +424,13 @@ def _with_apparent_mass(
 def _carried_air(plate: _Plate, motion: _PanelMotion, x: Any, p: Any) -> _CarriedAir:
     """Return the loads of the air carried by a plate of the center panel, or of both outer panels.
 
-    A plate of half chord b turns by ω about its span and has the normal velocity w at its
-    mid-chord. The momentum of its air is m w across the plate, m = π ρ b² span. The angular momenta
-    are (m b²/8) ω about its span and (m span²/12) η' about its chord. The force is -(m w n)': -m w'
-    across the plate, -m w ω forward and m w η' toward the center. The lift acts at the quarter
-    chord, and its moment lacks -m u (b/2) ω (Theodorsen's 3/4-chord force).
+    A plate of half chord b rotates at the rate ω about its span. Its mid-chord has the normal
+    velocity w and the forward velocity u. The momentum of the carried air is m w normal to the
+    plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the span and (m span²/12) η'
+    about the chord. The force is -(m w n)', n the unit normal: -m w' normal to the plate, -m w ω
+    forward and m w η' toward the center. The circulatory lift acts at the quarter chord. Its moment
+    omits -m u (b/2) ω, the moment of Theodorsen's lift at the three-quarter chord, which is added
+    here.
     """
     is_center = motion.panel == "center"
     sin_eta = ca.sin(x.dihedral)
@@ -481,7 +489,9 @@ def _with_forces(
     pitching_moment: Quantity,
     hinge_moment: Quantity,
 ) -> Loads[Quantity]:
-    """Return the loads with added forces in body axes (lbf) and new moments (ft lbf)."""
+    """Return the loads with body-axis forces (lbf) added to lift and drag, and with the given
+    moments (ft lbf) in place of the present ones.
+    """
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     return loads._replace(
@@ -493,7 +503,10 @@ def _with_forces(
 
 
 def _plates(p: Any, air: Quantity) -> tuple[_Plate, _Plate]:
-    """Return the wing and the tail of a panel in air of this density, slug/ft^3."""
+    """Return the wing and the tail of a panel as plates that carry air.
+
+    air: density, slug/ft^3
+    """
     tail_chord = _tail_chord(p)
     wing_volume = p.chord**2 * p.panel_span
     tail_volume = p.tail_area * tail_chord
@@ -517,9 +530,9 @@ _RIGID = rigid_panels(variant_named("published"), default_parameters().values)
 
 
 def _signals() -> dict[str, Signal]:
-    """Return the parameters of the unsteady aircraft.
+    """Return the parameters of the unsteady aircraft as signals.
 
-    They are the identified ones, the effects, all at 1, and `tail_aspect_ratio`.
+    They are the identified parameters, the effects (all at 1) and `tail_aspect_ratio`.
     """
     values = default_parameters().values._asdict()
     identified = {
@@ -556,5 +569,5 @@ UNSTEADY = replace(
 
 
 def unsteady_aircraft(parameters: Parameters) -> Model:
-    """Return the aircraft with these parameters and all effects."""
+    """Return the unsteady aircraft with these parameters and all effects at 1."""
     return UNSTEADY.with_parameters(**parameters._asdict())

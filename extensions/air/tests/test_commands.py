@@ -1,4 +1,4 @@
-"""Commands of the core with `--dynamics unsteady`."""
+"""Commands of the core run with `--dynamics unsteady`."""
 
 from __future__ import annotations
 

@@ -1,14 +1,18 @@
 """The `Model` of DAVE-ML files with aerodynamics, mass properties and propulsion.
 
-Files are joined by the standard names of their variables. An input that another file has as output
-is that output. One of `names.MOTION` follows from the motion and the air. An input with an initial
-value is a parameter. Any other input is an input of the aircraft.
+Files are connected by the standard names of their variables. The value of an input is determined
+by the first of these rules that applies:
 
-    F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
+- An input listed in `names.MOTION` follows from the motion and the air.
+- An input that is an output of another file has the value of that output.
+- An input with an initial value is a parameter of the model.
+- Any other input is an input of the model.
 
-q̄ is the dynamic pressure, S, b and c are the reference area, span and chord, and r is the position
-of the center of mass from the moment reference center. Lift and drag are along the stability axes.
-Thrust and its moment act at the center of mass.
+  F = q̄ S (C_X, C_Y, C_Z),  M = q̄ S (b C_l, c C_m, b C_n) - r x F
+
+q̄ is the dynamic pressure. S, b and c are the reference area, span and chord. r is the position
+of the center of mass relative to the moment reference center. Lift and drag are along the
+stability axes. Thrust and its moment act at the center of mass.
 """
 
 from __future__ import annotations
@@ -42,10 +46,10 @@ _MOVED = ("deflection", "powerlever", "throttle", "pilotcontrol")
 
 
 def read_model(text: str) -> Model:
-    """Return the aircraft of one or several files, AERO.dml+INERTIA.dml+PROPULSION.dml.
+    """Return the aircraft of one or several files, such as AERO.dml+INERTIA.dml+PROPULSION.dml.
 
-    Raises a BadInputError that names the file and the variable that is missing, unknown or given
-    twice, has another unit, or is not positive.
+    Raises BadInputError with the file and the variable if a variable is missing, unknown, defined
+    twice, in a wrong unit or not positive.
     """
     paths = text.split("+")
     try:
@@ -60,7 +64,7 @@ def read_model(text: str) -> Model:
 
 
 class _Files:
-    """Files of an aircraft, connected by the names of their variables."""
+    """The files of an aircraft, connected by the standard names of their variables."""
 
     def __init__(self, documents: Sequence[Document]) -> None:
         self._documents = documents
@@ -112,7 +116,10 @@ class _Files:
             )
 
     def model(self, source: tuple[str, str]) -> Model:
-        """Return the declaration of the aircraft."""
+        """Return the aircraft as a `Model`.
+
+        source: path and hash of the files
+        """
         inputs = SimpleNamespace(**dict.fromkeys(self.inputs, 0.0))
         parameters = {name: _start(*each) for name, each in self.parameters.items()}
         constants = self._values(_standing(), inputs, SimpleNamespace(**parameters))
@@ -136,8 +143,10 @@ class _Files:
         )
 
     def _refuse_not_positive(self, constants: Callable[[str], Any]) -> None:
-        """Raise BadInputError for a mass, moment of inertia or reference length that is not
-        positive."""
+        """Raise BadInputError if a mass, moment of inertia or reference length is not positive.
+
+        constants: name of an output -> its value
+        """
         for name in names.POSITIVE:
             size = _number(constants(name))
             if not size > 0.0:
@@ -149,7 +158,8 @@ class _Files:
     def _usual_speed(self, constants: Callable[[str], Any]) -> float:
         """Return the speed, ft/s, at which the lift at sea level equals the weight.
 
-        alpha is `_ALPHA`, and all other variables are 0.
+        alpha is `_ALPHA`, and all other variables are 0. Raises BadInputError if the force is not
+        upward there.
         """
         upward = -_number(self._coefficients(constants, _ALPHA)[2])
         if not upward > 0.0:
@@ -163,7 +173,7 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the narrowest range of the tables over a variable, rad, within ± widest."""
+        """Return the range of a variable, rad, common to all tables over it and to ± widest."""
         low = -widest
         high = widest
         for document in self._documents:
@@ -176,10 +186,10 @@ class _Files:
         return low, high
 
     def _signal(self, document: Document, variable: Variable) -> Signal:
-        """Return the signal of a variable.
+        """Return the signal of a variable, in the units of the model.
 
-        Its unit and initial value are those of the file. Its limits are those of the file and of
-        the tables over it.
+        Unit and initial value are from the file. The limits are the narrower of the variable's
+        limits and the ranges of the tables over it.
         """
         unit, factor = _unit(document, variable)
         least, most = document.range_of_tables(variable)
@@ -190,7 +200,7 @@ class _Files:
         return Signal(unit, nominal, low, high, start)
 
     def _equations(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Rates by state and outputs by name."""
+        """Return the rates by state and the outputs by name."""
         motion = Motion(x, _GRAVITY, "english")
         density = motion.air.density
         given = {name: getattr(x, name) for name in STATES} | {
@@ -216,7 +226,10 @@ class _Files:
         )
 
     def _coefficients(self, value: Callable[[str], Any], alpha: Any) -> Any:
-        """Return the coefficients of the aerodynamic force, (3,), in body axes."""
+        """Return the coefficients of the aerodynamic force in body axes, (3,).
+
+        They are read as C_X, C_Y, C_Z, or converted from drag and lift.
+        """
         side = value(names.FORCES[1])
         if names.FORCES[0] in self._outputs:
             return ca.vertcat(value(names.FORCES[0]), side, value(names.FORCES[2]))
@@ -224,11 +237,14 @@ class _Files:
         return ca.mtimes(wind_axes(alpha, 0.0), along)
 
     def _vector(self, value: Callable[[str], Any], three: Sequence[str]) -> Any:
-        """Return three outputs, 0 where no file defines one."""
+        """Return the values of three outputs, (3,), with 0 for an output that no file defines."""
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in three))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return the function from the name of an output to its value in the units of the model."""
+        """Return the function from the name of an output to its value, in the units of the model.
+
+        motion: values by the names on the right side of `names.MOTION`
+        """
         table = Interpolator()
         made: dict[str, Expressions] = {}
 
@@ -258,26 +274,29 @@ class _Files:
 
 
 def _number(expression: Any) -> float:
-    """Return the value of an expression without symbols."""
+    """Return the value of an expression that contains no symbols."""
     return float(ca.evalf(ca.SX(expression)))
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion at which the usual speed is computed."""
+    """Return the motion for `_usual_speed`: 300 ft/s at sea level, alpha = `_ALPHA`, all others 0.
+    """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
 
 
 def _start(document: Document, variable: Variable) -> float:
-    """Return the initial value of a variable in the units of the model, or 0 without one."""
+    """Return the initial value of a variable in the units of the model, or 0 if the file gives
+    none.
+    """
     _, factor = _unit(document, variable)
     return factor * (variable.initial or 0.0)
 
 
 def _unit(document: Document, variable: Variable) -> tuple[str, float]:
-    """Return the unit of the model, and the factor from the unit of a variable.
+    """Return the model's unit for a variable, and the factor from the file's unit to it.
 
-    Raises BadInputError for an unknown unit, and for one of another quantity: a mass in ft.
+    Raises BadInputError if the unit is unknown or measures another quantity, such as a mass in ft.
     """
     place = f"variable {variable.key}"
     known = names.model_unit(variable.units)

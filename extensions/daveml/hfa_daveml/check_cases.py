@@ -1,4 +1,4 @@
-"""The check cases of a DAVE-ML file, computed again."""
+"""Recomputation of the check cases of a DAVE-ML file."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from hfa_support.reporting.text import Table
 
 @dataclass(frozen=True)
 class CheckedOutput(Result):
-    """An output of a check case.
+    """One output of a check case, with its printed and its computed value.
 
     case: name of the check case.
     output: name of the output.
-    printed: value in the file.
-    computed: value of the equations.
-    tolerance: tolerance of the file.
+    printed: value printed in the file.
+    computed: value computed from the tables and formulas of the file.
+    tolerance: largest permitted difference, from the file.
     """
 
     json_keys = "case output printed computed tolerance ok"
@@ -37,16 +37,16 @@ class CheckedOutput(Result):
 
     @property
     def ok(self) -> bool:
-        """True if the difference is within the tolerance."""
+        """True if printed and computed value differ by at most the tolerance."""
         return abs(self.computed - self.printed) <= self.tolerance
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CheckedDocument(Result, Reported):
-    """A file whose check cases were computed again.
+    """A DAVE-ML file with its recomputed check cases.
 
     document: the file.
-    outputs: outputs of all its cases.
+    outputs: outputs of all check cases.
     """
 
     schema = "hfa.daveml-check/1"
@@ -58,12 +58,12 @@ class CheckedDocument(Result, Reported):
 
     @property
     def path(self) -> str:
-        """The file."""
+        """Path of the file."""
         return self.document.path
 
     @property
     def title(self) -> str:
-        """The title of its header."""
+        """Title in the header of the file."""
         return self.document.title
 
     @property
@@ -73,12 +73,12 @@ class CheckedDocument(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every output agrees, or False without one."""
+        """True if every output agrees. False if there is no output to compare."""
         return bool(self.outputs) and all(output.ok for output in self.outputs)
 
     @property
     def unchecked(self) -> list[str]:
-        """Names of the file's outputs that no case compares."""
+        """Names of the outputs of the file that no check case contains."""
         compared = {output.output for output in self.outputs}
         return [
             each.name
@@ -87,8 +87,9 @@ class CheckedDocument(Result, Reported):
         ]
 
     def report(self) -> Report:
-        """Return the number of outputs that agree, those that differ, and the signals of the
-        file."""
+        """Return the report: the count of agreeing outputs, a table of those that differ, and the
+        inputs and outputs of the file.
+        """
         agreeing = sum(output.ok for output in self.outputs)
         verdict = "PASS" if self.ok else "FAIL"
         first = f"{verdict}: {agreeing} of {len(self.outputs)} outputs of {self.cases} check cases"
@@ -121,10 +122,10 @@ def _texts(output: CheckedOutput) -> tuple[str, str, str]:
 
 
 def checked_document(document: Document) -> CheckedDocument:
-    """Return the check cases of a file, computed from its tables and formulas alone.
+    """Recompute the check cases of a file from its tables and formulas.
 
-    Raises BadInputError where a case names an unknown variable or another unit, or has no value for
-    an input without an initial value.
+    Raises BadInputError if a case names an unknown variable, uses another unit than the variable,
+    or gives no value for an input without an initial value.
     """
     return CheckedDocument(
         document, [each for case in document.cases for each in _checked(document, case)]

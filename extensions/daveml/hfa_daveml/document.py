@@ -22,14 +22,14 @@ _UNREAD = ("uncertainty", "array", "isState", "isStateDeriv")
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a file.
+    """A variable of a DAVE-ML file.
 
     key: its varID.
-    name: its name in the standard.
-    units: its units, spelled as in the file.
-    initial: its value if nothing else defines it, or None.
-    least, most: its limits, infinite where the file states none.
-    formula: the MathML element of its calculation, or None without one.
+    name: its standard name.
+    units: its units, as spelled in the file.
+    initial: its initial value, or None. It is used if no table, formula or input defines the value.
+    least, most: its limits, infinite if the file gives none.
+    formula: MathML element of its calculation, or None.
     is_input, is_output: whether the file marks it as an input or an output.
     """
 
@@ -49,8 +49,7 @@ class Axis:
     """An independent variable of a function.
 
     key: its varID
-    least, most: the range beyond which its value is constant; infinite where the function
-        extrapolates
+    least, most: values beyond which the function is constant; infinite if the function extrapolates
     """
 
     key: str
@@ -60,10 +59,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Function:
-    """Variable given by a table.
+    """A variable that is defined by a table.
 
     result: varID of the variable
-    axes: its arguments, in the order of the table
+    axes: independent variables, in the order of the table's arguments
     table: piecewise linear
     """
 
@@ -74,12 +73,12 @@ class Function:
 
 @dataclass(frozen=True)
 class Signal:
-    """A value of a check case.
+    """The value of a variable in a check case.
 
     name: name or varID of the variable
-    units: its units, spelled as in the file, or "" where it states none
+    units: its units, as spelled in the file, or "" if none are given
     value: the printed value
-    tolerance: largest permitted difference of a result, or 0 for inputs
+    tolerance: largest permitted difference of an output; 0 for inputs
     """
 
     name: str
@@ -90,7 +89,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class CheckCase:
-    """Inputs, and the outputs that the author of a file computed from them."""
+    """A check case: inputs, and the outputs that the author of the file computed from them."""
 
     name: str
     inputs: tuple[Signal, ...]
@@ -99,13 +98,13 @@ class CheckCase:
 
 @dataclass(frozen=True)
 class Document:
-    """A DAVE-ML file.
+    """The content of a DAVE-ML file.
 
     path: path of the file
-    title: the title of its header
+    title: title in the header
     variables: varID -> variable
     functions: varID of the result -> function
-    cases: its check cases
+    cases: check cases
     """
 
     path: str
@@ -115,17 +114,22 @@ class Document:
     cases: tuple[CheckCase, ...]
 
     def error(self, place: str, fault: str) -> BadInputError:
-        """Return an error that names the file and the place in it."""
+        """Return a BadInputError whose message begins with the path of the file and the place in
+        it.
+        """
         return BadInputError(f"{self.path}, {place}: {fault}")
 
     def by_name(self, name: str) -> Variable | None:
-        """Return the variable with a name or a varID, or None."""
+        """Return the variable with this varID or else with this name, or None if there is none."""
         if name in self.variables:
             return self.variables[name]
         return next((each for each in self.variables.values() if each.name == name), None)
 
     def range_of_tables(self, variable: Variable) -> tuple[float, float]:
-        """Return the least and the largest value of a variable within all tables over it."""
+        """Return the range of a variable, in the file's units, that lies within all tables over it.
+
+        The range is infinite if no table depends on the variable.
+        """
         low = -math.inf
         high = math.inf
         for function in self.functions.values():
@@ -139,8 +143,8 @@ class Document:
 def read_document(path: str) -> Document:
     """Return the content of a DAVE-ML file, version 1 or 2.
 
-    Raises a BadInputError that names the file and the element that is missing, unknown, defined
-    twice or not a number. Raises OSError where the file cannot be read.
+    Raises BadInputError with the file and the element if an element is missing, unknown, defined
+    twice or not a number. Raises OSError if the file cannot be read.
     """
     content = regular_file(path).read_bytes()
     if b"<!ENTITY" in content or b"\0" in content:
@@ -159,7 +163,7 @@ def read_document(path: str) -> Document:
 
 
 class _Reader:
-    """Reader of the elements of one file."""
+    """Converts the XML elements of one file to a `Document`."""
 
     def __init__(self, path: str, root: ElementTree.Element) -> None:
         self._path = path
@@ -181,7 +185,11 @@ class _Reader:
         )
 
     def document(self) -> Document:
-        """Return the whole file."""
+        """Return the content of the file.
+
+        Raises BadInputError if a function uses a variable that is not defined, or if a variable has
+        both a table and a formula.
+        """
         header = self._root.find("fileHeader")
         functions = [self._function(each) for each in self._root.iter("function")]
         variables = [self._variable(each) for each in self._root.iter("variableDef")]
@@ -203,7 +211,11 @@ class _Reader:
         return document
 
     def _by_key(self, kind: str, values: Iterable[tuple[str, _T]]) -> dict[str, _T]:
-        """Return key -> value. Raises BadInputError for a key with two values."""
+        """Return the pairs (key, value) as a dictionary. Raises BadInputError if a key occurs
+        twice.
+
+        kind: the word for the values in the message
+        """
         by_key: dict[str, _T] = {}
         for key, value in values:
             if key in by_key:
@@ -276,9 +288,10 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table of a function, defined in it or by reference, or None without one.
+        """Return the table element of a function, or None.
 
-        The element `griddedTable` is of version 1.
+        The table is a child element or is referenced by its ID. Version 1 names the child
+        `griddedTable`.
         """
         for kind, key in (("gridded", "gtID"), ("ungridded", "utID")):
             for tag in (f"{kind}TableDef", f"{kind}Table"):
@@ -293,7 +306,13 @@ class _Reader:
     def _ungridded(
         self, element: ElementTree.Element, result: str
     ) -> GriddedTable | UngriddedTable:
-        """Return the table of <dataPoint>s: one or two arguments, then the value."""
+        """Return the table given by <dataPoint> elements, each with one or two arguments and the
+        value.
+
+        Raises BadInputError if the points do not define a table.
+
+        result: varID of the variable that the table defines
+        """
         place = f"function for {result}"
         rows = [self._numbers_in(each, place) for each in element.iterfind("dataPoint")]
         if {row.size for row in rows} not in ({2}, {3}):
@@ -352,8 +371,9 @@ class _Reader:
             yield Signal(name, texts.get("signalUnits", ""), value, tolerance)
 
     def _numbers(self, element: ElementTree.Element, tag: str) -> np.ndarray:
-        """Return the numbers of a child element, separated by commas or blanks. Comments are
-        skipped.
+        """Return the numbers in the child element `tag`, separated by commas or blanks.
+
+        XML comments are skipped. Raises BadInputError if there is no such child.
         """
         child = element.find(tag)
         place = f"<{element.tag}> {element.get('bpID') or element.get('gtID') or ''}".rstrip()
@@ -362,7 +382,10 @@ class _Reader:
         return self._numbers_in(child, place)
 
     def _numbers_in(self, child: ElementTree.Element, place: str) -> np.ndarray:
-        """Return the numbers in an element."""
+        """Return the numbers in an element. Raises BadInputError if one is not a finite number.
+
+        place: place in the file, for the message
+        """
         words = [word for word in re.split(r"[,\s]+", "".join(child.itertext())) if word]
         try:
             values = np.array([float(word) for word in words])

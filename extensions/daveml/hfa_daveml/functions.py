@@ -1,4 +1,4 @@
-"""The variables of a DAVE-ML file as CasADi expressions of its inputs."""
+"""Variables of a DAVE-ML file as CasADi expressions of its inputs."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from hfa_support.errors import BadInputError
 
 
 class Expressions:
-    """Values of the variables of a document, each computed once, when first needed.
+    """Values of the variables of a document, each computed once, at its first use.
 
-    The value is the given one. Without one it follows from a table or formula, and otherwise it is
-    the initial value, clipped to the limits of the variable.
+    A value is, in this order of precedence: the given value, the value of a table or formula, the
+    initial value. It is clipped to the limits of the variable.
     """
 
     def __init__(self, document: Document, given: Mapping[str, Any], table: Interpolator) -> None:
-        """Begin with the given values.
+        """Store the given values, clipped to their limits.
 
         given: varID -> value in the file's units
-        table: table shared by the files of an aircraft
+        table: interpolator shared by the files of an aircraft
         """
         self._document = document
         self._values = {
@@ -35,9 +35,9 @@ class Expressions:
         self._asked: list[str] = []
 
     def __getitem__(self, key: str) -> Any:
-        """Return the value of a variable by its varID, in the file's units.
+        """Return the value of the variable with this varID, in the file's units.
 
-        Raises BadInputError where it has no value, or depends on itself.
+        Raises BadInputError if the variable is not defined, has no value or depends on itself.
         """
         if key in self._values:
             return self._values[key]
@@ -78,7 +78,7 @@ class Expressions:
 
 
 def _limited(variable: Variable, value: Any) -> Any:
-    """Return a value within the limits of a variable."""
+    """Return the value, clipped to the limits of the variable."""
     return _between(value, variable.least, variable.most)
 
 

@@ -1,4 +1,4 @@
-"""Formulas of MathML content markup as CasADi expressions."""
+"""Conversion of formulas in MathML content markup to CasADi expressions."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ _CONSTANTS = {"pi": math.pi, "exponentiale": math.e, "true": 1.0, "false": 0.0}
 
 
 def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of a formula.
+    """Return a formula as a CasADi expression or a number.
 
-    value_of: value of a variable by its varID
+    value_of: varID -> value of the variable
 
-    Raises a BadInputError that names an operator that is unknown or has a wrong number of
-    arguments."""
+    Raises BadInputError with the operator if it is unknown or has a wrong number of arguments.
+    """
     if element.tag == "ci":
         return value_of((element.text or "").strip())
     if element.tag == "cn":
@@ -80,9 +80,10 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the value of an operator on its arguments.
+    """Return the result of an operator applied to arguments.
 
-    `csymbol` names an operator that MathML lacks.
+    The element `csymbol` names an operator that MathML lacks. Raises BadInputError if the operator
+    is not supported with this number of arguments.
     """
     name = operator.tag
     if name == "csymbol":
@@ -104,7 +105,11 @@ def _applied(operator: ElementTree.Element, arguments: list[Any]) -> Any:
 
 
 def _number(element: ElementTree.Element) -> float:
-    """Return the number of an element, whose type `e-notation` has two parts."""
+    """Return the number in a <cn> element.
+
+    The type `e-notation` consists of mantissa and exponent. Raises BadInputError if the text is not
+    a number.
+    """
     try:
         if element.get("type") == "e-notation":
             mantissa = (element.text or "").strip()
@@ -118,7 +123,10 @@ def _number(element: ElementTree.Element) -> float:
 
 
 def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> Any:
-    """Return the value of the first piece whose condition holds, else of `otherwise`."""
+    """Return the value of the first piece whose condition is true, or of <otherwise> if none is.
+
+    Raises BadInputError if <otherwise> or a part of a piece is missing.
+    """
     otherwise = element.find("otherwise")
     if otherwise is None or len(otherwise) != 1:
         raise BadInputError("<piecewise> has no <otherwise>; add the value where no piece applies")

@@ -1,4 +1,4 @@
-"""Names and units of ANSI/AIAA S-119 variables that describe an aircraft."""
+"""Names and units of the ANSI/AIAA S-119 variables that this extension uses for an aircraft."""
 
 from __future__ import annotations
 
@@ -99,14 +99,14 @@ UNIT_OF: Mapping[str, str] = {name: unit for unit, group in _BY_UNIT.items() for
 
 
 def spelled(units: str) -> str:
-    """Return the units of a file as printed in reports, such as ft/s for ft_s and f_s."""
+    """Return the units of a file in the spelling of reports, such as ft/s for ft_s and f_s."""
     return _SPELLINGS.get(units, units)
 
 
 def model_unit(units: str) -> tuple[str, float] | None:
-    """Return the unit of the model for the units of a file, and the factor to it.
+    """Return the model's unit for the units of a file, and the factor from the file's unit to it.
 
-    The result is None where the units are unknown.
+    Returns None if the units are unknown.
     """
     written = spelled(units)
     if written in _OTHERS:

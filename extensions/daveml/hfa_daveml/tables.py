@@ -1,4 +1,7 @@
-"""Gridded and ungridded tables of DAVE-ML at CasADi expressions, constant beyond their points."""
+"""Gridded and ungridded tables of DAVE-ML, evaluated at CasADi expressions.
+
+Beyond their points the tables are constant.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,8 @@ _ON_THE_EDGE = 1e-12
 class GriddedTable:
     """A table on a grid, linear in each argument between breakpoints.
 
-    breakpoints: one increasing array for each axis
-    values: array with one dimension for each axis
+    breakpoints: an increasing array for each argument
+    values: array with one dimension for each argument
     """
 
     breakpoints: tuple[np.ndarray, ...]
@@ -28,25 +31,24 @@ class GriddedTable:
 
     @property
     def ends(self) -> list[tuple[float, float]]:
-        """The first and the last breakpoint of each axis."""
+        """First and last breakpoint of each argument."""
         return [(float(points[0]), float(points[-1])) for points in self.breakpoints]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """Return the value at the arguments, one for each axis."""
+        """Return the value of the table at the arguments, one for each dimension."""
         return interpolator(self.values, self.breakpoints, arguments)
 
 
 @dataclass(frozen=True)
 class UngriddedTable:
-    """A table of points with two arguments, linear on each triangle of their Delaunay
-    triangulation.
+    """A table of scattered points with two arguments, linear on each Delaunay triangle.
 
-    Beyond all triangles its value is that at the nearest point of their border.
+    Outside all triangles, its value is the value at the nearest point of the border.
 
     points: (N, 2)
     values: (N,)
     triangles: (M, 3), indices of points
-    border: (L, 2), indices of the ends of edges
+    border: (L, 2), indices of the end points of each edge of the convex hull
     """
 
     points: np.ndarray
@@ -56,11 +58,11 @@ class UngriddedTable:
 
     @property
     def ends(self) -> list[tuple[float, float]]:
-        """The least and the largest value of each argument."""
+        """Smallest and largest value of each argument."""
         return [(float(column.min()), float(column.max())) for column in self.points.T]
 
     def value(self, arguments: Sequence[Any], interpolator: Interpolator) -> Any:
-        """Return the value at the arguments, one for each axis, without the interpolator."""
+        """Return the value of the table at the two arguments. The interpolator is not used."""
         place = ca.vertcat(*map(ca.SX, arguments))
         value = self._on_the_border(place)
         for triangle in self.triangles:
@@ -73,7 +75,7 @@ class UngriddedTable:
         return value
 
     def _on_the_border(self, place: Any) -> Any:
-        """Return the value at the nearest point of the border to a point (2,)."""
+        """Return the value at the point of the border that is nearest to `place`, (2,)."""
         value: Any = 0.0
         least: Any = np.inf
         for first, second in self.border:
@@ -90,7 +92,7 @@ class UngriddedTable:
 def table_of_points(points: np.ndarray, values: np.ndarray) -> GriddedTable | UngriddedTable:
     """Return the table of points (N, 1) or (N, 2) and values (N,), gridded for one argument.
 
-    Raises ValueError where two points are equal, or all of them lie on a line.
+    Raises ValueError if two points are equal, or if points with two arguments lie on a line.
     """
     from scipy.spatial import Delaunay, QhullError
 

@@ -1,5 +1,5 @@
-"""DAVE-ML files: check cases, formulas, tables, and aircraft compared with a table of
-derivatives.
+"""DAVE-ML files: check cases, formulas, tables, and an aircraft compared with the same aircraft
+from a table of derivatives.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _ONE = """<DAVEfunc><variableDef name="x" varID="x" units="nd"><isInput/></varia
 
 
 def changed(folder: Path, old: str, new: str) -> str:
-    """Replace one text of the example, which must occur in it, and return the path of the new
-    file.
+    """Return the path of a copy of the example in which `old` is replaced once by `new`.
+
+    `old` must occur in the example.
     """
     assert old in TEXT
     path = folder / "changed.dml"
@@ -41,7 +42,7 @@ def changed(folder: Path, old: str, new: str) -> str:
 
 
 def formula(text: str, x: float, folder: Path) -> float:
-    """Return y at x of a file with one formula."""
+    """Return the value at x of a MathML formula, read from a file."""
     path = folder / "one.dml"
     path.write_text(_ONE.format(f"<calculation><math>{text}</math></calculation>", ""))
     values = Expressions(read_document(str(path)), {"x": ca.SX(x)}, Interpolator())
@@ -70,7 +71,7 @@ def test_a_wrong_number_fails_a_check_case(wrong: str, tmp_path: Path) -> None:
 
 
 def test_spellings_of_a_unit_are_equal(tmp_path: Path) -> None:
-    """m/s in a check case equals m_s of its variable."""
+    """A check case in m/s is accepted for a variable in m_s."""
     path = changed(tmp_path, "<signalValue>35.0", "<signalUnits>m/s</signalUnits><signalValue>35.0")
     assert checked_document(read_document(path)).ok
 
@@ -84,8 +85,7 @@ def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
 
 
 def test_the_aircraft_is_that_of_its_derivatives() -> None:
-    """Trim, A and B of examples/uav.dml, in ft and lbf, equal those of examples/uav.toml, in SI
-    units.
+    """Trim, A and B of examples/uav.dml (ft and lbf) equal those of examples/uav.toml (SI units).
     """
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))
@@ -107,8 +107,9 @@ def test_the_aircraft_is_that_of_its_derivatives() -> None:
 
 
 def test_files_are_joined_by_their_names(tmp_path: Path) -> None:
-    """A file with the mass in a separate file gives the same aircraft. Without that file it is
-    refused.
+    """Moving the mass to a separate file gives the same aircraft.
+
+    A missing file for the mass, and a mass defined in two files, are refused.
     """
     mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
@@ -130,7 +131,10 @@ VALUES = np.sin(3.0 * POINTS[:, 0]) + POINTS[:, 1] ** 2
 
 
 def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function:
-    """Return a function of a file whose y is an ungridded table over x and z."""
+    """Return the function (x, z) -> y of a file in which y is an ungridded table of points.
+
+    With points (N, 1) it is the function x -> y.
+    """
     rows = "".join(
         f"<dataPoint>{', '.join(map(repr, map(float, row)))}, {float(value)!r}</dataPoint>"
         for row, value in zip(points, values, strict=True)
@@ -152,8 +156,9 @@ def surface(points: np.ndarray, values: np.ndarray, folder: Path) -> ca.Function
 
 
 def test_an_ungridded_table_is_linear_on_delaunay_triangles(tmp_path: Path) -> None:
-    """Inside of its points an ungridded table equals SciPy's interpolation, with slopes. Outside it
-    has the value at the nearest point of the hull.
+    """Inside the hull, an ungridded table equals SciPy's linear interpolation in value and slope.
+
+    Outside, it has the value at the nearest point of the hull.
     """
     found = surface(POINTS, VALUES, tmp_path)
     expected = LinearNDInterpolator(POINTS, VALUES)

@@ -1,4 +1,8 @@
-"""Aircraft from a table of stability derivatives: six degrees of freedom, trimmed and linearized.
+"""Six-degree-of-freedom aircraft from a table of stability derivatives.
 
-`names.py` lists the entries of a table, `table.py` reads them and their units, `aircraft.py` makes
-the `Model`."""
+- `names.py` lists the entries of a table.
+- `table.py` reads the entries and their units.
+- `aircraft.py` makes the `Model`.
+- `changed.py` reads a file that changes parameters of another aircraft.
+- `matrices.py` makes linear models from given matrices.
+"""

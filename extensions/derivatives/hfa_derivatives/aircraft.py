@@ -1,15 +1,16 @@
 """The `Model` of a table of derivatives.
 
-Forces and moments, with q̄ the dynamic pressure, S, b, c the wing's area, span and chord:
+Forces and moments:
 
-    L, D, Y = q̄ S (C_L, C_D, C_Y),  moments = q̄ S (b C_l, c C_m, b C_n)
+  L, D, Y = q̄ S (C_L, C_D, C_Y),  moments = q̄ S (b C_l, c C_m, b C_n)
 
-Each coefficient is linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the Mach
-number minus that of the condition, and the deflections. C_D also has C_D,CL2 C_L².
+q̄ is the dynamic pressure. S, b and c are the area, span and chord of the wing. Each coefficient is
+linear in alpha - alpha_0, beta, p b/2V, q c/2V, r b/2V, alphadot c/2V, the deflections, and the
+difference of the Mach number from the reference condition. C_D also has the term C_D,CL2 C_L².
 
-The body axes are those in which alpha_0 is the angle of attack of the condition. Inertias are about
-these axes. C_l, C_n, p and r are about the same axes, or about the stability axes, which are turned
-by alpha_0.
+The angle of attack alpha_0 of the reference condition defines the body axes. The inertias are about
+these axes. C_l, C_n, p and r are about the body axes, or about the stability axes, which are
+rotated by alpha_0 from them.
 """
 
 from __future__ import annotations
@@ -39,9 +40,8 @@ _WIDEST = 0.3
 def read_model(text: str) -> Model:
     """Return the aircraft of a TOML or CSV file of derivatives.
 
-    A TOML file may instead name another aircraft and values of its parameters.
-
-    Raises a BadInputError that names the file, the entry and its row.
+    A TOML file may instead name another aircraft and give new values of its parameters. Raises
+    BadInputError with the file, the entry and its row.
     """
     if text.endswith(".toml"):
         changed = changed_aircraft(text)
@@ -76,7 +76,7 @@ def from_derivatives(table: str | Path | Mapping[str, Any]) -> Model:
 
 
 def _model(table: Table) -> Model:
-    """Return the declaration of an aircraft with this table."""
+    """Return the aircraft of a table as a `Model`."""
     surfaces = {name: Signal("rad", 0.1, *limits) for name, limits in table.surfaces.items()}
     usual = 0.1 * _mass(table) * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
@@ -100,8 +100,9 @@ def _model(table: Table) -> Model:
 
 
 def _turns_both_ways(table: Table) -> bool:
-    """Return whether two surfaces roll and yaw the aircraft, so that a trim can impose the
-    sideslip.
+    """Return whether at least two control surfaces roll or yaw the aircraft.
+
+    If so, a trim can impose the sideslip.
     """
     lateral = {
         meaning.argument
@@ -112,14 +113,14 @@ def _turns_both_ways(table: Table) -> bool:
 
 
 def _mass(table: Table) -> float:
-    """Return the mass, computed from the weight where that is given."""
+    """Return the mass, slug or kg, given directly or computed from the weight."""
     if "mass" in table.values:
         return table.values["mass"]
     return table.values["weight"] / GRAVITY[table.system]
 
 
 def _parameters(table: Table) -> dict[str, Signal]:
-    """Signals of mass, inertias, gravity and derivatives."""
+    """Return the signals of mass, inertias, gravity and derivatives, by name."""
     mass_unit = "slug" if table.system == "english" else "kg"
     mass = _mass(table)
     signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
@@ -134,7 +135,7 @@ def _parameters(table: Table) -> dict[str, Signal]:
 
 
 class _Equations:
-    """Equations (x, u, p, w) -> (rates by state, outputs by name) of an aircraft with a table."""
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of the aircraft of a table."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
@@ -181,10 +182,10 @@ class _Equations:
         """Return the variables in which the coefficients are linear, by the suffix of their
         derivatives.
 
-        alphadot is not among them.
+        The rate of alpha is not included.
 
-        rates: (3,), rates of rotation about the axes of the coefficients
-        mach: Mach number minus that of the condition
+        rates: (3,), angular rates about the axes of the coefficients, rad/s
+        mach: Mach number minus that of the reference condition
         """
         sizes = self._table.values
         half_span = sizes["span"] / (2.0 * x.speed)
@@ -202,7 +203,11 @@ class _Equations:
         }
 
     def _coefficient(self, name: str, p: Any, arguments: Mapping[str, Any]) -> Any:
-        """Return the part of a coefficient that these arguments cause."""
+        """Return the sum of derivative times argument over the given arguments of a coefficient.
+
+        name: the coefficient, such as CL
+        arguments: value of each argument by its suffix
+        """
         total: Any = 0.0
         for derivative, meaning in self._table.meanings.items():
             if meaning.coefficient == name and meaning.argument in arguments:
@@ -210,16 +215,16 @@ class _Equations:
         return total
 
     def _value(self, p: Any, name: str) -> Any:
-        """Return a derivative, or 0 where the table has none."""
+        """Return the derivative with this name, or 0 if the table does not contain it."""
         return getattr(p, name) if name in self._table.derivatives else 0.0
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific: Any) -> Any:
-        """Return the rate of alpha, rad/s, on which the lift depends: the solution of a linear
-        equation.
+        """Return the rate of alpha, rad/s, including the lift due to this rate.
 
-        The drag that depends on this rate acts along the flight path and does not turn it.
+        The rate solves a linear equation, because CL_alphadot makes the lift depend on it. The drag
+        due to this rate acts along the flight path and therefore does not change alpha.
 
-        specific: (3,), force over mass without the forces that depend on this rate
+        specific: (3,), force per mass without the forces that depend on this rate
         """
         sizes = self._table.values
         forward, _, down = ca.vertsplit(motion.velocity)

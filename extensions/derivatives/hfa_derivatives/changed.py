@@ -1,4 +1,4 @@
-"""Aircraft defined by another aircraft and new values of its parameters."""
+"""Aircraft defined by the file of another aircraft and new values of its parameters."""
 
 from __future__ import annotations
 
@@ -18,12 +18,10 @@ _KNOWN = ("aircraft", "parameters", "bands", "covariance", "sensors")
 
 
 def changed_aircraft(path: str) -> Model | None:
-    """Return the aircraft of a TOML file with `aircraft` and [parameters].
+    """Return the aircraft of a TOML file with the entries `aircraft` and [parameters].
 
-    The parameters are in the units of its model. The result is None where the file has no
-    `aircraft`.
-
-    Raises a BadInputError that names the file and its fault.
+    The parameters are in the units of the named aircraft. Returns None if the file has no entry
+    `aircraft`. Raises BadInputError with the file and its fault.
     """
     with file_faults(path):
         data = read_toml(path)
@@ -47,9 +45,9 @@ def changed_aircraft(path: str) -> Model | None:
 
 
 def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
-    """Raise BadInputError unless each entry of [bands] is a pair that contains the estimate.
+    """Raise BadInputError unless each entry of [bands] is a pair [low, high] around the estimate.
 
-    Each pair is the low and high end of the band of a parameter or of a sensor's error.
+    Each pair is the uncertainty band of a parameter or of a sensor error.
     """
     bands = _table(path, data, "bands")
     sensors = _table(path, data, "sensors")
@@ -69,7 +67,10 @@ def _check_bands(path: str, data: Mapping[str, Any], model: Model) -> None:
 
 
 def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return a table of a file, empty where it is left out."""
+    """Return the table with this name from the data of a file, or {} if it is missing.
+
+    Raises BadInputError if the entry is not a table.
+    """
     table = data.get(name, {})
     if not isinstance(table, dict):
         raise BadInputError(f"{path}: {name} is {shown(table)}; give entries by name")
@@ -77,5 +78,5 @@ def _table(path: str, data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _is_pair(band: Any) -> bool:
-    """Return whether this is a list of two numbers."""
+    """Return whether this is a list of two numbers. A truth value is not a number."""
     return isinstance(band, list) and [type(end) in (int, float) for end in band] == [True, True]

@@ -1,4 +1,4 @@
-"""Linear models of matrices alone: x' = A x + B u, y = C x + D u about the origin."""
+"""Linear models from given matrices: x' = A x + B u, y = C x + D u, trimmed at the origin."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def plant_model(
 ) -> Model:
     """Return the model x' = A x + B u, trimmed at the origin.
 
-    names: all names of states and inputs, and their units, 1 where a unit is not known
+    names: names of all states and inputs, and their units; a unit that is not known is 1
     A: (n, n)
     B: (n, m)
-    outputs: name -> c (n,) and d (m,) of y = c x + d u; a name of a state is left out
+    outputs: name -> c (n,) and d (m,) of y = c x + d u; outputs named like a state are ignored
     """
     shown = {output: row for output, row in (outputs or {}).items() if output not in names.states}
 
@@ -58,22 +58,23 @@ def plant_model(
 
 
 def _product(row: np.ndarray, values: Sequence[Any]) -> Any:
-    """Return the inner product of numbers and symbols."""
+    """Return the inner product of a row of numbers and a sequence of symbols."""
     return sum(row[j] * values[j] for j in range(len(row)))
 
 
 def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal]:
-    """Return signals without limits, of unit 1 where none is known."""
+    """Return signals without limits by name. A signal without a known unit has the unit 1."""
     return {name: Signal(unit or "1") for name, unit in zip(names, units, strict=True)}
 
 
 def completed(linear: LinearModel) -> dict[str, Any]:
-    """Return all fields of a linear model from A, B and any other given fields.
+    """Return all fields of a linear model, derived from A, B and the fields that are given.
 
-    C is the identity and D zero by default. The states are named x1, x2, ..., the inputs u1, u2,
-    ..., and the outputs of a given C y1, y2, ...
+    By default, C is the identity and D is 0. States are named x1, x2, ..., and inputs u1, u2, ....
+    Outputs are named like the states, or y1, y2, ... if C is given.
 
-    Raises BadInputError where a matrix is not of numbers, or shapes or names do not agree.
+    Raises BadInputError if a matrix does not consist of numbers, if shapes or numbers of names
+    disagree, or if a disturbance is given.
     """
     A = checked_matrix("A", linear.A, LARGEST)
     B = checked_matrix("B", linear.B, LARGEST)

@@ -1,4 +1,4 @@
-"""The entries of a table of derivatives: names, units, and which of them are required."""
+"""Entries of a table of derivatives: their names and units, and which are required."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ THRUST_INPUT = "thrust"
 
 @dataclass(frozen=True)
 class Derivative:
-    """One derivative of a coefficient, such as CL_alpha.
+    """Parts of the name of a derivative, such as CL_alpha.
 
     coefficient: the coefficient, such as CL
-    argument: alpha, or the name of a control surface
-    is_by_angle: whether it is per unit of an angle, and not of a number
+    argument: suffix of the variable, such as alpha, or name of a control surface
+    is_by_angle: whether the argument is an angle, so that the value is per rad or per deg
     """
 
     coefficient: str
@@ -50,7 +50,8 @@ class Derivative:
 
 
 def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
-    """Return the derivative of a name, or None for another name.
+    """Return the parts of the name of a derivative, or None if the name is not that of a
+    derivative.
 
     surfaces: names of the control surfaces
     """

@@ -1,4 +1,4 @@
-"""A table of derivatives from a TOML or CSV file or a dictionary: entries by name, with units."""
+"""Reader of a table of derivatives with units, from a TOML or CSV file or from a dictionary."""
 
 from __future__ import annotations
 
@@ -39,29 +39,32 @@ _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
 
 @dataclass(frozen=True)
 class Entry:
-    """Entry of a table: a number, a text with a unit, or two of them, with its place in the
-    file."""
+    """Unchecked entry of a table.
+
+    value: a number, a text with a unit, or a list of two of these
+    where: place in the file, for messages
+    """
 
     value: Any
     where: str
 
     def error(self, message: str) -> BadInputError:
-        """Return an error that names the place of the entry."""
+        """Return a BadInputError whose message begins with the place of the entry."""
         return BadInputError(f"{self.where}: {message}")
 
 
 @dataclass(frozen=True)
 class Table:
-    """The checked table of an aircraft, in its own system of units, angles in rad.
+    """The checked table of an aircraft, in the table's system of units, with angles in rad.
 
     name: name of the aircraft.
     system: "english" or "si".
-    source: the file and its hash.
-    values: geometry, mass or weight, condition and thrust line by name.
-    derivatives: name -> value per rad.
-    meanings: name -> derivative.
-    surfaces: control surface -> its limits, rad.
-    thrust: its limits.
+    source: path of the file and its hash.
+    values: geometry, mass or weight, reference condition and thrust line, by name.
+    derivatives: name -> value, per rad for an angle.
+    meanings: name -> coefficient and argument of a derivative.
+    surfaces: control surface -> lowest and highest deflection, rad.
+    thrust: lowest and highest thrust.
     axes: axes of the rolling and yawing moments and rates, "body" or "stability".
     """
 
@@ -76,14 +79,14 @@ class Table:
     axes: str
 
     def unit(self, name: str) -> str:
-        """Unit of an entry that is not a derivative."""
+        """Return the unit of an entry that is not a derivative, in the table's system of units."""
         return _unit(name, self.system)
 
 
 def read_table(path: str) -> Table:
-    """Return the table of a TOML file, or of a CSV file with rows name, value, unit.
+    """Return the table of a TOML file, or of a CSV file with the columns name, value and unit.
 
-    Raises a BadInputError that names the entry and its row.
+    Raises BadInputError with the entry and its row.
     """
     with file_faults(path):
         content = regular_file(path).read_bytes()
@@ -92,21 +95,23 @@ def read_table(path: str) -> Table:
 
 
 def table_of(values: Mapping[str, Any]) -> Table:
-    """Return the table of a dictionary, whose groups are dictionaries or omitted.
+    """Return the table of a dictionary of entries, which may be grouped in inner dictionaries.
 
-    Raises a BadInputError that names the entry.
+    Raises BadInputError with the name of the entry.
     """
     return _checked(dict(_flat(values, "the table")), ("", ""), "aircraft")
 
 
 def _of_toml(path: str) -> dict[str, Entry]:
-    """Return the entries of a TOML file, including those of its groups."""
+    """Return the entries of a TOML file by name, including the entries of its groups."""
     return dict(_flat(read_toml(path), path))
 
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
-    """Yield the entries of nested dictionaries. Raises BadInputError where two groups contain the
-    same name."""
+    """Yield name and entry for each value of a dictionary and of its inner dictionaries.
+
+    Raises BadInputError if a name occurs twice.
+    """
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}
@@ -121,7 +126,8 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 def _rows(path: str, content: bytes) -> dict[str, Entry]:
     """Return the entries of a CSV file with the columns name, value and unit.
 
-    Limits are written low:high.
+    Limits are written low:high. Raises BadInputError if a value is missing, a name occurs twice or
+    the file is not UTF-8.
     """
     try:
         rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
@@ -144,7 +150,13 @@ def _rows(path: str, content: bytes) -> dict[str, Entry]:
 
 
 def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> Table:
-    """Return the table of all entries."""
+    """Return the table of the entries after checks of names, units, limits and required entries.
+
+    source: path and hash of the file
+    stem: name of the aircraft if the table gives none
+
+    Raises BadInputError for the first fault found.
+    """
     texts = {name: _text(name, entries) for name in _TEXTS}
     system = texts["units"] or "si"
     pairs = {name: each for name, each in entries.items() if isinstance(each.value, list | tuple)}
@@ -175,7 +187,10 @@ def _checked(entries: dict[str, Entry], source: tuple[str, str], stem: str) -> T
 
 
 def _text(name: str, entries: Mapping[str, Entry]) -> str:
-    """Return a text of the table, or "" where it is not given."""
+    """Return the text of an entry, or "" if the table does not contain it.
+
+    Raises BadInputError if the value is not a permitted text.
+    """
     if name not in entries:
         return ""
     entry = entries[name]
@@ -189,8 +204,9 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
-    """Return the lowest and highest value of an input: rad for a control surface, a force for
-    thrust.
+    """Return the lowest and highest value of an input, rad for a surface, lbf or N for thrust.
+
+    Raises BadInputError if the entry cannot have limits or the limits are not increasing.
     """
     unit = "rad"
     if name == THRUST_INPUT:
@@ -207,7 +223,11 @@ def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
 
 
 def _number(name: str, entry: Entry, unit: str) -> float:
-    """Return the value of an entry in a unit. A number without a unit is in that unit."""
+    """Return the value of an entry, converted to `unit`.
+
+    A number without a unit is taken to be in `unit`. Raises BadInputError if the value is not a
+    finite number or its unit cannot be converted.
+    """
     value: Any = entry.value
     stated = ""
     if isinstance(value, str):
@@ -222,7 +242,7 @@ def _number(name: str, entry: Entry, unit: str) -> float:
 
 
 def _float(text: str) -> float:
-    """Return a text as a number, NaN where it is not a number."""
+    """Return the number that a text represents, or NaN if it represents none."""
     try:
         return float(text)
     except ValueError:
@@ -230,7 +250,10 @@ def _float(text: str) -> float:
 
 
 def _factor(name: str, entry: Entry, stated: str, unit: str) -> float:
-    """Return the factor from the stated unit to `unit`, 1 if none is stated."""
+    """Return the factor from the stated unit to `unit`, or 1 if no unit is stated.
+
+    Raises BadInputError if the unit cannot be converted.
+    """
     if not stated:
         return 1.0
     factor = _ANGLES.get(stated) if unit == "rad" else conversion(stated, unit)
@@ -245,7 +268,10 @@ def _unit(name: str, system: str) -> str:
 
 
 def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputError:
-    """Return the error of an unknown name, with a similar or a missing name."""
+    """Return the error for a name that is not an entry.
+
+    Its message suggests a similar name or names the limits that are missing.
+    """
     arguments = (*ARGUMENTS, *surfaces)
     derivatives = (f"{each}_{argument}" for each in COEFFICIENTS for argument in arguments)
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT)
@@ -269,7 +295,10 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
 def _refuse_missing(
     values: Mapping[str, float], derivatives: Mapping[str, float], where: str
 ) -> None:
-    """Raise BadInputError where a required entry is missing."""
+    """Raise BadInputError with the names of all required entries that are missing.
+
+    where: file or table, for the message
+    """
     missing = [name for name in REQUIRED if name not in values and name not in derivatives]
     if "mass" not in values and "weight" not in values:
         missing.append("mass")
@@ -278,7 +307,9 @@ def _refuse_missing(
 
 
 def _refuse_sizes(values: Mapping[str, float], entries: Mapping[str, Entry]) -> None:
-    """Raise BadInputError where a size is not positive or no body has the moments of inertia."""
+    """Raise BadInputError if a size is not positive, if both mass and weight are given, or if the
+    moments of inertia are not those of a rigid body.
+    """
     positive = ("wing_area", "span", "chord", "mass", "weight", "Ixx", "Iyy", "Izz", "speed")
     for name in positive:
         if name in values and values[name] <= 0.0:

@@ -1,5 +1,5 @@
-"""Aircraft from tables of derivatives compared with published modes and other equations, and faulty
-tables.
+"""Aircraft from tables of derivatives: comparison with published modes and with independent
+equations, and refusal of faulty tables.
 """
 
 import math
@@ -213,8 +213,9 @@ def eigenvalue_near(linear, value):
 
 @pytest.mark.parametrize("mode", PRINTED)
 def test_the_navion_has_its_published_modes(mode):
-    """Eigenvalues of the Navion are within 1 % of the printed ones, and the spiral, a small
-    difference, within 10 %.
+    """The Navion's eigenvalues are within 1 % of the printed ones.
+
+    The spiral eigenvalue, a small difference of large terms, is within 10 %.
     """
     printed = PRINTED[mode]
     found = eigenvalue_near(linear_model(NAVION), printed)
@@ -228,10 +229,10 @@ def test_the_747_is_at_its_published_density():
 
 @pytest.mark.parametrize("mode", PRINTED_747)
 def test_the_747_has_its_published_modes(mode):
-    """Eigenvalues of the 747 are within 0.3 % of the printed ones.
+    """The 747's eigenvalues are within 0.3 % of the printed ones.
 
-    The printed derivatives have three or four digits, and the gravity is that of the book. Other
-    Cn_beta and Cm_q change every mode by more.
+    The printed derivatives have three or four digits. The gravity is that of the book. With wrong
+    values of Cn_beta and Cm_q, every mode deviates by more than 0.3 %.
     """
     printed = PRINTED_747[mode]
     found = eigenvalue_near(linear_model(B747, gravity=32.2), printed)
@@ -244,10 +245,10 @@ def test_the_747_has_its_published_modes(mode):
 
 @pytest.mark.parametrize("mode", PRINTED_NT33A)
 def test_the_nt33a_has_its_published_modes(mode):
-    """Eigenvalues of the NT-33A are within 0.5 % of the printed ones, with derivatives of two or
-    three digits.
+    """The NT-33A's modes are within 0.5 % of the printed ones, with derivatives of two or three
+    digits.
 
-    The same numbers in body axes give other lateral modes.
+    If the derivatives are taken in body axes, only the lateral modes change.
     """
     printed = PRINTED_NT33A[mode]
     (root,) = roots_of([printed])
@@ -261,10 +262,11 @@ def test_the_nt33a_has_its_published_modes(mode):
 
 @pytest.mark.parametrize("mode", PRINTED_JETSTAR)
 def test_the_thrust_line_acts_on_the_phugoid(mode):
-    """With the right height of the thrust line, damping and frequency of both modes are within 0.5
-    % of the printed ones.
+    """With the height of the thrust line, damping and frequency of each mode are within 0.5 % of
+    the printed ones.
 
-    With the thrust through the center of gravity, the frequency of the phugoid is 3 % too low.
+    With the thrust through the center of gravity, only the frequency of the phugoid deviates by
+    more than 2 %.
     """
     damping, frequency = PRINTED_JETSTAR[mode]
     (root,) = roots_of([(damping, frequency)])
@@ -275,8 +277,9 @@ def test_the_thrust_line_acts_on_the_phugoid(mode):
 
 
 def half_a_digit(value):
-    """Return half a unit of the last digit of a number in a table, and of the third digit of a
-    moment of inertia.
+    """Return half a unit of the last printed digit of a number.
+
+    For a number above 1000, such as a moment of inertia, it is half a unit of the third digit.
     """
     if abs(value) > 1000.0:
         return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - 2)
@@ -285,7 +288,9 @@ def half_a_digit(value):
 
 
 def rounded_otherwise(table):
-    """Return, for each derivative, size and inertia, the table with it half a digit larger."""
+    """Yield copies of the table, each with one derivative, size or inertia increased by half a unit
+    of its last digit.
+    """
     for name, value in table.items():
         if isinstance(value, float):
             yield {**table, name: value + half_a_digit(value)}
@@ -295,8 +300,9 @@ def rounded_otherwise(table):
 
 
 def roots_of(printed):
-    """Return the eigenvalues of printed modes, which are eigenvalues, rates, or damping and natural
-    frequency.
+    """Yield an eigenvalue for each printed mode.
+
+    A mode is printed as an eigenvalue, as (decay rate,), or as (damping, natural frequency).
     """
     for mode in printed:
         if not isinstance(mode, tuple):
@@ -315,8 +321,10 @@ def roots_of(printed):
     ids=["navion", "747", "nt33a"],
 )
 def test_modes_lie_within_the_digits_of_tables(table, printed, held):
-    """The difference of each mode from the printed one is below its sum of changes by half a digit
-    of each derivative, size and moment of inertia.
+    """Each mode differs from the printed one by less than rounding of the table explains.
+
+    The limit is the sum of the changes of the mode when each derivative, size and moment of inertia
+    grows by half a digit.
     """
     base = linear_model(table, **held)
     roots = list(roots_of(printed.values()))
@@ -329,8 +337,9 @@ def test_modes_lie_within_the_digits_of_tables(table, printed, held):
 
 
 def test_a_small_aircraft_has_its_published_short_period():
-    """The short period is within 0.2 % of that of the printed matrix, whose entries have four
-    digits.
+    """The short-period eigenvalue is within 0.2 % of that of the printed matrix with four digits.
+
+    With a wrong Cm_alpha it deviates by more than 1 %.
     """
     printed = eigenvalue_near(SimpleNamespace(A=PRINTED_ULTRA_STICK), -11.7 + 10.0j)
     found = eigenvalue_near(linear_model(ULTRA_STICK), printed)
@@ -341,10 +350,10 @@ def test_a_small_aircraft_has_its_published_short_period():
 
 @pytest.mark.parametrize("mode", PRINTED_F104)
 def test_the_f104_has_its_published_modes(mode):
-    """Longitudinal modes of the F-104 agree within 2 and 0.2 %, as do those of the matrix derived
-    by hand.
+    """The longitudinal modes of the F-104 agree with the printed polynomials within `tolerance`.
 
-    A wrong Cm_alpha is detected.
+    So do those of the matrix derived by hand. With Cm_alpha 10 % too large, the short period
+    disagrees.
     """
     damping, stiffness, tolerance = PRINTED_F104[mode]
     root = complex(-damping / 2.0, math.sqrt(stiffness - damping**2 / 4.0))
@@ -357,7 +366,9 @@ def test_the_f104_has_its_published_modes(mode):
 
 
 def test_inertias_turned_by_hand_give_the_same_modes():
-    """Moments of inertia that the test rotates into stability axes give the same modes."""
+    """Moments of inertia in body axes, rotated by the test into stability axes, give the same
+    modes.
+    """
     body = np.array([[12700.0, 0.0, -480.0], [0.0, 20700.0, 0.0], [-480.0, 0.0, 32001.0]])
     turn = rotation(0.0, math.radians(2.2), 0.0).full()
     turned = turn @ body @ turn.T
@@ -372,7 +383,9 @@ def test_inertias_turned_by_hand_give_the_same_modes():
 
 
 def test_equations_written_apart_agree():
-    """The example's small-angle equations of the Navion have nearly equal fast modes."""
+    """The fast modes of the Navion agree within 0.2 % with the small-angle equations of
+    examples/navion.py.
+    """
     other = hfa.load_model("examples/navion.py:NAVION")
     theirs = linearize(other, find_operating_point(other))
     ours = linear_model({**NAVION, "CL_q": 3.8, "Cn_beta": 0.071})
@@ -382,7 +395,7 @@ def test_equations_written_apart_agree():
 
 
 def evaluated(model, x, u):
-    """Return rates and outputs at numbers."""
+    """Return the rates and the outputs of a model as two dictionaries of numbers, at x and u."""
     vectors = [dict(zip(model.states, x, strict=True)), dict(zip(model.inputs, u, strict=True))]
     vectors.append({name: signal.start for name, signal in model.parameters.items()})
     rates, outputs = model.equations(*(SimpleNamespace(**each) for each in vectors), None)
@@ -391,8 +404,9 @@ def evaluated(model, x, u):
 
 
 def load_factor(rates, x):
-    """Return -(w' + p v - q u - g cos(pitch) cos(roll)) / g from the rates of speed, alpha and
-    beta.
+    """Return the load factor n = -(w' + p v - q u - g cos(pitch) cos(roll)) / g.
+
+    w' is computed from the rates of speed, alpha and beta.
     """
     gravity = 9.80665 / 0.3048
     speed, alpha, beta, p, q, _, roll, pitch = x[:8]
@@ -408,7 +422,7 @@ def load_factor(rates, x):
 
 
 def test_lift_by_rate_of_alpha_is_solved_for():
-    """The rate of alpha and the lift that it causes satisfy both equations."""
+    """With CL_alphadot, the lift corresponds to the rate of alpha and the rate to the lift."""
     x = [170.0, 0.1, 0.02, 0.1, 0.2, -0.1, 0.3, 0.2, 0.0, 100.0]
     u = [300.0, 0.05, 0.0, 0.0]
     rates, outputs = evaluated(from_derivatives({**NAVION, "CL_alphadot": 30.0}), x, u)
@@ -436,8 +450,8 @@ def test_units_do_not_change_the_aircraft():
 
 
 def test_a_spreadsheet_is_the_same_aircraft(folder):
-    """A CSV file with rows name, value, unit, and derivatives per degree, gives the same
-    aircraft.
+    """A CSV file with derivatives per degree gives the same A as the dictionary with values per
+    radian.
     """
     flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}
     for group in ("geometry", "mass", "condition"):
@@ -489,7 +503,7 @@ def test_a_bad_row_is_named(folder):
 
 
 def test_another_mass_is_another_trim():
-    """Mass, inertias and derivatives are parameters, and another mass gives another trim."""
+    """A larger mass, set as a parameter, requires a larger angle of attack."""
     light = linear_model("examples/uav.toml")
     heavy = linear_model("examples/uav.toml", mass=20.0)
     assert heavy.point.states.alpha > light.point.states.alpha + 0.02

@@ -1,4 +1,4 @@
-"""Linear models made of matrices alone."""
+"""Linear models from given matrices, without an aircraft."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ B = np.array([[0.0], [1.0]])
 
 
 def test_matrices_alone_are_a_linear_model() -> None:
-    """A model of matrices has modes, responses, names and a point."""
+    """A linear model from A and B has default names, modes, an operating point and a report.
+
+    Linearizing its model again gives the same matrices.
+    """
     linear = hfa.LinearModel(A, B)
     assert (linear.states, linear.inputs, linear.outputs) == (("x1", "x2"), ("u1",), ("x1", "x2"))
     assert linear.modes[0].eigenvalue in np.linalg.eigvals(A)
@@ -28,8 +31,9 @@ def test_matrices_alone_are_a_linear_model() -> None:
 
 
 def test_matrices_of_outputs_keep_their_place() -> None:
-    """Matrices have the order of `control.ss(A, B, C, D)`, and outputs follow the model's own
-    equations.
+    """LinearModel(A, B, C, D) has the order of arguments and the response of `control.ss`.
+
+    Linearizing its model again gives the same C and D.
     """
     C = [[1.0, 2.0]]
     D = [[3.0]]
@@ -42,7 +46,7 @@ def test_matrices_of_outputs_keep_their_place() -> None:
 
 
 def test_lqr_of_matrices_is_that_of_the_game() -> None:
-    """lqr(A, B, Q, R) returns the gain of the game, which is that of python-control."""
+    """lqr accepts matrices or a linear model and returns the gain that python-control returns."""
     expected, _, _ = control.lqr(A, B, np.eye(2), np.eye(1))
     for found in (
         hfa.lqr(A, B, np.eye(2), np.eye(1)),
@@ -53,7 +57,7 @@ def test_lqr_of_matrices_is_that_of_the_game() -> None:
 
 
 def test_lqr_of_matrices_refuses_a_disturbance() -> None:
-    """lqr refuses a fifth number, which would define a game, and a missing B."""
+    """lqr refuses a fifth argument, which would define a game, and a missing B."""
     with pytest.raises(BadInputError, match="its arguments are linear, Q, R"):
         hfa.lqr(A, B, np.eye(2), np.eye(1), 100.0)
     with pytest.raises(BadInputError, match="B is missing"):

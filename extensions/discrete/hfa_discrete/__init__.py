@@ -1,4 +1,4 @@
-"""Games in discrete time: their exact solution, critics of them, and Q-learning."""
+"""Discrete-time games: exact solution, comparison of critics with it, and Q-learning."""
 
 from hfa_support.public_names import public_names
 

@@ -1,4 +1,4 @@
-"""`hfa solve`, `learn` and `verify` for a plant in discrete time."""
+"""The commands `hfa solve`, `hfa learn` and `hfa verify` for a discrete-time plant."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _CONTINUOUS = "applies only to continuous time; leave it out of a plant with tim
 
 
 def question_of_time(game: Game) -> str:
-    """Return the question whether a game without a solution is meant in discrete time, or "".
+    """Return a question for the error message of a game without a continuous-time solution.
 
-    It is "" where no solution exists in discrete time either.
+    It asks whether discrete time was meant. It is "" if no discrete-time solution exists either.
     """
     from hfa_discrete.solution import solve_discrete
 
@@ -44,7 +44,7 @@ def question_of_time(game: Game) -> str:
 
 
 def solve(request: GameRequest, named: NamedGame) -> int:
-    """Run `hfa solve` and return the exit code."""
+    """Run `hfa solve` for a discrete-time plant and return the exit code."""
     from hfa_discrete.report import analyse_discrete, discrete_report
 
     request.refuse(("draws",), _CONTINUOUS)
@@ -55,7 +55,7 @@ def solve(request: GameRequest, named: NamedGame) -> int:
 
 
 def learn(request: LearnRequest, named: NamedGame) -> int:
-    """Run `hfa learn` by Q-learning and return the exit code."""
+    """Run `hfa learn` for a discrete-time plant, by Q-learning, and return the exit code."""
     from controller.critic.critic import from_parts
     from hfa.commands.game import show_learned
     from hfa_discrete.critic_check import check_discrete
@@ -70,7 +70,10 @@ def learn(request: LearnRequest, named: NamedGame) -> int:
 
 
 def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
-    """Run `hfa verify` on one critic, whose file has W, P, K, L or H, and return the exit code."""
+    """Run `hfa verify` for a discrete-time plant on one critic and return the exit code.
+
+    paths: one path of a file with W, P, K, L or H, or of a network
+    """
     from hfa.commands.verify import about
     from hfa_discrete.critic_check import check_discrete
     from hfa_discrete.critic_file import critic_of_steps
@@ -96,7 +99,12 @@ def verify(request: VerifyRequest, named: NamedGame, paths: list[Path]) -> int:
 def verify_discounted(
     path: Path, critic: Critic, request: VerifyRequest, game: Game, scope: Scope
 ) -> Verdict:
-    """Return the verdict on the critic of a file for the discounted problem in discrete time."""
+    """Return the verdict on a critic for the continuous-time game, sampled and discounted.
+
+    path: file of the critic, for messages
+
+    Raises BadInputError if the file contains a history of critics.
+    """
     from hfa_discrete.critic_check import check_discounted
 
     assert request.discount is not None

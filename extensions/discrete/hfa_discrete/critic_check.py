@@ -1,4 +1,4 @@
-"""Comparison of a critic of a game in discrete time with the exact solution."""
+"""Comparison of the critic of a discrete-time game with the exact solution."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Diagnose = Callable[[DiscreteSolution, Critic, np.ndarray], str]
 
 
 class DiscreteVerdict(Verdict):
-    """Verdict on a critic of a problem in discrete time."""
+    """Verdict on a critic of a discrete-time game."""
 
     schema = "hfa.discounted-check/1"
     made_by = "hfa verify --discount --dt"
@@ -52,12 +52,15 @@ def check_discounted(
     limit: float = LIMIT,
     scope: Scope | None = None,
 ) -> Verdict:
-    """Return `check_discrete` of a game in continuous time, sampled with u and w held over each
-    step.
+    """Return the verdict on a critic for a sampled and discounted continuous-time game.
 
-    x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
+      x⁺ = A x + B u + E w,  J = Σ γᵏ (x'Qx + u'Ru - δ² w'w) dt
 
-    Without dt (s) the game is already that of a step.
+    A, B and E of this equation are those of a step, in which u and w are constant.
+
+    dt: sample time, s; None if `game` is already in discrete time
+
+    The check is that of `check_discrete`.
     """
     if dt is None:
         return check_discrete(DiscreteGame(game, discount), critic, limit=limit, scope=scope)
@@ -84,20 +87,22 @@ def check_discrete(
     more: Mapping[str, np.ndarray] | None = None,
     scope: Scope | None = None,
 ) -> Verdict:
-    """Return the verdict on a critic of a game in discrete time, compared with the exact solution.
+    """Return the verdict on a critic of a discrete-time game, compared with the exact solution.
 
-    The policy of a critic of V or dV/dx is the one that it implies in discrete time, not R⁻¹B'P. A
-    K without P is compared alone. Two matrices must be stable: √α (A - B K), on which the
-    discounted cost depends, and A - B K itself. The exact solution of a discounted problem may fail
-    to stabilize. The verdict on an exact critic is then FAIL too. A network, or a value that is not
-    quadratic, is also searched over a box of states and flown from there. L2 gain and margins
-    apply only to continuous time and are not checked.
+    For a critic of V or dV/dx, the policy is the one implied in discrete time, not R⁻¹B'P. For a
+    critic that consists of K alone, K is compared. Two matrices must be stable: √α (A - B K), which
+    determines whether the discounted cost is finite, and A - B K. The exact solution of a
+    discounted problem may fail to stabilize. Then even an exact critic receives FAIL. A network, or
+    a value that is not quadratic, is also searched and simulated over a box of states. L2 gain and
+    margins apply only to continuous time and are not checked.
 
-    more: further matrices of the critic: L (k, n) of w = L x, H of its Q-function over (x, u, w) or
-        (x, u)
-    scope: further checks
+    limit: largest permitted relative error more: further matrices of the critic: L (k, n) of w = L
+    x, and H of its Q-function over (x, u, w)
+      or (x, u)
+    scope: extent of the checks of a network; by default its default values
 
-    Raises NoSolutionError where the problem has no certified solution.
+    Raises BadInputError if an entry of the critic is not finite, or L has a wrong shape. Raises
+    NoSolutionError if the game has no certified solution.
     """
     step = problem.step
     others = {
@@ -114,7 +119,9 @@ def check_discrete(
 
 
 def _reason(*what: Any) -> str:
-    """Return the mistake of a critic found by the package hfa_reasons, or "".
+    """Return the mistake in a critic that the extension `reasons` finds, or "".
+
+    It is also "" if this extension is not installed.
 
     what: the arguments of `hfa_reasons.diagnosis.diagnose_discrete`
     """
@@ -131,7 +138,10 @@ def _judged(
     diagnose: Diagnose,
     more: Mapping[str, np.ndarray] | None = None,
 ) -> Verdict:
-    """Return the verdict of `check_discrete`, of checked arguments."""
+    """Return the verdict of `check_discrete`.
+
+    diagnose: function (exact solution, critic, box) -> sentence on the mistake, or ""
+    """
     refuse_unless_positive("limit", limit)
     exact = solve_discrete(problem)
     if not critic.finite:
@@ -186,7 +196,12 @@ def _judged(
 
 
 def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[Check]:
-    """Return the checks of the radii of A - B K and of √α (A - B K), which decides the cost."""
+    """Return the checks of the spectral radii of A - B K and of √α (A - B K).
+
+    The second determines whether the discounted cost is finite.
+
+    is_exact: whether the critic equals the exact solution
+    """
     step = problem.step
     radius = math.inf
     if np.isfinite(K).all():
@@ -205,8 +220,11 @@ def _loop_checks(problem: DiscreteGame, K: np.ndarray, is_exact: bool) -> list[C
 def _errors_of_parts(
     exact: DiscreteSolution, parts: Mapping[str, np.ndarray], limit: float
 ) -> tuple[Check, ...]:
-    """Return the checks of L, relative to |L|, and of the entries of H, relative to √(H_ii
-    H_jj)."""
+    """Return the checks of L and H, as far as they are given.
+
+    The error of L is relative to |L|, and that of an entry H_ij to √(H_ii H_jj). An H over (x, u)
+    is compared with the exact one for the worst w. Raises BadInputError if L has a wrong shape.
+    """
     checks = []
     if "L" in parts:
         L = checked_matrix("L", parts["L"], LARGEST_CRITIC_ENTRY)
@@ -229,11 +247,14 @@ def _errors_of_parts(
 
 
 def discounted_cost_lost(exact: DiscreteSolution, K: np.ndarray) -> float:
-    """Return the cost of u = -K x above the optimum, percent, from the worst initial condition.
+    """Return the excess of the cost of u = -K x over the optimum, percent, from the worst initial
+    state.
 
-    It is the largest x'Dx / x'P*x with
+    It is 100 times the largest x'Dx / x'P*x, where D solves the equation
 
-        D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
+      D = γ F'D F + (K - K*)'(R + γ B'P*B)(K - K*),  F = A - B K + E L*.
+
+    It is inf if √γ F is unstable, or if a state with x'P*x = 0 has an excess cost.
     """
     from scipy.linalg import eigh, solve_discrete_lyapunov
 

@@ -1,4 +1,4 @@
-"""The critic of a plant in discrete time in a user's file."""
+"""Reader of a user's file with the critic of a discrete-time plant."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from hfa_support.errors import said_of
 def critic_of_steps(
     path: str | Path, problem: DiscreteGame, reading: Reading | None = None
 ) -> tuple[Critic, dict[str, Any]]:
-    """Return the critic of a file for a plant in discrete time, and L and H if the file has them.
+    """Return the critic in a file for a discrete-time plant, and a dictionary with L and H.
 
-    P, K and L follow from H where the file does not have them. Raises a BadInputError of one line.
+    L is included if the file contains L or H, and H if the file contains H. If it does, missing P,
+    K and L are computed from H. Raises BadInputError if an entry is wrong.
     """
     entries = {} if is_network(Path(path)) else entries_in(path)
     if "H" not in entries:

@@ -1,4 +1,4 @@
-"""Zero-sum game in discrete time, with cross weights and a discount."""
+"""Discrete-time zero-sum game with cross weights and a discount."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscreteGame(Reported):
-    """Game in discrete time, x⁺ = A x + B u + E w, J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w).
+    """Discrete-time game, x⁺ = A x + B u + E w, J = Σ αᵏ (x'Qx + 2 x'Nu + u'Ru - δ² w'w).
 
     u minimizes and w maximizes J.
 
-    step: A, B, E, Q, R and delta of one step
-    discount: α, above 0 and at most 1
-    N: (n, m), cross weights; None is 0
-    A_low: (n, n), the remainder of A beyond its digits, for a step so short that A is nearly I;
-        None is 0
+    step: A, B, E, Q, R and delta of one step discount: α, 0 < α <= 1 N: (n, m), cross weights; None
+    means 0 A_low: (n, n), difference between A and its double-precision value, used for short
+    steps, where A
+      is nearly I; None means 0
 
-    Raises BadInputError for a wrong shape or number, and where [[Q, N], [N', R]] is not positive
+    Raises BadInputError for a wrong shape or number, and if [[Q, N], [N', R]] is not positive
     semidefinite.
     """
 
@@ -35,7 +34,7 @@ class DiscreteGame(Reported):
     A_low: Any = None
 
     def __post_init__(self) -> None:
-        """Check the fields that the step leaves unchecked."""
+        """Check discount and N, and replace None by zeros. `Game` has checked the step."""
         if not (is_finite(self.discount) and 0.0 < self.discount <= 1.0):
             raise BadInputError(
                 f"discount is {self.discount}; it must be above 0 and at most 1, the factor of one"
@@ -57,16 +56,18 @@ class DiscreteGame(Reported):
             )
 
     def _weights(self) -> np.ndarray:
-        """Matrix [[Q, N], [N', R]], (n + m, n + m)."""
+        """Return the matrix [[Q, N], [N', R]], (n + m, n + m)."""
         return np.block([[self.step.Q, self.N], [self.N.T, self.step.R]])
 
     def policies(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return K and L of the policies u = -K x, w = L x implied by the value x'P x of the next
-        state.
+        """Return K, (m, n), and L, (k, n), of the optimal policies u = -K x and w = L x of one
+        step.
 
-        [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
+        The value of the next state is x'P x.
 
-        E is divided by δ, so that δ = inf needs no exception.
+          [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
+
+        E is divided by δ, so δ = inf is not a special case.
         """
         step = self.step
         m = step.B.shape[1]
@@ -81,8 +82,10 @@ class DiscreteGame(Reported):
     def q_function(self, P: np.ndarray) -> np.ndarray:
         """Return H, (n + m + k, n + m + k), with Q(x, u, w) = [x; u; w]'H [x; u; w].
 
-        H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]. With delta = inf the
-        disturbance is left out."""
+          H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]
+
+        With delta = inf, H is over (x, u), (n + m, n + m).
+        """
         step = self.step
         moved = np.hstack([step.A, step.B])
         weights = self._weights()
@@ -99,14 +102,15 @@ class DiscreteGame(Reported):
         return np.asarray(weights + self.discount * moved.T @ P @ moved)
 
     def of_q_function(self, H: np.ndarray) -> dict[str, np.ndarray]:
-        """Return P, K and, for H over (x, u, w), L of the extremum of a Q-function over u and w.
+        """Return P, K and L, by name, at the extremum of a Q-function over u and w.
 
-        [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w).
+          [K; -L] = H_aa⁻¹ H_ax,  P = H_xx - H_xa H_aa⁻¹ H_ax,  a = (u, w)
 
-        H: symmetric, over (x, u, w), or over (x, u); without disturbance over (x, u)
+        L is omitted if H is over (x, u).
 
-        Raises BadInputError for another shape, for an H that is not symmetric, and for an H_aa that
-        is singular.
+        H: symmetric, over (x, u, w) or over (x, u); only over (x, u) if delta = inf
+
+        Raises BadInputError if H has a wrong shape or is not symmetric, or if H_aa is singular.
         """
         n, m = self.step.B.shape
         shapes = {"(x, u)": (n + m,) * 2}
@@ -134,10 +138,11 @@ class DiscreteGame(Reported):
         return parts
 
     def without_cross_weights(self) -> tuple[Game, np.ndarray]:
-        """Return the step in v = u + F x without cross weights, and F = R⁻¹N', (m, n).
+        """Return an equivalent step without cross weights, with the input v = u + F x, and F =
+        R⁻¹N', (m, n).
 
-        Its matrices are A - B F and Q - N R⁻¹ N'. The latter is a sum of squares: the part of the
-        rows of a root of [[Q, N], [N', R]] that no u can cancel.
+        Its matrices are A - B F and Q - N R⁻¹ N'. The latter is computed as a sum of squares, from
+        the rows for x of a root of [[Q, N], [N', R]], projected orthogonally to the rows for u.
         """
         step = self.step
         if not self.N.any():

@@ -1,5 +1,6 @@
-"""Transformation of a system with feedthrough to one without, whose gain is below δ exactly when
-the original's is."""
+"""Transformation of a system with feedthrough to a system without it that has gain below δ if and
+only if the first has.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +14,10 @@ from controller.riccati.frequency_response import Triple
 def without_feedthrough(
     A: np.ndarray, E: np.ndarray, C: np.ndarray, D: np.ndarray, delta: float
 ) -> Triple:
-    """Return A, E and Q = C'C of a system without D.
+    """Return A, E and Q = C'C of an equivalent system without feedthrough D.
 
-    Its gain is below δ exactly when that of x' = A x + E w, z = C x + D w is.
+    Its gain is below δ if and only if the gain of x' = A x + E w, z = C x + D w is below δ. The
+    gain of D alone must be below δ.
     """
     if not D.any() or math.isinf(delta):
         return A, E, C.T @ C

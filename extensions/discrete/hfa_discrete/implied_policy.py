@@ -1,4 +1,6 @@
-"""Policy implied by a value in discrete time, optimal for one step followed by that value."""
+"""Policy implied by a discrete-time value: optimal for one step if this value is the cost that
+follows.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +23,8 @@ _LEFT = 1e-9
 def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
     """Return the critic with the policy that its value implies in discrete time.
 
-    A critic that contains a policy keeps it. A value that is not quadratic, of a network or
-    of more weights, becomes a network of V and u.
+    A critic without a value, or with a policy of its own, is returned unchanged. A critic whose
+    value is not quadratic becomes a network of V and u.
     """
     if critic.P is None or critic.feedback is None:
         return critic
@@ -48,16 +50,16 @@ def discrete_critic(problem: DiscreteGame, critic: Critic) -> Critic:
 def policy_of_next(
     problem: DiscreteGame, gradient: ca.Function, K: np.ndarray, L: np.ndarray
 ) -> ca.Function:
-    """Return the function x (n,) -> u (m,) of the saddle over u and w of one step and the value
-    after it.
+    """Return the function x (n,) -> u (m,), the saddle point of the cost of one step plus the next
+    value.
 
-    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. The search
-    begins at u = -K x, w = L x.
+    With g = ∂V/∂x at the next state, R u + N'x + ½ α B'g = 0 and -δ² w + ½ α E'g = 0. Newton's
+    method starts at u = -K x, w = L x.
 
-    problem: the game in discrete time
+    problem: the discrete-time game
     gradient: x (n,) -> ∂V/∂x (n,)
-    K: (m, n), of the quadratic part of V
-    L: (k, n), of the quadratic part of V
+    K: (m, n), gain for the quadratic part of V
+    L: (k, n), disturbance gain for the quadratic part of V
     """
     step = problem.step
     n, m = step.B.shape

@@ -1,6 +1,6 @@
-"""Q-learning in discrete time from recorded steps: by value iteration, then policy iteration.
+"""Discrete-time Q-learning from recorded steps: value iteration, followed by policy iteration.
 
-A, B and E are not read. Each step (x, u, w, x⁺) gives one equation that is linear in the weights H
+A, B and E are not used. Each step (x, u, w, x⁺) gives one equation that is linear in the weights H
 of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf, Automatica 43
 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003), 1107-1149.
 """
@@ -40,7 +40,7 @@ class Steps(Reported):
     disturbances: w, (N, k), as measured; k = 0 without disturbance
     next_states: x⁺, (N, n)
 
-    Raises BadInputError for a wrong shape and for a number that is not finite.
+    Raises BadInputError if an array has a wrong shape or contains a number that is not finite.
     """
 
     states: np.ndarray
@@ -49,7 +49,7 @@ class Steps(Reported):
     next_states: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check the arrays once and make them read-only."""
+        """Check the arrays and store them."""
         for name in ("states", "inputs", "disturbances", "next_states"):
             matrix = checked_matrix(f"recorded {name}", getattr(self, name), LARGEST)
             object.__setattr__(self, name, matrix)
@@ -61,15 +61,15 @@ class Steps(Reported):
 
     @property
     def together(self) -> np.ndarray:
-        """(x, u, w), (N, n + m + k)."""
+        """Return (x, u, w) of all steps, (N, n + m + k)."""
         return np.hstack([self.states, self.inputs, self.disturbances])
 
 
 def random_steps(problem: DiscreteGame, seed: int) -> Steps:
-    """Return steps from random states with random inputs and disturbances.
+    """Return recorded steps from random states with random inputs and disturbances.
 
-    Inputs and disturbances move the states by at most their spread, and cost at most as much as the
-    states.
+    Each input and disturbance is limited so that it moves no state by more than the state's spread
+    and costs at most as much as the states.
     """
     step = problem.step
     E = step.E if np.isfinite(step.delta) else step.E[:, :0]
@@ -90,7 +90,7 @@ def random_steps(problem: DiscreteGame, seed: int) -> Steps:
 
 
 class Learned(NamedTuple):
-    """Training run with its final H, (n + m + k, n + m + k)."""
+    """Training run, and its final Q-function H, (n + m + k, n + m + k)."""
 
     run: TrainingRun
     H: np.ndarray
@@ -103,17 +103,18 @@ def learn_steps(
     steps: Steps | None = None,
     progress: Progress | None = None,
 ) -> Learned:
-    """Learn the Q-function of a game in discrete time. Only the cost of the game is used.
+    """Learn the Q-function of a discrete-time game from recorded steps and the cost.
 
+    Value iteration H <- cost + α extremum of H at x⁺ starts from 0. It pauses after 1, 2, 4, ...
+    iterations. At each pause policy iteration, which converges quadratically, is tried. Its result
+    is accepted if it converges to a policy that stabilizes the linear fit of the steps.
+
+    seed: seed of the random steps
     steps: recorded steps; by default `random_steps`
-    progress: called with the pauses of value iteration
+    progress: called at each pause
 
-    Value iteration H <- cost + α extremum of H at x⁺ starts from 0. Policy iteration, which squares
-    the error, is tried at its pauses. Its result is accepted where it settles at a policy that
-    stabilizes the linear fit of the steps.
-
-    Raises BadInputError for steps that do not determine H. Raises NoSolutionError if the
-    disturbance gains more than it costs, or the iteration does not converge.
+    Raises BadInputError if the steps do not determine H. Raises NoSolutionError if the disturbance
+    gains more than it costs, or the iteration does not converge.
     """
     recorded = random_steps(problem, seed) if steps is None else steps
     learner = _QLearner.of(problem, recorded)
@@ -145,7 +146,11 @@ def learn_steps(
 
 
 class _Residual(NamedTuple):
-    """Residual of Bellman's equation: relative to the cost, and to the terms that cancel."""
+    """Norm of the residual of Bellman's equation over all steps.
+
+    of_cost: relative to the norm of the costs
+    of_terms: relative to the norm of the absolute terms of the equation
+    """
 
     of_cost: float
     of_terms: float
@@ -153,14 +158,13 @@ class _Residual(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _QLearner:
-    """The equations of recorded steps.
+    """The linear equations that recorded steps give for H, with s = n + m + k.
 
-    cost: (s, s), of x, u and w at a step
+    cost: (s, s), weights of the cost of a step over (x, u, w)
     scales: (s,), root mean square of each column of (x, u, w)
-    features: (N, M), products of the columns, scaled
-    costs: (N,), of each step
-    inverse: (M, N), with weights = inverse · values the least-squares solution of features ·
-        weights = values
+    features: (N, M), products of the scaled columns
+    costs: (N,), cost of each step
+    inverse: (M, N), pseudoinverse of the features
     """
 
     problem: DiscreteGame
@@ -190,30 +194,31 @@ class _QLearner:
 
     @cached_property
     def psi(self) -> Basis:
-        """Basis of (x, u, w)."""
+        """Return the quadratic basis of (x, u, w)."""
         return basis("quadratic", len(self.cost))
 
     @cached_property
     def _of_costs(self) -> np.ndarray:
-        """Weights of the costs alone, (M,)."""
+        """Return the weights fitted to the costs of the steps alone, (M,)."""
         return self.inverse @ self.costs
 
     @cached_property
     def _of_next_states(self) -> np.ndarray:
-        """Matrix from weights of x'P x to weights of α x⁺'P x⁺, (M, n(n+1)/2)."""
+        """Return the matrix (M, n(n+1)/2) from the weights of x'P x to the fitted weights of α x⁺'P
+        x⁺.
+        """
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 
     def _H(self, weights: np.ndarray) -> np.ndarray:
-        """Return H in the units of the steps."""
+        """Return the matrix H of these weights, (s, s), in the units of the steps."""
         return self.psi.matrix(weights) / np.outer(self.scales, self.scales)
 
     def value_iteration(self, H: np.ndarray | None) -> np.ndarray:
-        """Return the weights after one more step of the horizon.
+        """Return H after one more value iteration, (s, s).
 
-        H: the Q-function before, or None for the first step
+        H: Q-function before, or None for the first iteration
 
-        Raises NoSolutionError where w gains more than it costs, and where the value grows
-        without end.
+        Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
         weights = self._of_costs
         if H is not None:
@@ -230,9 +235,9 @@ class _QLearner:
         return H
 
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
-        """Return the weights of the Q-function of the policies of H.
+        """Return the Q-function of the policies that are optimal for H, (s, s).
 
-        weights = inverse (costs + α next features · weights).
+        Its weights solve: weights = inverse (costs + α next features · weights).
         """
         parts = self.problem.of_q_function(H)
         policy = np.vstack([-parts["K"], *([parts["L"]] if "L" in parts else [])])
@@ -242,7 +247,7 @@ class _QLearner:
         return self._H(np.linalg.solve(equations, self._of_costs))
 
     def has_saddle(self, H: np.ndarray) -> bool:
-        """Return whether Q has a minimum over u and a maximum over w."""
+        """Return whether the quadratic form of H has a minimum over u and a maximum over w."""
         n, m = self.problem.step.B.shape
         scaled = H * np.outer(self.scales, self.scales)
         of_inputs = np.linalg.eigvalsh(scaled[n : n + m, n : n + m])
@@ -250,7 +255,7 @@ class _QLearner:
         return bool((of_inputs > 0.0).all() and (of_disturbances < 0.0).all())
 
     def residual(self, H: np.ndarray) -> _Residual:
-        """Residual of Bellman's equation over all steps."""
+        """Return the residual of Bellman's equation for H over all steps."""
         together = self.steps.together
         values = np.einsum("ji,ik,jk->j", together, H, together)
         moved = self.steps.next_states
@@ -263,12 +268,13 @@ class _QLearner:
         )
 
     def is_settled(self, before: np.ndarray, after: np.ndarray) -> bool:
-        """Return whether a policy iteration changes nothing and stabilizes the linear fit of the
+        """Return whether policy iteration has converged to a stabilizing policy.
+
+        The block of H over the states must change by at most `SETTLED` relative to its largest
+        entry. H must have a saddle point, and its policies must stabilize the linear fit of the
         steps.
 
-        Only the block of the states is compared.
-
-        before, after: H of Q = [x; u; w]'H [x; u; w], of one iteration and of the next
+        before, after: H of consecutive iterations
         """
         n, m = self.problem.step.B.shape
         squares = np.outer(self.scales, self.scales)
@@ -285,28 +291,28 @@ class _QLearner:
         return all(root * np.abs(np.linalg.eigvals(loop)).max() < 1.0 for loop in loops)
 
     def _fitted_steps(self) -> np.ndarray:
-        """Least-squares fit [A B E] of x⁺ = A x + B u + E w to the steps, (n, n + m + k)."""
+        """Return [A B E], (n, n + m + k), of the least-squares fit of x⁺ = A x + B u + E w."""
         scaled = self.steps.together / self.scales
         fit = np.linalg.lstsq(scaled, self.steps.next_states, rcond=None)[0]
         return np.asarray(fit.T / self.scales)
 
 
 def _products(z: np.ndarray) -> np.ndarray:
-    """Return z_i z_j for i <= j, row by row, (N, s(s+1)/2)."""
+    """Return the products z_i z_j, i <= j, for each row of z (N, s), as (N, s(s+1)/2)."""
     row, column = np.triu_indices(z.shape[1])
     return z[:, row] * z[:, column]
 
 
 def _weights(P: np.ndarray) -> np.ndarray:
-    """Return W with x'P x = W'(x1², x1 x2, ..., xn²)."""
+    """Return W, (n(n+1)/2,), with x'P x = W'(x1², x1 x2, ..., xn²)."""
     row, column = np.triu_indices(len(P))
     return np.where(row == column, 1.0, 2.0) * P[row, column]
 
 
 def _training_run(learner: _QLearner, rows: list[tuple[int, np.ndarray]], seed: int) -> TrainingRun:
-    """Return the training run of a learner.
+    """Return the training run made from the iterates of a learner.
 
-    rows: (number of iterations, H)
+    rows: number of iterations so far and H, for each iterate
     """
     residuals = [learner.residual(H) for _, H in rows]
     parts = [learner.problem.of_q_function(H) for _, H in rows]

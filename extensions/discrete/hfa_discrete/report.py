@@ -1,4 +1,4 @@
-"""Report of the exact solution of a game in discrete time."""
+"""Report of the exact solution of a discrete-time game."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_support.reporting.text import matrix_table
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AnalysedDiscreteGame(Result, Reported):
-    """Certified solution in discrete time, with the smallest delta."""
+    """Certified solution of a discrete-time game, and its smallest delta."""
 
     schema = "hfa.discrete-solution/1"
     made_by = "hfa solve, of a plant in discrete time"
@@ -35,12 +35,12 @@ class AnalysedDiscreteGame(Result, Reported):
 
     @property
     def delta_margin(self) -> float:
-        """delta / delta_min."""
+        """Return delta / delta_min."""
         return self.delta_min.margin(self.solution.game.delta)
 
     @property
     def closed_loop_eigenvalues(self) -> Roots:
-        """Eigenvalues of A - B K in discrete time."""
+        """Return the eigenvalues of A - B K, (n,), in discrete time."""
         step = self.solution.game
         return np.linalg.eigvals(step.A - step.B @ self.solution.K)
 
@@ -48,19 +48,22 @@ class AnalysedDiscreteGame(Result, Reported):
 def analyse_discrete(
     problem: DiscreteGame, progress: Progress | None = None
 ) -> AnalysedDiscreteGame:
-    """Return the certified solution of a game in discrete time, and its smallest delta.
+    """Return the certified solution of a discrete-time game, and its smallest delta.
 
     progress: called during the search for the smallest delta
 
-    Raises NoSolutionError where `solve_discrete` raises it.
+    Raises NoSolutionError if no solution is certified (`solve_discrete`).
     """
     solution = solve_discrete(problem, progress)
     return AnalysedDiscreteGame(solution, minimum_delta_discrete(problem, progress))
 
 
 def discrete_report(analysed: AnalysedDiscreteGame) -> Report:
-    """Return the report of a solution: P, K, the checks of its certificate and the spectral radii
-    of A - B K and of sqrt(discount) (A - B K)."""
+    """Return the report of a solution.
+
+    It contains P, K, the checks of the certificate and the spectral radii of A - B K and of
+    sqrt(discount) (A - B K).
+    """
     solution = analysed.solution
     states = solution.names.states
     inputs = solution.names.inputs

@@ -1,4 +1,4 @@
-"""The exact solution of a game in discrete time, by two derivations, with a certificate."""
+"""Exact solution of a discrete-time game by two derivations, with a certificate."""
 
 from __future__ import annotations
 
@@ -42,15 +42,12 @@ FAINT_REACH = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscreteSolution(Reported):
-    """The value x'P x of a game in discrete time, its policies u = -K x and w = L x.
+    """Certified solution of a discrete-time game.
 
-    P: (n, n), value x'P x
-    K: (m, n), gain, u = -K x
-    disturbance_gain: L, (k, n), of the worst disturbance w = L x
-    problem: the game
-    certificate: the tests that hold
-    radius: the spectral radius of A - B K, which decides whether the policy stabilizes
-    discounted_radius: spectral radius of sqrt(discount) (A - B K), on which the cost depends
+    P: (n, n), of the value x'P x K: (m, n), of the policy u = -K x disturbance_gain: L, (k, n), of
+    the worst disturbance w = L x problem: the game certificate: the tests that were passed radius:
+    spectral radius of A - B K; the policy stabilizes if it is below 1 discounted_radius: spectral
+    radius of sqrt(discount) (A - B K); the cost is finite if it is below 1
     """
 
     P: Matrix
@@ -63,35 +60,37 @@ class DiscreteSolution(Reported):
 
     @property
     def game(self) -> Game:
-        """A, B, E, Q, R, delta of one step of time."""
+        """Return A, B, E, Q, R and delta of one step."""
         return self.problem.step
 
     @property
     def names(self) -> PlantNames:
-        """Names of the states and inputs."""
+        """Return the names of the states and inputs."""
         return self.game.names
 
     @property
     def discount(self) -> float:
-        """Factor α of a step."""
+        """Return the discount α of one step."""
         return self.problem.discount
 
     @property
     def H(self) -> Matrix:
-        """The Q-function over (x, u, w), `DiscreteGame.q_function`."""
+        """Return the matrix of the Q-function over (x, u, w) (`DiscreteGame.q_function`)."""
         return self.problem.q_function(self.P)
 
 
 def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
-    """Return the game with steps of dt seconds, in which u and w are held.
+    """Return a continuous-time game, sampled with constant u and w over each step of dt seconds.
 
-    A step costs dt (x'Qx + u'Ru - δ² w'w) at its beginning.
+    The cost of a step is dt (x'Qx + u'Ru - δ² w'w) at its beginning. The weights of the step are
+    therefore Q dt and R dt, and its delta is √dt δ.
 
     The first n rows of exp([[A, A, B, E], [0, 0, 0, 0]] dt) are [exp(A dt), exp(A dt) - I, B_s,
-    E_s], with B_s and E_s those of the step. The second block has no cancellation, so that A_s = I
-    + (exp(A dt)
-    - I) keeps twice the digits. The weights of the step are Q dt and R dt, its delta √dt δ. Source:
-    Franklin, Powell and Workman, Digital Control of Dynamic Systems, Section 4.3.
+    E_s], with B_s and E_s the matrices of the step. The second block is computed without
+    cancellation. A_s is stored as I plus this block, in twice the digits. Source: Franklin, Powell
+    and Workman, Digital Control of Dynamic Systems, Section 4.3.
+
+    Raises BadInputError if dt is not positive.
     """
     from scipy.linalg import expm
 
@@ -110,9 +109,11 @@ def sampled(game: Game, dt: float, discount: float = 1.0) -> DiscreteGame:
 def solve_discounted(game: Game, discount: float, dt: float | None = None) -> DiscreteSolution:
     """Return the certified solution of a discounted game.
 
-    game: in discrete time, or with dt in continuous time
+    game: in discrete time if dt is None, otherwise in continuous time
     discount: discount of one step
-    dt: sample time with which `sampled` converts the game, s
+    dt: sample time with which a continuous-time game is sampled, s
+
+    Raises NoSolutionError if no solution is certified (`solve_discrete`).
     """
     return solve_discrete(
         DiscreteGame(game, discount) if dt is None else sampled(game, dt, discount)
@@ -120,19 +121,20 @@ def solve_discounted(game: Game, discount: float, dt: float | None = None) -> Di
 
 
 def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DiscreteSolution:
-    """Solve a game in discrete time exactly and certify the solution.
+    """Solve a discrete-time game exactly and certify the solution.
 
-        P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),
-        G = [B E],  W = blkdiag(R, -δ² I)
+      P = Q + α A'P A - (α A'P G + [N 0]) (W + α G'P G)⁻¹ (α G'P A + [N 0]'),
+      G = [B E],  W = blkdiag(R, -δ² I)
 
-    The saddle point exists where δ² I - α E'P E > 0 and P >= 0. The eigenvalues of √α (A - B K + E
-    L) and of √α (A - B K) must be within the unit circle.
-
-    progress: called by the search for the smallest delta, where there is no solution
-
-    Raises NoSolutionError. Its message names the mode that rules out a solution at any delta, or
-    the test that fails, with the smallest delta. Source: Basar and Bernhard, H-infinity Optimal
+    A saddle point requires δ² I - α E'P E > 0 and P >= 0. The eigenvalues of √α (A - B K + E L) and
+    of √α (A - B K) must be inside the unit circle. Source: Basar and Bernhard, H-infinity Optimal
     Control, Theorem 3.7, for √α A, √α B, √α E.
+
+    progress: called during the search for the smallest delta, which is needed only if there is no
+      solution
+
+    Raises NoSolutionError if there is none. The message names the mode that excludes a solution at
+    any delta, or the failed test and the smallest delta.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
@@ -160,9 +162,9 @@ def solve_discrete(problem: DiscreteGame, progress: Progress | None = None) -> D
 
 
 def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = None) -> DeltaMin:
-    """Return the smallest δ of a game in discrete time, by bisection on the tests of P.
+    """Return the smallest δ for which a discrete-time game has a solution, by bisection.
 
-    It does not depend on the game's own δ.
+    It does not depend on the δ of the game. Raises NoSolutionError if no δ permits a solution.
     """
     form = StepForm.of_problem(problem)
     _refuse_unreached(problem, form)
@@ -170,9 +172,9 @@ def minimum_delta_discrete(problem: DiscreteGame, progress: Progress | None = No
 
 
 def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
-    """Return P and K, neither refined nor certified, for a search.
+    """Return P and K without refinement and without a certificate, for use in a search.
 
-    Raises NoSolutionError where none exists.
+    Raises NoSolutionError if no solution exists.
     """
     form = StepForm.unbalanced(problem)
     X = unrefined(form.equivalent)
@@ -181,22 +183,23 @@ def quick_discrete(problem: DiscreteGame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def value_checks(problem: DiscreteGame, P: np.ndarray) -> tuple[Check, ...]:
-    """Return the tests of a P, (n, n), of a game in discrete time: Bellman's equation, signs,
-    loops."""
+    """Return the tests of a given P, (n, n): Bellman's equation, signs and closed loops."""
     form = StepForm.of_problem(problem)
     back = np.linalg.inv(form.T)
     return _checks(form, back.T @ P @ back)
 
 
 def bellman_residual(problem: DiscreteGame, P: np.ndarray) -> float:
-    """Residual of Bellman's equation at P, (n, n), relative to its terms."""
+    """Return the residual of Bellman's equation at P, (n, n), relative to its terms."""
     return value_checks(problem, P)[0].value
 
 
 class _Certified(NamedTuple):
-    """Certified X, (n, n), of a step.
+    """Certified solution of a step in normal form.
 
-    form: the step in the coordinates in which X is accurate.
+    X: (n, n)
+    form: the step, in the coordinates in which X is accurate
+    certificate: the tests that X passed
     """
 
     X: np.ndarray
@@ -205,12 +208,11 @@ class _Certified(NamedTuple):
 
 
 def _certified(form: StepForm) -> _Certified:
-    """Return the certified X of a step, from the Schur form of the equivalent in continuous time.
+    """Return the certified X of a step, computed by the Schur form of the equivalent
+    continuous-time game.
 
-    Its certificate contains the tests of X in discrete time, and the agreement with refined
-    doubling.
-
-    Raises NoSolutionError when a test fails or a matrix that must be inverted is singular.
+    The certificate contains the discrete-time tests of X and the agreement with refined doubling.
+    Raises NoSolutionError if a test fails or a matrix to be inverted is singular.
     """
     try:
         form = form.turned()
@@ -227,7 +229,7 @@ def _certified(form: StepForm) -> _Certified:
 
 
 def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
-    """Return the tests of X alone: Bellman's equation, signs, both closed loops."""
+    """Return the tests of X: Bellman's equation, Newton correction, signs and both closed loops."""
     gains = form.policies(X)
     size = float(largest(X)) or 1.0
     loop = form.A - form.B @ gains.K
@@ -258,7 +260,7 @@ def _checks(form: StepForm, X: np.ndarray) -> tuple[Check, ...]:
 
 
 def _gain_check(radius: float) -> Check:
-    """Return the check that the returned K stabilizes, in the user's coordinates.
+    """Return the check that the gain K stabilizes, in the user's coordinates.
 
     radius: spectral radius of sqrt(discount) (A - B K)
     """
@@ -267,10 +269,11 @@ def _gain_check(radius: float) -> Check:
 
 
 def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
-    """Raise NoSolutionError where no input reaches a mode of sqrt(discount) A that does not decay.
+    """Raise NoSolutionError if no input reaches some mode of sqrt(discount) A that does not decay.
 
-    The test uses the user's A and B, because in A - B R⁻¹ N' rounding reaches every mode. Where N
-    is not 0, a reach below `FAINT_REACH` is regarded as none, because P would have no digits.
+    The test uses the user's A and B, because rounding of A - B R⁻¹ N' couples every mode to the
+    inputs. If N is not 0, a mode whose coupling is below `FAINT_REACH` is refused too, because P
+    would have no correct digits.
     """
     root = math.sqrt(problem.discount)
     A = form.T @ (root * problem.step.A) @ np.linalg.inv(form.T)
@@ -285,12 +288,12 @@ def _refuse_unreached(problem: DiscreteGame, form: StepForm) -> None:
 
 
 def _not_shrinking(values: np.ndarray) -> np.ndarray:
-    """Return the nearest eigenvalues on the unit circle or outside it."""
+    """Return the nearest points on or outside the unit circle to the eigenvalues."""
     return values / np.minimum(np.abs(values), 1.0)
 
 
 def _unreached(value: complex) -> str:
-    """Return the sentence that no input reaches the mode of an eigenvalue."""
+    """Return the message that no input reaches the mode with this eigenvalue."""
     return (
         f"no input reaches the {_mode_text(value)} of sqrt(discount) A, which does not decay;"
         " change B or lower the discount"
@@ -298,13 +301,16 @@ def _unreached(value: complex) -> str:
 
 
 def _mode_text(value: complex) -> str:
-    """Return "mode with eigenvalue 1.1 ± 0.2i"."""
+    """Return a text such as "mode with eigenvalue 1.1 ± 0.2i"."""
     text = f"mode with eigenvalue {value.real:.4g}"
     return f"{text} ± {abs(value.imag):.4g}i" if value.imag else text
 
 
 def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
-    """Return the smallest δ, by bisection of log δ on `_existence`."""
+    """Return the smallest δ, found by bisection of log δ with `_existence`.
+
+    Raises NoSolutionError with the reason if there is no solution even for δ = inf.
+    """
     without = form.with_delta(math.inf)
     try:
         X, accurate, _ = _certified(without)
@@ -323,8 +329,10 @@ def _smallest_delta(form: StepForm, progress: Progress | None) -> DeltaMin:
 
 
 def _existence(form: StepForm) -> Answer:
-    """Return whether a step has a value: where its equivalent game in continuous time has one and
-    δ² I - E'P E > 0."""
+    """Return whether a step has a value, or that rounding hides it, with the reason.
+
+    A value exists if the equivalent continuous-time game has one and δ² I - α E'P E > 0.
+    """
     try:
         answer = existence(form.equivalent)
         if not answer.exists:
@@ -345,9 +353,11 @@ def _existence(form: StepForm) -> Answer:
 
 
 def _obstacle(form: StepForm, failure: str) -> str:
-    """Return the reason why no solution without disturbance exists, as one line.
+    """Return one line on why no solution exists even without disturbance.
 
-    failure: failed test of the certificate.
+    It names a mode if one is the cause, and otherwise the failed test.
+
+    failure: failed test of the certificate
     """
     size = float(np.linalg.norm(form.A, 2)) or 1.0
     for value in np.linalg.eigvals(form.A):
@@ -365,5 +375,5 @@ def _obstacle(form: StepForm, failure: str) -> str:
 
 
 def _radius(matrix: np.ndarray) -> float:
-    """Return the largest |λ| of the eigenvalues."""
+    """Return the spectral radius of a matrix."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())

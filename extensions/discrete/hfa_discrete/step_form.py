@@ -1,4 +1,6 @@
-"""Normal form of a step in discrete time, and the game in continuous time with equal X."""
+"""Normal form of a discrete-time step, and the equivalent continuous-time game, which has the same
+X.
+"""
 
 from __future__ import annotations
 
@@ -30,20 +32,23 @@ SHOWN = 1e-6
 
 
 class NoValueError(NoSolutionError):
-    """Error of a game without value, for which a disturbance with a gain above δ is known."""
+    """Raised for a game without a value, when a disturbance with a gain above δ is known."""
 
 
 class Policies(NamedTuple):
-    """K of u = -K y, (m, n), and L of w = L y, (k, n), in normal form."""
+    """Gains in normal form: K (m, n) of u = -K y, and L (k, n) of w = L y."""
 
     K: np.ndarray
     L: np.ndarray
 
 
 class NewtonStep(NamedTuple):
-    """Newton step at X: the residual, and the correction Z = F'Z F + residual.
+    """Newton step at X.
 
-    `residual` + X = Q + K'K - L'L + F'X F, in which errors of K and L enter only quadratically.
+    residual: Q + K'K - L'L + F'X F - X, in which errors of K and L enter only quadratically
+    correction: Z, the solution of Z = F'Z F + residual
+
+    F is the closed loop of both policies.
     """
 
     residual: np.ndarray
@@ -52,19 +57,22 @@ class NewtonStep(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StepForm(NormalForm):
-    """Equation X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A, G = [B E], W = blkdiag(I, -I), of one
-    game.
+    """Discrete-time Riccati equation of a game in normal form, in the coordinates y = T x.
 
-    The coordinates are y = T x.
+      X = Q + A'X A - A'X G (W + G'X G)⁻¹ G'X A,  G = [B E],  W = blkdiag(I, -I)
 
-    low: (n, n), the rounding error of A, which matters for fast sampling, where A is nearly I
+    low: (n, n), rounding error of A, which matters for fast sampling, where A is nearly I
     """
 
     low: np.ndarray
 
     @classmethod
     def of_problem(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form of a game of equal value, without discount and cross weights."""
+        """Return the step form of a game, balanced, with discount and cross weights transformed
+        away.
+
+        The value is unchanged.
+        """
         form = cls.unbalanced(problem)
         with suppress(NoSolutionError):  # said where the step is solved
             game = form.with_delta(math.inf).equivalent
@@ -73,7 +81,9 @@ class StepForm(NormalForm):
 
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
-        """Return `of_problem` in the units of the matrices of a step, for a search."""
+        """Return the step form without the balancing that needs the equivalent game, for use in a
+        search.
+        """
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)
         rounded_off = float(Fraction(problem.discount) - Fraction(root) ** 2) / (2.0 * root)
@@ -94,7 +104,10 @@ class StepForm(NormalForm):
         )
 
     def _scaled(self, D: np.ndarray) -> Self:
-        """Return the game in the coordinates D y, exactly. D: (n,), powers of two"""
+        """Return the game in the coordinates D y, without rounding.
+
+        D: (n,), powers of two
+        """
         factors = D[:, None] / D
         return replace(
             self,
@@ -107,26 +120,31 @@ class StepForm(NormalForm):
         )
 
     def _turned_by(self, W: np.ndarray, D: np.ndarray) -> Self:
-        """Return the game in the coordinates D W'y, with twice the digits for A."""
+        """Return the game in the coordinates D W'y, with A in twice the digits.
+
+        W: (n, n), orthogonal
+        D: (n,), scales
+        """
         A, low = similar((self.A, self.low), W, D)
         return replace(super()._turned_by(W, D), A=A, low=low)
 
     @cached_property
     def hamiltonian(self) -> np.ndarray:
-        """Hamiltonian of the game in continuous time with equal X, (2n, 2n)."""
+        """Return the Hamiltonian, (2n, 2n), of the equivalent continuous-time game."""
         return self.equivalent.hamiltonian
 
     @cached_property
     def equivalent(self) -> NormalForm:
-        """The game in continuous time with the same X.
+        """Return the continuous-time game with the same X.
 
-        Its state is (y + y⁺)/√2 and moves at (y⁺ - y)/√2, which is z = (1 + s)/(1 - s). The value
-        y'X y grows by y⁺'X y⁺ - y'X y in both. In signals of alternating sign the step has -A, -B
-        and -E, and the same X. Of the two games the slower one is used, so that no mode is near the
-        pole of the map, z = -1 or 1.
+        Its state is (y + y⁺)/√2, with the rate (y⁺ - y)/√2. This is the map z = (1 + s)/(1 - s). In
+        both games, the value y'X y increases by y⁺'X y⁺ - y'X y. In signals of alternating sign,
+        the step has the matrices -A, -B and -E and the same X. Of the two equivalent games, the one
+        with the smaller Hamiltonian is returned, so that no mode is near the pole of the map, z =
+        -1 or 1.
 
-        Raises NoSolutionError where every loop has a mode at both. Raises NoValueError where a
-        disturbance of constant or alternating sign gains more than δ against every input.
+        Raises NoSolutionError if every closed loop has modes at both poles. Raises NoValueError if
+        a disturbance of constant or alternating sign has a gain above δ for every input.
         """
         games = []
         for sign in (1.0, -1.0):
@@ -139,13 +157,14 @@ class StepForm(NormalForm):
         return _of_rates_near_one(min(games, key=_size))
 
     def _at_pole(self, sign: float) -> NormalForm:
-        """Return the equivalent by the map with its pole at z = -sign.
+        """Return the equivalent continuous-time game by the map with its pole at z = -sign.
 
-        With r = √2 ξ - E w, the equation (A + I) y + B u = r holds for the new state ξ. Of all such
-        [u; y] = Y r + Z v the least |u|² + |C y|², C'C = Q, is |M r|². The part that v adds to it
-        is the new input.
+        Let r = √2 ξ - E w, with the new state ξ. Then (A + I) y + B u = r, where A and B are
+        multiplied by `sign`. All solutions are [u; y] = Y r + Z v. The smallest |u|² + |C y|² of a
+        solution, C'C = Q, is |M r|². The new input is the part that v adds to this cost.
 
-        Raises np.linalg.LinAlgError where no equivalent exists.
+        Raises np.linalg.LinAlgError if no equivalent game exists. Raises NoValueError if |M E|
+        exceeds δ.
         """
         n = len(self.A)
         m = self.B.shape[1]
@@ -185,7 +204,7 @@ class StepForm(NormalForm):
         )
 
     def policies(self, X: np.ndarray) -> Policies:
-        """Return [K; -L] = (W + G'X G)⁻¹ G'X A."""
+        """Return the gains [K; -L] = (W + G'X G)⁻¹ G'X A of the policies for the value X."""
         m = self.B.shape[1]
         G = np.hstack([self.B, self.E])
         gains = np.linalg.solve(np.diag(self._signs) + G.T @ X @ G, G.T @ X @ self.A)
@@ -193,11 +212,11 @@ class StepForm(NormalForm):
 
     @property
     def _signs(self) -> np.ndarray:
-        """Diagonal of W, (m + k,)."""
+        """Return the diagonal of W, (m + k,)."""
         return np.repeat([1.0, -1.0], [self.B.shape[1], self.E.shape[1]])
 
     def gain(self, X: np.ndarray) -> np.ndarray:
-        """K of u = -K x in the user's coordinates, (m, n)."""
+        """Return K of u = -K x in the user's coordinates, (m, n)."""
         return np.linalg.solve(self.root.T, self.policies(X).K @ self.T)
 
     def disturbance_gain(self, X: np.ndarray) -> np.ndarray:
@@ -205,7 +224,7 @@ class StepForm(NormalForm):
         return self.policies(X).L @ self.T / self.delta
 
     def newton_step(self, X: np.ndarray) -> NewtonStep:
-        """Return the Newton step at X, with its residual computed with twice the digits."""
+        """Return the Newton step at X. Its residual is computed in twice the digits."""
         from scipy.linalg import solve_discrete_lyapunov
 
         gains = self.policies(X)
@@ -221,7 +240,10 @@ class StepForm(NormalForm):
         return NewtonStep(residual, np.asarray(Z + Z.T) / 2.0)
 
     def refined(self, X: np.ndarray) -> np.ndarray:
-        """Return X after Newton steps, repeated until they are rounding."""
+        """Return X after Newton steps, which end when the correction is as small as rounding.
+
+        At most `REFINEMENTS` steps are taken.
+        """
         for _ in range(REFINEMENTS):
             correction = self.newton_step(X).correction
             X = X + correction
@@ -231,14 +253,15 @@ class StepForm(NormalForm):
 
 
 def _size(form: NormalForm) -> float:
-    """Return the size of the Hamiltonian, rad/s, or 1 where it is 0."""
+    """Return the Frobenius norm of the Hamiltonian, or 1 if it is 0."""
     return float(np.linalg.norm(form.hamiltonian)) or 1.0
 
 
 def _of_rates_near_one(form: NormalForm) -> NormalForm:
-    """Return the game in another unit of time, a power of four, in which rates are near 1.
+    """Return the game with time in another unit, so that its rates are near 1.
 
-    Fast sampling makes rates tiny.
+    The unit is a power of four times the old one. With fast sampling, the rates would be very
+    small.
     """
     root = 2.0 ** -round(math.log(_size(form), 4.0))
     return replace(

@@ -1,4 +1,4 @@
-"""A plant in discrete time as a model, for simulations."""
+"""A discrete-time plant as a `Model`, for simulations."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hfa_support.errors import BadInputError
 
 
 def step_model(path: Path) -> Model:
-    """Return the model of a plant in discrete time, whose rates are the changes x⁺ - x of a step.
+    """Return the model of a discrete-time plant, whose rates are the changes x⁺ - x per step.
 
-    Raises BadInputError where the plant is in continuous time.
+    Raises BadInputError if the plant is in continuous time.
     """
     problem = stored_game(path).discrete
     if problem is None:

@@ -1,4 +1,4 @@
-"""The verdict on a game in discrete time does not depend on the last bits, or on the order, units
+"""Whether a discrete-time game has a solution does not depend on last bits, or on the order, units
 or axes of the states.
 """
 
@@ -16,7 +16,7 @@ KINDS = ("ordinary", "without weights", "cheap", "sampled", "near the circle", "
 
 
 def _problem(kind: str, seed: int) -> DiscreteGame:
-    """Return a random game of 1 to 5 states, δ = inf."""
+    """Return a random game of the given kind with 2 to 5 states and δ = inf."""
     rng = np.random.default_rng([31, KINDS.index(kind), seed])
     n = int(rng.integers(2, 6))
     A = rng.standard_normal((n, n))
@@ -46,8 +46,12 @@ def _verdict(problem: DiscreteGame) -> bool:
 
 
 def _changed(kind: str, seed: int, count: int) -> list[str]:
-    """Return the copies of a game at four δ with another verdict, or with a bracket of δ_min that
-    does not meet that of the game.
+    """Return a sentence for each copy of a game that is judged differently from the game itself.
+
+    At four values of δ, the copy must have a solution exactly if the game has one. The brackets of
+    δ_min of copy and game must overlap.
+
+    count: number of copies of each kind
     """
     problem = _problem(kind, seed)
     smallest = minimum_delta_discrete(problem)

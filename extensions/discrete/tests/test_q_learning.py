@@ -1,4 +1,4 @@
-"""Q-learning from recorded steps: the exact value, and refused inputs."""
+"""Q-learning from recorded steps: convergence to the exact value, and refusal of bad input."""
 
 import numpy as np
 import pytest

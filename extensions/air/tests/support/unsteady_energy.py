@@ -1,14 +1,15 @@
-"""The `unsteady` dynamics derived a second time, from the kinetic energy of the air that wings and
-tails carry and from the work of the loads. Positions are written down, and the rest is
-differentiated.
+"""A second derivation of the `unsteady` dynamics, from energies.
 
-    T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span
+It uses the kinetic energy of the air carried by wings and tails and the work of the loads. Only
+positions are given; velocities and accelerations follow by differentiation.
 
-w is the velocity of the mid-chord across the plate.
+  T_a = Σ [m w² + (m b²/8) ω_y² + (m span²/12) ω_x²] / 2,   m = π ρ b² span
 
-The Euler-Lagrange equations of T_a are Kirchhoff's, with the moment -v × (m w n) of a plate without
-circulation. The lift at the quarter chord already has that moment. It is subtracted here, with
-Theodorsen's -m u (b/2) ω_y.
+w is the velocity of the mid-chord normal to the plate.
+
+The Euler-Lagrange equations of T_a are Kirchhoff's. They contain the moment -v × (m w n) of a plate
+without circulation. The lift at the quarter chord already includes this moment, so it is
+subtracted here, together with Theodorsen's -m u (b/2) ω_y.
 """
 
 from __future__ import annotations
@@ -37,10 +38,12 @@ GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
 class Derived(NamedTuple):
-    """Rates of the seven states and of the lag states by name, and the energy balance.
+    """Rates by name, and the energy balance, of the second derivation.
 
-    The energy of aircraft and carried air is in ft lbf, and the power of all other loads in ft
-    lbf/s.
+    rates: rates of the seven states
+    lag_rates: rates of the lag states
+    energy: energy of aircraft and carried air, ft lbf
+    power: power of all loads that the energy does not include, ft lbf/s
     """
 
     rates: State
@@ -50,10 +53,10 @@ class Derived(NamedTuple):
 
 
 def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) -> Derived:
-    """Return the derived equations at a state and input by name (SX), as in
-    `hfa_air.unsteady.UNSTEADY`.
+    """Return rates, energy and power from the second derivation.
 
-    The drag depends on the speed through the air.
+    The arguments are named states and inputs (SX), as in `hfa_air.unsteady.UNSTEADY`. The drag
+    depends on the airspeed.
     """
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)
@@ -119,8 +122,10 @@ def derived_unsteady(x: Any, u: Any, density: Quantity, p: Any, winds: Winds) ->
 
 
 def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, Any, Any], ...]:
-    """Return strip, control angle, chord, downwash and three-quarter chord position of wing and
-    tail.
+    """Return a tuple for the wing and one for the tail of a panel.
+
+    Each contains: name of the strip, control angle (rad), chord (ft), downwash (rad), and distance
+    from the quarter chord of the wing back to the three-quarter chord of the strip (ft).
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     aileron = getattr(u, f"aileron_{name}") * p.aileron_lift / p.lift_slope
@@ -133,7 +138,9 @@ def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, A
 
 
 def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the velocity through the air, in panel axes, of a place in panel axes."""
+    """Return the velocity relative to the air, in panel axes, of the point `place`, given in panel
+    axes.
+    """
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
 
@@ -154,9 +161,11 @@ def _along_the_span(
     side: int,
     lag_rates: dict[str, Any],
 ) -> ca.SX:
-    """Return the work of a lift that grows from the middle of an outer panel to its tip.
+    """Return the generalized force (4,) of a lift that is 0 at the middle of an outer panel and
+    grows linearly to its tip.
 
-    The integral over the span uses Gauss's rule.
+    The integral over the span uses Gauss-Legendre quadrature. The rates of the lag states of the
+    tip are added to `lag_rates`.
     """
     flow = _flow(panel, 0, air, r, v)
     angle = -p.local_motion * v[3] * p.panel_span / 2 / flow.speed
@@ -178,8 +187,10 @@ def _along_the_span(
 def _carried(
     panel: Panel, air: ca.SX, density: Quantity, r: ca.SX, v: ca.SX, p: Any
 ) -> tuple[ca.SX, ca.SX]:
-    """Return the kinetic energy of the air that wing and tail carry, and the moments, in panel
-    axes, that replace Kirchhoff's.
+    """Return the kinetic energy of the air carried by wing and tail, and a correcting moment (3,)
+    in panel axes.
+
+    The moment cancels Kirchhoff's moment and adds Theodorsen's -m u (b/2) ω_y.
     """
     chord = ca.sqrt(p.tail_area / p.tail_aspect_ratio)
     energy = ca.SX(0)

@@ -18,7 +18,7 @@ from hfa_daveml.document import read_document
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DavemlRequest(OutputOptions):
-    """A DAVE-ML file."""
+    """Options of `hfa daveml`."""
 
     file: Path = option(
         "DAVE-ML file to check (docs/daveml.md)",
@@ -29,7 +29,9 @@ class DavemlRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return "", because the file contains the model."""
+        """Return {}: the provenance needs no entries besides the command line, which names the
+        file.
+        """
         return {}
 
 

@@ -1,4 +1,4 @@
-"""A 60-digit solution of a game in discrete time by value iteration in `decimal`."""
+"""Reference solution of a discrete-time game by value iteration in `decimal` arithmetic."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from hfa_discrete.discrete_game import DiscreteGame
 
 
 def reference_step_value(problem: DiscreteGame) -> np.ndarray:
-    """Return P of a game in discrete time, (n, n), by value iteration to 90 digits, rounded to
-    double.
+    """Return P of a discrete-time game, (n, n), by value iteration in `decimal`, rounded to double.
 
-    The game must have a value, and every state must have a cost. Each pass doubles the horizon:
+    The game must have a value, every state must have a cost, and N must be 0. Each pass doubles the
+    horizon:
 
-        A <- A M A, G <- G + A M G A', H <- H + A'H M A,   M = (I + G H)⁻¹
+      A <- A M A,  G <- G + A M G A',  H <- H + A'H M A,   M = (I + G H)⁻¹
 
-    It starts at A, G = B R⁻¹B' - E E'/δ² and H = Q. Source: Chu, Fan, Lin and Wang, Int. J. Control
-    77, 2004.
+    The initial values are A, G = B R⁻¹B' - E E'/δ² and H = Q. Source: Chu, Fan, Lin and Wang, Int.
+    J. Control 77, 2004.
     """
     step = problem.step
     with localcontext() as context:
