@@ -29,8 +29,8 @@ DEGREES = np.pi / 180
 
 
 def points(count: int, seed: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return random states (with lag states), inputs and winds, in ranges wider than those of any
-    trim.
+    """Return random states (with lag states), inputs and winds, in ranges wider than those of
+    any trim.
     """
     rng, (states, inputs) = np.random.default_rng(seed), random_points(count, seed)
     lags = rng.uniform(-0.3, 0.3, (count, len(LAG_STATES)))

@@ -279,7 +279,8 @@ def _number(expression: Any) -> float:
 
 
 def _standing() -> dict[str, float]:
-    """Return the motion for `_usual_speed`: 300 ft/s at sea level, alpha = `_ALPHA`, all others 0.
+    """Return the motion for `_usual_speed`: 300 ft/s at sea level, alpha = `_ALPHA`, all others
+    0.
     """
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}

@@ -85,7 +85,8 @@ def test_a_file_without_cases_verifies_nothing(tmp_path: Path) -> None:
 
 
 def test_the_aircraft_is_that_of_its_derivatives() -> None:
-    """Trim, A and B of examples/uav.dml (ft and lbf) equal those of examples/uav.toml (SI units).
+    """Trim, A and B of examples/uav.dml (ft and lbf) equal those of examples/uav.toml (SI
+    units).
     """
     table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
     file = hfa.load_model(str(UAV))

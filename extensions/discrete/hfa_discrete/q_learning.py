@@ -204,8 +204,8 @@ class _QLearner:
 
     @cached_property
     def _of_next_states(self) -> np.ndarray:
-        """Return the matrix (M, n(n+1)/2) from the weights of x'P x to the fitted weights of α x⁺'P
-        x⁺.
+        """Return the matrix (M, n(n+1)/2) from the weights of x'P x to the fitted weights of α
+        x⁺'P x⁺.
         """
         return self.problem.discount * self.inverse @ _products(self.steps.next_states)
 

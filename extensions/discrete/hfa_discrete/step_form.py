@@ -1,5 +1,5 @@
-"""Normal form of a discrete-time step, and the equivalent continuous-time game, which has the same
-X.
+"""Normal form of a discrete-time step, and the equivalent continuous-time game, which has the
+same X.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ class StepForm(NormalForm):
 
     @classmethod
     def unbalanced(cls, problem: DiscreteGame) -> StepForm:
-        """Return the step form without the balancing that needs the equivalent game, for use in a
-        search.
+        """Return the step form without the balancing that needs the equivalent game, for use in
+        a search.
         """
         step, _ = problem.without_cross_weights()
         root = math.sqrt(problem.discount)

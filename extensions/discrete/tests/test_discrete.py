@@ -79,7 +79,8 @@ def test_fast_sampling_without_discount_is_continuous_time():
 
 
 def test_sampling_integrates_the_held_input_and_scales_weights():
-    """A sampled double integrator has the textbook A and B, weights times dt, and delta times √dt.
+    """A sampled double integrator has the textbook A and B, weights times dt, and delta times
+    √dt.
     """
     step = sampled(
         Game([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[2.0]], 3.0), 0.5
@@ -183,7 +184,8 @@ def test_a_discounted_solution_says_whether_it_stabilizes():
 @pytest.mark.parametrize("delta", [np.inf, 30.0])
 @pytest.mark.parametrize("discount", [1.0, 0.95])
 def test_cross_weights_and_the_q_function(delta, discount):
-    """With cross weights, the solution satisfies Bellman's equation, and P, K and L follow from H.
+    """With cross weights, the solution satisfies Bellman's equation, and P, K and L follow from
+    H.
     """
     rng = np.random.default_rng(3)
     step = _game(1, delta=delta)

@@ -138,8 +138,8 @@ def _surfaces(name: str, x: Any, u: Any, p: Any) -> tuple[tuple[str, Any, Any, A
 
 
 def _velocity_at(panel: Panel, place: ca.SX, air: ca.SX, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the velocity relative to the air, in panel axes, of the point `place`, given in panel
-    axes.
+    """Return the velocity relative to the air, in panel axes, of the point `place`, given in
+    panel axes.
     """
     return panel.axes.T @ (ca.jtimes(panel.position + panel.axes @ place, r, v) - air)
 
