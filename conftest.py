@@ -1,4 +1,4 @@
-"""Environment of the tests, and the fixtures of all packages in the processes that run tests."""
+"""Pytest configuration: load the shared fixtures in the processes that run tests."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load the fixtures, except in a process that only starts workers.
+    """Load the shared fixtures, except in the controller process of pytest-xdist.
 
-    Such a process needs no fixtures, whose imports take a second.
+    The controller runs no tests, and importing the fixtures takes a second.
     """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         config.pluginmanager.import_plugin("shared_fixtures")

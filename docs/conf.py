@@ -1,6 +1,6 @@
 """Sphinx configuration.
 
-Pages of commands, formats and public names are generated from the code at every build.
+The pages of commands, formats, parts, notebooks and public names are generated at every build.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 
 def commands_page() -> str:
-    """Return the complete help of every command."""
+    """Return a Markdown page with the complete help of every command."""
     aircraft = hfa.aircraft()
     parts = ["# Commands"]
     for name, entry in commands().items():
@@ -69,7 +69,7 @@ def commands_page() -> str:
 
 
 def generate() -> None:
-    """Write the generated pages anew."""
+    """Delete the folder of generated pages and write all of them again."""
     shutil.rmtree(GENERATED, ignore_errors=True)
     GENERATED.mkdir()
     pages = {
@@ -90,7 +90,7 @@ generate()
 
 
 def setup(app: Any) -> None:
-    """Register plain docstrings, and links to files of the repository that are not pages."""
+    """Connect the functions that convert docstrings and remove links without a target."""
     app.connect("autodoc-process-docstring", docstrings.read)
     app.connect("source-read", _without_links_to_the_repository)
     app.connect("build-finished", _without_dead_links_back)
@@ -101,7 +101,10 @@ def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -
 
 
 def _without_dead_links_back(app: Any, error: Exception | None) -> None:
-    """Remove links of the source pages to entries that the reference has under another name."""
+    """Remove the links from source pages to anchors that do not exist in the reference.
+
+    Nothing is done if the build failed.
+    """
     if error is not None:
         return
     anchors: dict[Path, set[str]] = {}

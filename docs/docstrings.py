@@ -1,7 +1,7 @@
-"""Conversion of docstrings, which are plain text, to the format of Sphinx.
+"""Conversion of plain-text docstrings to the markup of Sphinx.
 
-A line "name: text" that names an argument becomes that parameter's text. One that names an
-attribute of a class becomes the text of the attribute's own entry.
+A line "name: text" becomes the description of that parameter if the function has one of this name.
+In the docstring of a class, it becomes the description of the attribute.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ _ENTRY = re.compile(r"^(?!Source)(?P<names>[A-Za-z]\w*(\(.*\))?(, \w+)*): +(?P<t
 
 
 def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list[str]) -> None:
-    """Rewrite the lines of a docstring (`autodoc-process-docstring`)."""
+    """Convert the lines of one docstring in place (Sphinx event `autodoc-process-docstring`).
+
+    kind: "attribute", "class", "function" or "method"
+    value: the documented object
+    """
     if kind == "attribute":
         lines[:] = escaped(lines)
         return
@@ -44,7 +48,10 @@ def read(_app: Any, kind: str, name: str, value: Any, _options: Any, lines: list
 
 
 def describe_attributes(owner: type) -> None:
-    """Give Sphinx the text of each attribute, as if it were in a comment at its definition."""
+    """Register the description of each attribute of a class with Sphinx.
+
+    Sphinx otherwise reads these descriptions from comments above the attributes.
+    """
     comments = ModuleAnalyzer.for_module(owner.__module__).find_attr_docs()
     text = entries_of((inspect.getdoc(owner) or "").splitlines())
     if owner is Parameters:
@@ -56,9 +63,10 @@ def describe_attributes(owner: type) -> None:
 
 
 def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
-    """Yield (names, lines) of each part. An entry "name: text" has names, and prose has none.
+    """Yield (names, lines) for each part of a docstring.
 
-    A continuation of an entry is indented deeper than the entry.
+    A part is an entry "name, name: text" or prose. The names of prose are an empty list. The
+    continuation lines of an entry are indented deeper than its first line.
     """
     names: list[str] = []
     lines: list[str] = []
@@ -78,18 +86,18 @@ def entries_of(text: list[str]) -> Iterator[tuple[list[str], list[str]]]:
 
 
 def _parted(lines: list[str]) -> tuple[list[str], list[str]]:
-    """Return (text, examples). The examples begin with the first `>>>`."""
+    """Return (text, examples), split before the first line that begins with `>>>`."""
     begin = next((i for i, line in enumerate(lines) if line.startswith(">>>")), len(lines))
     return lines[:begin], lines[begin:]
 
 
 def _members(owner: type) -> set[str]:
-    """Return the attributes that a class and its bases declare."""
+    """Return the names of the annotated attributes of a class and its bases."""
     return {name for base in owner.__mro__ for name in inspect.get_annotations(base)}
 
 
 def _parameters(routine: Any) -> dict[str, list[str]]:
-    """Return parameter -> its text, which is empty at first."""
+    """Return parameter name -> [""], without `self` and `cls`."""
     names = [name for name in inspect.signature(routine).parameters if name not in ("self", "cls")]
     return {name: [""] for name in names}
 
@@ -99,7 +107,10 @@ def _indented(head: str, lines: list[str]) -> list[str]:
 
 
 def escaped(lines: list[str]) -> list[str]:
-    """Escape text outside of backquotes that reStructuredText would interpret as markup."""
+    r"""Escape the characters *, |, _ and \ outside of backquotes.
+
+    reStructuredText would interpret them as markup.
+    """
     parts = (re.split(r"(`[^`]*`)", line) for line in lines)
     return [
         "".join(

@@ -1,4 +1,4 @@
-"""The page of formats of the documentation, from the classes of results."""
+"""Generator of the documentation page on file formats, from the classes of results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ in a column of units. The first row of its last column, `about`, names the sourc
 
 
 def formats_page() -> str:
-    """Return a table of keys for each output, then for the parts that outputs share."""
+    """Return a Markdown page with a table of keys for each output and each shared type."""
     definitions = formats()["$defs"]
     outputs = [entry["$ref"].rpartition("/")[2] for entry in formats()["oneOf"]]
     parts = [_HEAD]
@@ -51,7 +51,7 @@ def _keys(what: dict[str, Any]) -> str:
 
 
 def _kind(each: dict[str, Any]) -> str:
-    """Return the kind of a value in words."""
+    """Return the type described by a JSON schema in words, for example "list of number"."""
     if "$ref" in each:
         return str(each["$ref"].rpartition("/")[2])
     if "const" in each or "enum" in each:

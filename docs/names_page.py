@@ -1,4 +1,4 @@
-"""The pages of the reference: every public name of a package, the most used first."""
+"""Generator of the reference pages: one page of public names for each package."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ PACKAGES = {
 
 
 def names_of(package: str) -> list[str]:
-    """Return the public names of a package, from its stub, the most used in examples first."""
+    """Return the public names in the stub of a package, ordered by `users`, the largest count
+    first.
+    """
     names = [
         alias.asname or alias.name for statement in imports_of(package) for alias in statement.names
     ]
@@ -43,7 +45,7 @@ def names_of(package: str) -> list[str]:
 
 
 def imports_of(package: str) -> list[ast.ImportFrom]:
-    """Return the imports of names, not of modules, in the stub of a package."""
+    """Return the statements "from MODULE import NAME" in the stub of a package."""
     folder = Path(inspect.getfile(importlib.import_module(package))).parent
     stub = ast.parse((folder / "__init__.pyi").read_text("utf-8"))
     return [entry for entry in stub.body if isinstance(entry, ast.ImportFrom) and entry.module]
@@ -51,7 +53,7 @@ def imports_of(package: str) -> list[ast.ImportFrom]:
 
 @cache
 def users() -> Counter[str]:
-    """Return name -> number of documents and examples that call it in their code."""
+    """Return name -> number of documents and examples with a call of this name in their code."""
     code = [path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py")]
     for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         blocks = re.findall(r"^```python\n(.*?)^```$", path.read_text("utf-8"), re.M | re.S)
@@ -63,12 +65,16 @@ def users() -> Counter[str]:
 
 
 def value_of(package: str, name: str) -> object:
-    """Return the object of a public name."""
+    """Return the object that a package exports under this name."""
     return getattr(importlib.import_module(package), name)
 
 
 def names_page(package: str) -> str:
-    """Return a table of the names with their first sentences, then their entries."""
+    """Return the reference page of a package.
+
+    The page contains a table of the names with their first sentences, an entry for each name, and
+    an entry for each class in `results`.
+    """
     names = names_of(package)
     rows = [_row(package, name) for name in names]
     entries = [_entry(package, name) for name in names]
@@ -88,7 +94,11 @@ def _restructured(parts: list[str]) -> str:
 
 @cache
 def results() -> dict[str, list[type]]:
-    """Return package -> classes that its functions return and that have no public name."""
+    """Return package -> classes in the return annotations of its functions that have no public
+    name.
+
+    Each class is listed once, under the first package whose functions return it.
+    """
     known = [value_of(package, name) for package in PACKAGES for name in names_of(package)]
     found: dict[str, list[type]] = {package: [] for package in PACKAGES}
     for package in PACKAGES:
@@ -112,7 +122,10 @@ def _row(package: str, name: str) -> str:
 
 
 def _text(package: str, name: str) -> list[str]:
-    """Return the lines of a docstring, or for a constant those of the comment above it."""
+    """Return the lines of the docstring of a class or routine.
+
+    For a constant, return the lines of the comment above its definition.
+    """
     value = value_of(package, name)
     if isinstance(value, type) or inspect.isroutine(value):
         return (inspect.getdoc(value) or "").splitlines()

@@ -1,4 +1,4 @@
-"""The pages of the notebooks: code and stored outputs, with tables and pictures as in Jupyter."""
+"""Generator of documentation pages from executed notebooks, with code, tables and pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _PICTURE = '<img alt="Figure drawn by the code above" src="data:image/png;base64
 
 
 def notebook_page(path: Path) -> str:
-    """Return an executed notebook as Markdown."""
+    """Return the executed notebook at `path` as Markdown."""
     parts = []
     for cell in json.loads(path.read_text("utf-8"))["cells"]:
         source = "".join(cell["source"])
@@ -23,7 +23,10 @@ def notebook_page(path: Path) -> str:
 
 
 def _shown(output: dict[str, Any]) -> str:
-    """Return one output: its HTML if it has some, else its picture, else its text."""
+    """Return one output of a cell as a Markdown block.
+
+    A PNG picture is preferred to HTML, and HTML to text.
+    """
     data = {kind: "".join(content) for kind, content in output.get("data", {}).items()}
     html = data.get("text/html", "")
     if "image/png" in data:

@@ -1,4 +1,4 @@
-"""The page of the parts of commands, from the installed entry points of `hfa.parts`."""
+"""Generator of the documentation page on command parts, from the entry points of `hfa.parts`."""
 
 from __future__ import annotations
 
@@ -44,13 +44,16 @@ MODULES = {
 
 
 def parts_page() -> str:
-    """Return a Markdown page: the signature of every installed part, in the order of names."""
+    """Return a Markdown page with the signature of every installed part, sorted by name."""
     lines = [f"{name}{signature_of(part)}" for name, part in sorted(functions().items())]
     return "\n".join([_HEAD, "```text", *lines, "```", ""])
 
 
 def functions() -> dict[str, Callable[..., Any]]:
-    """Return name -> function of every installed part."""
+    """Return name -> function of every installed part, including the checks for nonlinear critics.
+
+    Each function that `MODULES` lists for a part that is a module is named "part.function".
+    """
     parts = {name: loaded(offer) for name, offer in offered(PARTS).items()}
     judges = {name: loaded(offered(CRITICS)[name]) for name in ("nonlinear", "nonlinear.steps")}
     of_modules = {
@@ -62,7 +65,7 @@ def functions() -> dict[str, Callable[..., Any]]:
 
 
 def signature_of(function: Callable[..., Any]) -> str:
-    """Return the signature of a function, with annotations as they are written."""
+    """Return the signature of a function, with annotations as written in its source."""
     signature = inspect.signature(function)
     parameters = [
         parameter.replace(annotation=_Written(parameter.annotation))
@@ -73,7 +76,7 @@ def signature_of(function: Callable[..., Any]) -> str:
 
 
 class _Written(str):
-    """An annotation that is shown without quotes."""
+    """Annotation text whose representation has no quotes."""
 
     def __repr__(self) -> str:
         return str(self)

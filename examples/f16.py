@@ -1,8 +1,10 @@
-"""The F-16 of Stevens and Lewis, with tables and engine: hfa trim --aircraft examples/f16.py:F16
+"""The F-16 of Stevens and Lewis, with aerodynamic tables and engine dynamics.
+
+    hfa trim --aircraft examples/f16.py:F16
 
 B. L. Stevens, F. L. Lewis, E. N. Johnson, Aircraft Control and Simulation, 3rd ed., 2016,
-Section 3.5 and Appendix A. Feet, slugs, pounds and radians. As in the book, control surfaces are in
-degrees and the throttle runs from 0 to 1.
+Section 3.5 and Appendix A. Units: ft, slug, lbf and rad. As in the book, control surfaces are in
+degrees and the throttle ranges from 0 to 1.
 """
 
 import casadi as ca
@@ -185,7 +187,7 @@ TABLES = """
 
 
 def read_tables(text):
-    """Return the tables of a text as a list of matrices."""
+    """Return the tables in a text, which are separated by blank lines, as a list of matrices."""
     return [
         np.array([row.split() for row in table.split("\n")], dtype=float)
         for table in text.strip().split("\n\n")
@@ -193,7 +195,10 @@ def read_tables(text):
 
 
 def odd_in_sideslip(half):
-    """Return the table from -30 to 30 deg of sideslip; it is odd, without a kink at 0."""
+    """Return the table for sideslip from -30 to 30 deg, extended as an odd function.
+
+    half: table for sideslip from 0 to 30 deg, in columns
+    """
     return np.hstack([-half[:, :0:-1], half])
 
 
@@ -213,14 +218,17 @@ MAXIMUM_THRUST = TABLE[11]
 
 
 def weights(x, first, last, count):
-    """Return the weight of each of `count` evenly spaced knots in a linear interpolation at x.
+    """Return the weights of `count` evenly spaced knots in a linear interpolation at x.
 
-    The interpolation continues with the outermost slopes beyond both ends.
+    first, last: positions of the outermost knots; beyond them the interpolation is extrapolated
+    linearly
     """
     knots = np.linspace(first, last, count)
 
     def basis(at):
-        """Return the constant, the line and a ramp from each inner knot."""
+        """Return the basis functions at this point: 1, the distance from `first`, and a ramp for
+        each inner knot.
+        """
         ramps = [ca.fmax(0, at - knot) for knot in knots[1:-1]]
         return ca.vertcat(1.0, at - first, *ramps)
 
@@ -229,7 +237,10 @@ def weights(x, first, last, count):
 
 
 def engine(x, throttle, mach):
-    """Return the thrust in lbf and the rate of the power in percent per second."""
+    """Return (thrust in lbf, rate of the engine power in percent per second).
+
+    throttle: 0 to 1
+    """
     below_military = 64.94 * throttle
     above_military = 217.38 * throttle - 117.38
     commanded = ca.if_else(throttle <= 0.77, below_military, above_military)
@@ -251,7 +262,10 @@ def engine(x, throttle, mach):
 
 
 def aerodynamic_coefficients(x, u, xcg):
-    """Return the coefficients of the forces X, Y, Z and of the moments about the same axes."""
+    """Return the coefficients of the forces X, Y, Z and of the moments l, m, n in body axes.
+
+    xcg: position of the center of gravity as a fraction of the chord
+    """
     alpha = DEGREES * x.alpha
     beta = DEGREES * x.beta
     aileron = u.aileron / 20
@@ -299,7 +313,10 @@ def aerodynamic_coefficients(x, u, xcg):
 
 
 def equations(x, u, p, w):
-    """Return the rates of the states and the outputs."""
+    """Return the state derivatives and the outputs.
+
+    x, u, p, w: states, inputs, parameters and disturbances
+    """
     temperature_ratio = 1 - 7.03e-6 * x.altitude
     temperature = ca.if_else(
         x.altitude >= 35000, STRATOSPHERE_TEMPERATURE, 519.0 * temperature_ratio

@@ -1,9 +1,9 @@
 """The longitudinal F-16 with constant derivatives, without tables or kinks.
 
-Units: ft, slug, rad, the elevator in degrees. The derivatives are those of the tables of
-examples/f16.py (Stevens and Lewis) between 0 and 5 deg of angle of attack and -12 and 0 deg of
-elevator, at 502 ft/s and sea level, center of gravity at 0.35; rate terms are those at the trim's
-2.1 deg. Thrust is an input, up to military thrust at that speed.
+Units: ft, slug, rad; the elevator is in degrees. The derivatives are taken from the tables in
+examples/f16.py (Stevens and Lewis) at 502 ft/s and sea level, with the center of gravity at 0.35.
+They are secants from 0 to 5 deg of angle of attack and from -12 to 0 deg of elevator. The rate
+derivatives hold at the trim's 2.1 deg. Thrust is an input, up to the military thrust at that speed.
 
     hfa prove region --aircraft examples/f16_constant.py:F16 --delta inf --degree 2 -o f16.json
 """
@@ -22,7 +22,10 @@ DEGREES = 57.29578  # per radian
 
 
 def equations(x, u, p, w):
-    """Return the rates of the states and the outputs, from forces along the body axes."""
+    """Return the state derivatives and the outputs.
+
+    The force and moment coefficients are linear in body axes.
+    """
     alpha = DEGREES * x.alpha
     pitch_rate = CHORD * x.pitch_rate / (2 * x.speed)
     c_x = -0.021 + 0.0034 * alpha + 0.0015 * u.elevator + 0.745 * pitch_rate

@@ -1,12 +1,14 @@
-"""The longitudinal motion of the NASA Generic Transport Model, a 5.5 % airliner, as polynomials.
+"""Longitudinal motion of the NASA Generic Transport Model, a 5.5 % scale airliner, as polynomials.
 
-Units: m, s, rad, throttle in percent. A. Chakraborty, P. Seiler, G. J. Balas, Nonlinear region of
-attraction analysis for flight control verification and validation, Control Engineering Practice 19
-(2011) 335-345, doi:10.1016/j.conengprac.2010.12.001, as in two public copies: PolynomialGTM.jl
-(J. Carpinelli) and the examples of CaSoS (iFR-ACSO). They differ in the constant of the speed,
-.4282 (here) or .4284, which changes the throttle by 0.004 %, and in a term of 2.410e-74, omitted
-here. CaSoS states the trim at 45 m/s as alpha .04924, elevator .04892, throttle 14.33; here it is
-.04888, .04920, 14.30.
+Units: m, s, rad; the throttle is in percent. Source: A. Chakraborty, P. Seiler, G. J. Balas,
+Nonlinear region of attraction analysis for flight control verification and validation, Control
+Engineering Practice 19 (2011) 335-345, doi:10.1016/j.conengprac.2010.12.001. The coefficients are
+taken from two public copies: PolynomialGTM.jl (J. Carpinelli) and the examples of CaSoS (iFR-ACSO).
+
+The copies differ in two terms. The constant of the speed equation is .4282 (used here) or .4284,
+which changes the throttle by 0.004 %. A term with coefficient 2.410e-74 is omitted here. CaSoS
+gives the trim at 45 m/s as alpha .04924, elevator .04892, throttle 14.33. Here the trim is .04888,
+.04920, 14.30.
 
     hfa linearize --aircraft examples/gtm.py:GTM --hold speed=45
     hfa fly --aircraft examples/gtm.py:GTM --hold speed=40 --law exact --gust 100:3
@@ -46,7 +48,7 @@ PITCH_RATE = """
 
 
 def terms(text):
-    """Return the coefficient of each term, and its variables with their powers."""
+    """Return (coefficient, [(variable, power), ...]) for each term in a text such as "1.5V2a"."""
     found = []
     for term in text.split():
         number, powers = re.fullmatch(r"([-.\d]+(?:e-\d+)?)(.*)", term).groups()
@@ -59,7 +61,7 @@ RATES = {"speed": terms(SPEED), "alpha": terms(ALPHA), "pitch_rate": terms(PITCH
 
 
 def polynomial(terms, values):
-    """Return the sum of the terms at these values."""
+    """Return the polynomial with these terms at the given values of its variables."""
     total = 0
     for number, powers in terms:
         product = number
@@ -70,7 +72,7 @@ def polynomial(terms, values):
 
 
 def variables(x, u):
-    """Return the variables of the terms."""
+    """Return symbol in the polynomials -> state or input."""
     return {
         "V": x.speed,
         "a": x.alpha,
@@ -82,14 +84,17 @@ def variables(x, u):
 
 
 def outputs(x, rates):
-    """Return gamma, and the load factor n from V gamma' = g (n - cos gamma)."""
+    """Return the flight-path angle gamma and the load factor n.
+
+    The load factor follows from V gamma' = g (n - cos gamma).
+    """
     gamma = x.pitch - x.alpha
     load_factor = ca.cos(gamma) + x.speed / 9.807 * (x.pitch_rate - rates["alpha"])
     return {"gamma": gamma, "load_factor": load_factor}
 
 
 def equations(x, u, p, w):
-    """Return the rates and the outputs."""
+    """Return the state derivatives and the outputs."""
     values = variables(x, u)
     rates = {name: polynomial(terms, values) for name, terms in RATES.items()}
     rates["pitch"] = x.pitch_rate
@@ -127,7 +132,11 @@ FACTORS = {
 
 
 def factor(rate, powers, p):
-    """Return the factor of a term of a rate, 1 where none belongs to it."""
+    """Return the uncertain factor on one term of a state equation, or 1 if none applies.
+
+    rate: name of the state
+    powers: variables of the term with their powers
+    """
     present = {name for name, _ in powers}
     for name, (changed, has, lacks) in FACTORS.items():
         if rate == changed and present >= {*has} and not present & {*lacks}:
@@ -136,7 +145,7 @@ def factor(rate, powers, p):
 
 
 def uncertain_equations(x, u, p, w):
-    """Return the rates with factors on some of their terms, and the outputs."""
+    """Return the state derivatives, with uncertain factors on some of their terms, and the outputs."""
     values = variables(x, u)
     rates = {}
     for rate, listed in RATES.items():

@@ -1,12 +1,13 @@
-"""A learning law of your own, run, recorded and checked: damped policy iteration by least squares.
+"""A user-defined learning law, which is run, recorded and checked: damped policy iteration.
 
-The law uses samples z, their drifts F = A z, and B, E, Q, R and delta, but not A. At each tick it
-fits the weights W of the value of its present policies u = -K z, d = L z to all samples,
+The law uses samples z, their derivatives F = A z, and B, E, Q, R and delta, but not A. The current
+policies are u = -K z and d = L z. At each tick, the law fits the weights W of their value to all
+samples by least squares,
 
     (dpsi/dz)' W (F - B K z + E L z) = -z'(Q + K'R K - delta² L'L) z,
 
-and moves 10 % of the way to them. The aircraft at 5 deg is stable without control, so that the law
-can begin at W = 0. With np.savez("mine.npz", **run.history) the command for this check is
+and moves the weights by 10 % of the difference. The aircraft at 5 deg is stable without control, so
+the law can begin at W = 0. After np.savez("mine.npz", **run.history), the command for this check is
 `hfa verify --dihedral 5 --weights mine.npz --set predefined_time=15`. Run the script with
 .venv/bin/python; it prints
 
@@ -27,7 +28,7 @@ SHARE = 0.1  # of the way to the fitted weights
 
 
 class DampedPolicyIteration:
-    """A law for `controller.run`: initial weights, one step, and the recorded quantities."""
+    """A law for `controller.run`, which calls `start`, `advance` and `observe`."""
 
     ticks = 400
 
@@ -43,7 +44,7 @@ class DampedPolicyIteration:
         return {"weights": np.zeros(self.psi.size)}
 
     def advance(self, tick, memory):
-        """Return the weights moved toward those of the value of the present policies."""
+        """Return the weights, moved by the fraction SHARE toward the value of the current policies."""
         game = self.game
         z = self.pool.states
         P = self.psi.matrix(memory["weights"])
@@ -57,7 +58,7 @@ class DampedPolicyIteration:
         return {"weights": memory["weights"] + SHARE * (fitted - memory["weights"])}
 
     def observe(self, tick, memory):
-        """Return the time and the weights."""
+        """Return the quantities to record at this tick: the time in seconds and the weights."""
         return {"time": TICK * tick, "weights": memory["weights"]}
 
 

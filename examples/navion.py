@@ -1,10 +1,12 @@
-"""The Navion from published derivatives: hfa linearize --aircraft examples/navion.py:NAVION
+"""The Navion from published derivatives.
 
-Feet, slugs, pounds and radians. R. C. Nelson, Flight Stability and Automatic Control, 2nd ed.,
+    hfa linearize --aircraft examples/navion.py:NAVION
+
+Units: ft, slug, lbf and rad. Source: R. C. Nelson, Flight Stability and Automatic Control, 2nd ed.,
 1998, Table B.1 at 176 ft/s. The derivatives were compared with navion_aero.c of NASA's LaRCSim
-(1994). Its C_l of the rudder is 0.0118; 0.107 is C_l of the yaw rate. Nelson's examples omit C_Lq
-and use C_nbeta 0.0701. With these two values the modes agree within 0.5 %. With the values below
-the spiral differs by 7 % and the other modes by 1 %.
+(1994). There, the rolling moment due to rudder is 0.0118 and that due to yaw rate is 0.107.
+Nelson's examples omit C_Lq and use C_nbeta 0.0701. With these two values the modes agree within
+0.5 %. With the values below the spiral differs by 7 % and the other modes by 1 %.
 """
 
 import casadi as ca
@@ -25,10 +27,10 @@ C_NBETA = 0.071  # weathercock stability
 
 
 def equations(x, u, p, w):
-    """Return the rates of the states and the outputs.
+    """Return the state derivatives and the outputs.
 
-    Forces and moments are linear in the derivatives of the table. Alpha is measured from its value
-    in level flight.
+    Forces and moments are linear in the tabulated derivatives. Alpha is measured from its value in
+    level flight.
     """
     pressure_area = DENSITY * x.speed**2 / 2 * AREA
     half_span_time = SPAN / (2 * x.speed)

@@ -1,12 +1,12 @@
-"""Small loops whose region of attraction is known or can be drawn: m, kg, s, N m.
+"""Small systems whose regions of attraction are known or easy to draw. Units: m, kg, s, N m.
 
     hfa prove region --aircraft examples/pendulum.py:PENDULUM -o pendulum.json
     hfa prove region --aircraft examples/pendulum.py:PENDULUM --check pendulum.json
     hfa prove region --aircraft examples/pendulum.py:VAN_DER_POL --degree 6
 
-The pendulum is inverted; its torque cannot lift it from the horizontal. The oscillator of van der
-Pol runs backward: inside its limit cycle all trajectories converge to 0. The star has a
-linearization of 0, which is refused by name.
+The pendulum is inverted, and its torque limit is too low to lift it from the horizontal. The van
+der Pol oscillator is simulated in reversed time, so all trajectories inside its limit cycle
+converge to 0. The system STAR has a zero linearization and is therefore refused.
 """
 
 import casadi as ca
@@ -20,21 +20,21 @@ GRAVITY = 9.81  # m/s^2
 
 
 def pendulum(x, u, p, w):
-    """m l² angle'' = torque + push + m g l sin(angle) - b angle'."""
+    """Equation of motion m l² angle'' = torque + push + m g l sin(angle) - b angle'."""
     moment = u.torque + w.push + MASS * GRAVITY * LENGTH * ca.sin(x.angle) - DAMPING * x.rate
     rates = {"angle": x.rate, "rate": moment / (MASS * LENGTH**2)}
     return rates, {}
 
 
 def van_der_pol(x, u, p, w):
-    """x'' = -x - (1 - x²) x' with time reversed, and a disturbance."""
+    """Van der Pol oscillator x'' = -x - (1 - x²) x' in reversed time, with a disturbance."""
     velocity_rate = x.position - (1 - x.position**2) * x.velocity + w.push
     rates = {"position": -x.velocity, "velocity": velocity_rate}
     return rates, {}
 
 
 def star(x, u, p, w):
-    """x' = -x³."""
+    """Equation of motion x' = -x³."""
     return {"position": -(x.position**3)}, {}
 
 

@@ -1,11 +1,11 @@
-"""Fit a network to the exact game at 15 deg, without torch: CasADi's gradient, SciPy's L-BFGS.
+r"""Fit a network to the exact game solution at 15 deg with CasADi's gradient and SciPy's L-BFGS.
 
     python examples/train_a_network.py critic.npz --of V --hidden 32,32
     hfa verify --dihedral 15 --weights critic.npz --set activation=tanh \\
         --set scale=0.142857142857,10,10,10,10,10
 
-The inputs of the network are z_i / b_i, with b the half widths of the box. It is fitted to
-V and dV/dz (`--of V`), to dV/dz or to u.
+The inputs of the network are z_i / b_i, where b_i are the half-widths of the box. With `--of V` the
+network is fitted to V and dV/dz. Otherwise it is fitted to dV/dz or to u.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ACTIVATIONS = {
 
 
 def game_at(degrees: float) -> hfa.Game:
-    """Return the paper's game on the aircraft at this dihedral angle."""
+    """Return the paper's game for the aircraft at this dihedral angle in degrees."""
     model = hfa.paper.level_model(hfa.aircraft(), np.radians(degrees))
     return hfa.paper.published_game(model)
 
@@ -43,9 +43,12 @@ def fit(
     seed: int = 0,
     box: np.ndarray = BOX,
 ) -> dict[str, np.ndarray]:
-    """Return the state dict, in float32, of the network y -> V, dV/dz or u at z = box y.
+    """Return the float32 state dict of a network that maps y to V, dV/dz or u at z = box y.
 
-    of: "V", "gradient" or "policy".
+    of: "V", "gradient" or "policy"
+    points: number of samples
+    steps: largest number of iterations of L-BFGS
+    box: half-widths (n,) of the box
     """
     from scipy.optimize import minimize
 
@@ -116,7 +119,9 @@ def fit(
 
 
 def initial_values(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    """Return random weights; biases, of one column, are 0."""
+    """Return random normal weights of variance 1/fan-in. For a single column (a bias), return
+    zeros.
+    """
     if shape[1] == 1:
         return np.zeros(shape)
     return rng.normal(size=shape) / np.sqrt(shape[1])

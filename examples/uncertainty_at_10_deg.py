@@ -1,9 +1,10 @@
-"""The accuracy of the linear model at 10 deg: the widest bands, and their effect on the modes.
+"""The accuracy of the linear model at 10 deg: the widest error bands, and their effect on the
+modes.
 
-The band of an entry is two standard errors from the rounding of the printed matrices. The modes are
-computed again for 1000 draws of A within its bands. Entries are drawn independently although those
-of a row are correlated, so that the ranges are too wide rather than too narrow. Run the script with
-.venv/bin/python; it prints
+The half-width of a band is two standard errors, caused by the rounding of the printed matrices. The
+modes are computed for 1000 draws of A within its bands. Entries are drawn independently although
+those in a row are correlated, so the ranges are too wide rather than too narrow. Run the script
+with .venv/bin/python; it prints
 
     published
       A(pitch_rate, alpha)             -155.6092 ± 9.0e-05

@@ -1,6 +1,8 @@
-"""Trims, exact linear models and games of aircraft, and critics checked against the exact solution.
+"""Trims, exact linear models and games of aircraft, and checks of critics against the exact
+solution.
 
-The stub of this module lists the public names."""
+The public names are listed in the stub of this module.
+"""
 
 from hfa_support.public_names import public_names
 from hfa_support.version import VERSION as __version__  # noqa: F401

@@ -1,4 +1,4 @@
-"""`python -m hfa`: the command `hfa` without its script."""
+"""Run the command `hfa` by `python -m hfa`."""
 
 import sys
 

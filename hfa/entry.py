@@ -1,4 +1,4 @@
-"""Entry point of the process `hfa`. Ctrl-C, SIGTERM and SIGHUP end the process with one line."""
+"""Entry point of the process `hfa`. On Ctrl-C, SIGTERM or SIGHUP, it prints one line and ends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ _ENDING = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED}
 
 
 def main() -> int:
-    """Run `hfa` in this process and return its exit code."""
+    """Run `hfa` in this process and return its exit code. Return 2 if the package cannot be
+    imported.
+    """
     for name in _ENDING:
         number = getattr(signal, name, None)  # not every system has each
         # Who began us with a signal ignored (nohup) wants it ignored.
@@ -40,9 +42,10 @@ def main() -> int:
 
 
 def _end(number: int, _: object) -> None:
-    """Remove temporary files, print one line and end the process and its workers at once.
+    """Handle a signal: remove temporary files, print one line and end the process.
 
-    No exception is raised, because libraries suppress or replace exceptions where they call Python.
+    The process ends without an exception, because libraries that call Python suppress or replace
+    exceptions.
     """
     code = _ENDING[signal.Signals(number).name]
     try:

@@ -1,4 +1,4 @@
-"""Commands of the core and of installed packages, by their words."""
+"""Lookup of the commands of the core and of installed packages by name."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 
 class CommandEntry(NamedTuple):
-    """A command in `hfa --help`, whose module is imported when the command is called.
+    """Entry of a command in `hfa --help`. The module of the command is imported when it is called.
 
-    group: heading in the help, one of those of the core or a new one
+    group: heading in the help, an existing or a new one
     about: summary of the command in one line
     command: location of its `Command`, "package.module:name"
-    example: last line of its help
-    install: extra to install where a package is missing, ".[proof]"
+    example: last line of the command's help
+    install: extra to install if a package is missing, for example ".[proof]"
     results: classes of each written result, "module:Class module:Class?". The first class declares
-        the result, and the others add keys. A ? marks an optional class. "hfa.trim/1 module:Class"
-        adds optional keys to the results of other commands.
+      the result, and the others add keys. A ? marks an optional class. "hfa.trim/1 module:Class"
+      adds optional keys to the results of other commands.
     """
 
     group: str
@@ -36,7 +36,9 @@ class CommandEntry(NamedTuple):
     results: tuple[str, ...] = ()
 
     def load(self) -> Command:
-        """Import the command and return it."""
+        """Import the command and return it. Raises BadInputError if the object is not a
+        `Command`.
+        """
         module, _, name = self.command.partition(":")
         from hfa.options.command import Command
 
@@ -118,9 +120,10 @@ CORE = {
 
 
 def commands() -> dict[str, CommandEntry]:
-    """Return words -> command for the core and all packages, for example "prove region".
+    """Return name -> entry for the commands of the core and of installed packages.
 
-    A command that cannot be loaded is left out with a warning.
+    A name has one or two words, for example "prove region". A command whose entry cannot be loaded
+    is left out with a warning.
     """
     found = dict(CORE)
     for offer in offered(COMMANDS):
@@ -133,9 +136,9 @@ def commands() -> dict[str, CommandEntry]:
 
 
 def command_named(name: str) -> CommandEntry:
-    """Return the command with these words.
+    """Return the entry of the command with this name, for example "prove region".
 
-    Raises BadInputError where a package offers another kind of object under them.
+    Raises BadInputError if the entry point of an installed package is not a CommandEntry.
     """
     if name in CORE:
         return CORE[name]
@@ -149,7 +152,10 @@ def command_named(name: str) -> CommandEntry:
 
 
 def words_after(name: str) -> Mapping[str, str]:
-    """Return second word -> summary, for the commands of two words that begin with this name."""
+    """Return second word -> summary for the commands of two words that begin with this name.
+
+    The result is empty for a command of the core.
+    """
     if name in CORE:
         return {}
     begin = f"{name} "
@@ -161,10 +167,10 @@ def words_after(name: str) -> Mapping[str, str]:
 
 
 def found_in(words: list[str]) -> tuple[str, list[str]]:
-    """Split a command line into the name of the command and the words of its options.
+    """Split a command line into (name of the command, remaining words).
 
-    The name is "" where the first word is not a command. Raises BadInputError for an unknown second
-    word, and where an option precedes the second word.
+    The name is "" if the first word is not a command. Raises BadInputError if the second word is
+    missing or unknown, or if an option precedes the name.
     """
     first = words[0] if words else ""
     if first in CORE:

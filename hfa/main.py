@@ -1,4 +1,4 @@
-"""Find the command of `hfa`, import only its modules, and report failures in one line."""
+"""Find and run the command of `hfa`, import only its modules, and report failures in one line."""
 
 from __future__ import annotations
 
@@ -43,14 +43,20 @@ _FOR_PROGRAMMERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    The code is 0 when the command is done, 1 when a check failed or no solution exists, and 2 for
-    bad usage or input.
+    argv: command line without the program name; default: that of this process
+
+    The exit code is 0 if the command succeeded, 1 if a check failed or no solution exists, and 2
+    for bad usage or input.
     """
     return reported(list(sys.argv[1:] if argv is None else argv), _named_command)
 
 
 def reported(words: list[str], find: Find) -> int:
-    """Run the command that the words name, print errors in one line, and return the exit code."""
+    """Run a command, print errors in one line and warnings as notes, and return the exit code.
+
+    words: command line without the program name
+    find: function that returns (command, program name, option words)
+    """
     # Matrices of six rows gain nothing from threads and lose much to them; must be set before NumPy
     # loads.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -79,7 +85,7 @@ def reported(words: list[str], find: Find) -> int:
 
 
 def _failure(error: BaseException) -> tuple[str, int]:
-    """Return the message and the exit code of one of `FAILURES`, or of Ctrl-C."""
+    """Return (message, exit code) for an exception listed in `FAILURES`, or for Ctrl-C."""
     match error:
         case NoSolutionError():
             return str(error), FAILED
@@ -106,7 +112,10 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 
 def _run(words: list[str], find: Find) -> int:
-    """Run the command that the words request, and return its exit code."""
+    """Run the command given by the command line, and return its exit code.
+
+    Raises BadInputError if an installed package is missing or if the equations end the program.
+    """
     from hfa_support.files import inputs_kept
 
     _refuse_small_address_space()
@@ -146,7 +155,9 @@ def _run(words: list[str], find: Find) -> int:
 
 
 def _refuse_small_address_space() -> None:
-    """Raise BadInputError where the limit of the process's memory is below `_ADDRESS_SPACE`."""
+    """Raise BadInputError if the memory limit of this process is below `_ADDRESS_SPACE`
+    megabytes.
+    """
     try:
         import resource
     except ImportError:  # Windows has no such limit
@@ -161,9 +172,9 @@ def _refuse_small_address_space() -> None:
 
 
 def _request(command: Command, program: str, words: list[str]) -> Request:
-    """Return the request that the words describe.
+    """Parse the option words of a command into its request.
 
-    The model is loaded first, because the other options are typed in its names and units.
+    The model is loaded first, because the other options are parsed with its names and units.
     """
     from hfa.options.trims import named_model
     from hfa_support.provenance import now
@@ -187,7 +198,7 @@ def _request(command: Command, program: str, words: list[str]) -> Request:
 
 
 def _refuse_to_overwrite(request: Request) -> None:
-    """Raise BadInputError when an output file was read as input, or is named for two outputs."""
+    """Raise BadInputError if an output file was read as input or is named for two outputs."""
     from hfa_support.files import refuse_read
 
     outputs = [getattr(request, name, None) for name in _WRITTEN]
@@ -199,9 +210,9 @@ def _refuse_to_overwrite(request: Request) -> None:
 
 
 def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
-    """Print each warning as a note, once a result exists.
+    """Print each distinct warning of a successful run as a note.
 
-    A failure prints its own message alone. Deprecation warnings of libraries are not printed.
+    Warnings intended for programmers, such as deprecations, are not printed.
     """
     from hfa.output import say_notes
 
@@ -216,10 +227,11 @@ def _say_warnings(caught: Iterable[warnings.WarningMessage]) -> None:
 
 
 def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
-    """Return the command that the first words name, its name as typed, and the words of its
-    options.
+    """Return (command, program name, option words) for a command line.
 
-    Raises BadInputError without a command, or SystemExit after help."""
+    The program name is "hfa" and the name of the command. Raises BadInputError if no command has
+    this name, and SystemExit after --help or --version.
+    """
     if words[:1] == ["help"]:
         words = [*words[1:], "--help"]
     name, options = found_in(words)
@@ -233,7 +245,10 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
 
 
 def filled(parser: Parser, command: Command, model: Model) -> Parser:
-    """Return the parser with the options of a command, in the names and units of a model."""
+    """Add the options of a command to a parser and return the parser.
+
+    The options use the names and units of the model.
+    """
     from hfa.options.trims import is_own
 
     parser.description = inspect.cleandoc(command.run.__doc__ or "")

@@ -1,4 +1,4 @@
-"""Output of a command: text, files, pictures and notes, each with its provenance."""
+"""Output of a command: text, files, pictures and notes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 
 def stated(report: Report, request: Request) -> Report:
-    """Return the report in the units of --units, with the provenance of the run."""
+    """Return the report with the provenance of the run and, if the command has --units, the
+    units.
+    """
     units = getattr(request, "units", None)
     if units is not None:
         report = report.with_data(units=units)
@@ -45,16 +47,16 @@ def show(
     only_in_files: Mapping[str, Any] | None = None,
     notes: Iterable[str] = (),
 ) -> None:
-    """Write the files of --picture and -o, then print the report or, with --json, its data.
+    """Write the files of -o and --picture, then print the report or, with --json, its data.
 
-    Either both files are written or none. Notes are printed last. Raises NoSolutionError with the
-    report's `failure`, if it has one.
+    Either both files are written or none. Notes are printed after the report.
 
-    request: the run, with the options of its outputs
-    figure: function that draws the picture, or None where there is nothing to draw
-    printed: text for a terminal in place of the whole report
-    only_in_files: data too long for a terminal
+    figure: function that draws the picture, or None if there is none
+    printed: shorter report to print in place of `report`
+    only_in_files: data added to the file only
     notes: notes on the result
+
+    Raises NoSolutionError with the report's `failure` if it is not empty.
     """
     from hfa_support.files import all_or_none
 
@@ -85,7 +87,10 @@ def _write(report: Report, path: Path) -> None:
 
 
 def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = ()) -> None:
-    """Print the report or, with --json, its data, then the notes."""
+    """Print the report or, with --json, its data. Then print the notes.
+
+    The text is colored only on a terminal, and not if NO_COLOR is set.
+    """
     report = stated(report, request)
     if request.json:
         say(report.json())
@@ -99,10 +104,10 @@ def print_report(report: Report, request: JsonOption, *, notes: Iterable[str] = 
 
 
 def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
-    """Return the trim of the options.
+    """Trim the aircraft under the condition given by the options and return the operating point.
 
-    With --json a failed trim is printed as data too: the nearest point within the limits, the
-    binding limits and the reason.
+    Raises TrimError if no trim is found. With --json, the nearest point within the limits, the
+    active limits and the reason are printed first.
     """
     from trim.point.solve import TrimError
     from trim.point.trim_report import trim_report
@@ -120,7 +125,7 @@ def trimmed(request: OneTrimRequest, aircraft: Model) -> OperatingPoint:
 
 
 def say_notes(warnings: Iterable[str]) -> None:
-    """Print each warning about a result as one line on standard error."""
+    """Print each warning as one line on standard error, prefixed by "hfa: note: "."""
     for warning in warnings:
         say_aside(f"hfa: note: {on_one_line(warning)}")
 
@@ -131,9 +136,9 @@ _LONG = 300.0
 
 
 class ProgressLine:
-    """`Progress` on one line of standard error, removed at the end.
+    """Progress on one line of standard error, erased at the end.
 
-    Nothing is printed unless standard error is a terminal.
+    The line is shown only on a terminal. A note announces a long run in any case.
     """
 
     def __init__(self, name: str) -> None:
@@ -144,7 +149,10 @@ class ProgressLine:
         self._last = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Show the percentage of `done` in `total`, and the current step."""
+        """Show the percentage done / total.
+
+        what: current step, shown after the percentage
+        """
         self._announce(done, total)
         line = f"{self._name}: {int(100 * done / total):3d} %"
         if what:
@@ -154,7 +162,10 @@ class ProgressLine:
             say_aside(line, end="\r\033[K" if done >= total else "")
 
     def _announce(self, done: float, total: float) -> None:
-        """Report once that a run will take long, estimated from the first `_TRIAL` seconds."""
+        """Print a note with the remaining time, once, if a run is expected to take long.
+
+        The time is extrapolated after `_TRIAL` seconds. The note is printed above `_LONG` seconds.
+        """
         now = time.monotonic()
         is_next = self._first is not None and done < self._first[1]  # of several
         if self._first is None or is_next or not done:  # before the first part all is preparation

@@ -1,4 +1,4 @@
-"""The overview that `hfa` prints without a command."""
+"""The overview of commands that `hfa` prints if no command is given."""
 
 from __future__ import annotations
 
@@ -14,14 +14,21 @@ GROUPS = ("model", "critic", "flight", "proof", "exchange")
 
 
 def _group(name: str, entries: Mapping[str, CommandEntry]) -> str:
-    """Return the commands of a group, for the overview."""
+    """Return a group of commands as text, for the overview.
+
+    name: heading of the group
+    entries: name of each command -> its entry
+    """
     examples = [entry.example for entry in entries.values() if entry.example]
     title = f"{name}, for example {examples[0]}" if examples else name
     return "\n".join([title, *(f"  {each:<16}{entry.about}" for each, entry in entries.items())])
 
 
 def overview() -> Parser:
-    """Return the parser of `hfa` without a command, for --help and --version."""
+    """Return a parser that accepts --help, --version and the name of a command.
+
+    Its help lists all commands.
+    """
     by_group: dict[str, dict[str, CommandEntry]] = {name: {} for name in GROUPS}
     for name, entry in commands().items():
         by_group.setdefault(entry.group, {})[name] = entry

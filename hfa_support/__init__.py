@@ -1,1 +1,1 @@
-"""Errors, files, reports, progress and native code, used by all packages."""
+"""Errors, files, reports, progress and compiled functions, used by all packages."""

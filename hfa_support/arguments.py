@@ -1,4 +1,4 @@
-"""Checks of the arguments of public functions against their annotations."""
+"""Run-time checks of the arguments of public functions against their annotations."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _Test = Callable[[Any], bool]
 
 
 def checks_arguments(public: Public) -> Public:
-    """Return the function with a check of its arguments; of a class, the constructor is checked.
+    """Decorate a function or a class so that its arguments are checked against their annotations.
 
-    The function raises BadInputError for an argument that does not match its annotation. Checked
-    are classes or unions of classes, numbers, whole numbers, booleans, texts, arrays of numbers,
-    mappings, sequences and functions. Not checked are items of arrays and mappings, and annotations
-    of another form. The attribute `how_to_make` of a class describes for the message how to make an
-    object.
+    For a class, the arguments of the constructor are checked. An argument that does not match
+    raises BadInputError. These annotations are checked: classes and unions of classes, numbers,
+    whole numbers, booleans, texts, arrays of numbers, mappings, sequences and functions. Items of
+    arrays and mappings are not checked. The attribute `how_to_make` of a class is quoted in the
+    message.
 
     >>> import hfa
     >>> hfa.linearize(hfa.aircraft(), None)
@@ -49,10 +49,10 @@ def checks_arguments(public: Public) -> Public:
 
 
 def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..., Any]:
-    """Return the function with a check of its arguments.
+    """Return a function that checks its arguments and then calls `function`.
 
     name: name of the function or class in messages
-    first: number of the first checked argument
+    first: position of the first checked argument, 1 to skip `self`
     """
 
     @wraps(function)
@@ -83,7 +83,10 @@ def _checked(function: Callable[..., Any], name: str, first: int) -> Callable[..
 
 @cache
 def argument_tests(function: Callable[..., Any], first: int) -> list[tuple[int, str, _Test, str]]:
-    """Return position, name, test and description of every argument with a checkable annotation."""
+    """Return (position, name, test, description) for every argument with a checkable annotation.
+
+    first: position of the first checked argument
+    """
     tests = []
     for place, parameter in enumerate(inspect.signature(function).parameters.values()):
         if place < first or parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
@@ -108,7 +111,10 @@ def _any_of(tests: Sequence[_Test]) -> _Test:
 
 
 def evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
-    """Return an annotation as an object, or Any where its name exists for type checkers alone."""
+    """Return the object that an annotation denotes.
+
+    Return Any if there is no annotation, or if its name is not defined at run time.
+    """
     if annotation is inspect.Parameter.empty:
         return Any
     if not isinstance(annotation, str):
@@ -120,7 +126,7 @@ def evaluated(annotation: Any, function: Callable[..., Any]) -> Any:
 
 
 def _kind(annotation: Any) -> tuple[_Test, str] | None:
-    """Return the test of an annotation and its description, or None for another form."""
+    """Return (test, description) for an annotation, or None if its form is not supported."""
     if annotation in _KINDS:
         return _KINDS[annotation]
     origin = get_origin(annotation)
@@ -140,13 +146,13 @@ def _kind(annotation: Any) -> tuple[_Test, str] | None:
 
 
 def _of_members(whole: tuple[_Test, str], arguments: tuple[Any, ...]) -> tuple[_Test, str]:
-    """Return the test and the description of a sequence whose items have given classes.
+    """Return (test, description) for a sequence, including a test of its items if possible.
 
-    The classes are X in `Sequence[X]` and `tuple[X, ...]`. Other sequences are checked as a whole.
-    A text is not a sequence of texts.
+    Items are tested for `Sequence[X]` and `tuple[X, ...]`, where X is a class other than a number
+    or an array.
 
-    whole: test and description of the sequence as a whole
-    arguments: the arguments of the annotation
+    whole: test and description of the sequence itself
+    arguments: arguments of the annotation, for example (X, ...)
     """
     holds, words = whole
     of_one_kind = len(arguments) == 1 or (len(arguments) == 2 and arguments[1] is Ellipsis)
@@ -195,7 +201,7 @@ def _is_mapping(value: Any) -> bool:
 
 
 def _is_read(value: Any) -> bool:
-    """Return whether the items can be read. A user's class may raise any error."""
+    """Return whether the items of a collection can be iterated without an exception."""
     try:
         list(value.items() if isinstance(value, Mapping) else value)
     except Exception:

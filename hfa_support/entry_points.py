@@ -1,6 +1,7 @@
-"""Entry points: objects that installed packages offer to the core, which does not import them.
+"""Access to the entry points that installed packages declare. The core does not import these
+packages.
 
-`importlib.metadata` is imported, and the distributions are listed, when a group is first read.
+`importlib.metadata` is imported at the first access, to save time.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ PARTS = "hfa.parts"
 
 @cache
 def offered(group: str) -> dict[str, EntryPoint]:
-    """Return name -> entry point for all objects offered in a group, sorted by name.
+    """Return name -> entry point for all entry points in a group, sorted by name.
 
-    Raises BadInputError where two packages offer one name.
+    Raises BadInputError if two packages declare different objects under one name.
     """
     from importlib.metadata import entry_points
 
@@ -45,9 +46,9 @@ def offered(group: str) -> dict[str, EntryPoint]:
 
 
 def loaded(entry: EntryPoint) -> Any:
-    """Return the object of an entry point.
+    """Import and return the object of an entry point.
 
-    Raises a BadInputError that names the package where the object is missing.
+    Raises BadInputError with the name of the package if the import fails.
     """
     try:
         return entry.load()
@@ -60,11 +61,11 @@ def loaded(entry: EntryPoint) -> Any:
 
 
 def part(group: str, name: str, what: str) -> Any:
-    """Return the object offered under a name in a group.
+    """Import and return the object that a package provides under this name in a group.
 
-    what: the feature that needs it, for the message
+    what: feature that requires the object, for the message
 
-    Raises BadInputError where no package offers it.
+    Raises BadInputError if no installed package provides it.
     """
     if name not in offered(group):
         raise BadInputError(f"{what} needs a package that provides {name!r} in {group}; install it")
@@ -72,11 +73,13 @@ def part(group: str, name: str, what: str) -> Any:
 
 
 def about_part(name: str) -> str:
-    """Return the help of a package's part of a command, or "" without one."""
+    """Return the help of a command part that an installed package supplies, or "" if there is
+    none.
+    """
     told = offered(PARTS).get(f"about.{name}")
     return "" if told is None else str(loaded(told))
 
 
 def _package(entry: EntryPoint) -> str:
-    """Return the distribution of an entry point, for a message."""
+    """Return "the package NAME" for an entry point, for messages."""
     return f"the package {entry.value if entry.dist is None else entry.dist.name}"

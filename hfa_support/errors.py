@@ -1,7 +1,7 @@
-"""The two errors of a request. Every message is one line that states the remedy.
+"""The two exceptions of a request. Every message is one line that states the remedy.
 
-Words of the user and values of the user's files are quoted in messages, shortened and without
-control characters.
+Words typed by the user and values from the user's files are shortened in messages, and control
+characters are removed.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _LONGEST_LINE = 1000
 
 
 class BadInputError(ValueError):
-    """Error of an invalid request: a wrong name, number, unit, shape or file (exit code 2).
+    """Exception for an invalid request: a wrong name, number, unit, shape or file (exit code 2).
 
-    options: words of the command line that supply a missing value, or ()
+    options: command-line words that would supply a missing value, or ()
     """
 
     def __init__(self, message: str, options: tuple[str, ...] = ()) -> None:
@@ -33,13 +33,17 @@ class BadInputError(ValueError):
 
 
 class NoSolutionError(RuntimeError):
-    """Error of a valid request without a solution, or without one that can be certified (exit code
-    1)."""
+    """Exception for a valid request that has no solution or no certifiable solution (exit code
+    1).
+    """
 
 
 @contextmanager
 def said_of(what: str | Path) -> Iterator[None]:
-    """Prefix the BadInputErrors of the block with the file or the subject that they concern."""
+    """Prefix the message of a BadInputError in the block with a file or another subject.
+
+    A message that already begins with it is not changed.
+    """
     try:
         yield
     except BadInputError as error:
@@ -51,9 +55,9 @@ def said_of(what: str | Path) -> Iterator[None]:
 
 @contextmanager
 def file_faults(file: str | Path) -> Iterator[None]:
-    """Convert OSError and ValueError of the block to BadInputErrors about the file.
+    """Convert OSError and ValueError in the block to a BadInputError that names the file.
 
-    The block is usually the reader of another package.
+    The block usually calls a reader from another package.
     """
     try:
         yield
@@ -66,11 +70,9 @@ def file_faults(file: str | Path) -> Iterator[None]:
 
 
 def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
-    """Raise BadInputError unless the name is known. The message lists the names, the nearest first.
+    """Raise BadInputError unless the name is known. The message lists the known names.
 
-    what: beginning of the message, such as "unknown state"
-    name: the given name
-    known: the valid names
+    what: beginning of the message, for example "unknown state"
     """
     choices = tuple(known)
     if name not in choices:
@@ -78,23 +80,24 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
 
 
 def choice_of(name: str, known: Iterable[str]) -> str:
-    """Return advice on an unknown name: the known names that are nearest, then all."""
+    """Return advice on an unknown name: the nearest known names, then all known names."""
     meant = advice(name, known).removeprefix("; ")
     return f"{meant} choose from {', '.join(known) or 'none'}".lstrip()
 
 
 def advice(name: str, known: Iterable[str]) -> str:
-    """Return "; did you mean speed?", or "" where no known name is near."""
+    """Return a suggestion such as "; did you mean speed?", or "" if no known name is near."""
     *others, last = nearest(name, known) or [""]
     either = f"{', '.join(others)} or {last}" if others else last
     return f"; did you mean {either}?" if last else ""
 
 
 def nearest(name: str, known: Iterable[str]) -> list[str]:
-    """Return the known names nearest to a name, regardless of case.
+    """Return the known names nearest to a name, regardless of case. The list is empty if none is
+    near.
 
-    The name may be another tool's word for a known name. Otherwise known names that begin with it
-    are returned, then those that contain it, then the most similar ones.
+    The first nonempty of these lists is returned: the name or its synonyms in other tools, known
+    names that begin with it, known names that contain it, the most similar known names.
     """
     from hfa_support.other_words import MEANINGS
 
@@ -121,7 +124,7 @@ _MOST_MEANT = 4
 
 
 def is_finite(value: object) -> bool:
-    """Return whether the value is a finite number."""
+    """Return whether the value is a finite number. The result is False for any other object."""
     try:
         return math.isfinite(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError, RuntimeError):  # CasADi raises the last
@@ -129,14 +132,21 @@ def is_finite(value: object) -> bool:
 
 
 def refuse_unless_positive(what: str, value: float, unit: str = "") -> None:
-    """Raise BadInputError unless the value is a finite number above 0."""
+    """Raise BadInputError unless the value is a finite positive number.
+
+    what: name of the value, for the message
+    unit: text that follows the value in the message
+    """
     if not (is_finite(value) and value > 0.0):
         text = f"{value}{unit}" if isinstance(value, float) else shown(value)
         raise BadInputError(f"{what} is {text}; it must be a positive number")
 
 
 def refuse_unless_whole(what: str, value: object, least: int) -> None:
-    """Raise BadInputError unless the value is a whole number, `least` or larger."""
+    """Raise BadInputError unless the value is an integer of at least `least`.
+
+    what: name of the value, for the message
+    """
     if not isinstance(value, Integral) or int(value) < least:
         raise BadInputError(f"{what} is {shown(value)}; give a whole number of at least {least}")
 
@@ -145,9 +155,9 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
     """Return (lowest, highest) as floats, which may be infinite.
 
     what: name of the pair, for the message
-    ends: the given value
+    ends: value given by the user
 
-    Raises BadInputError unless they are two numbers.
+    Raises BadInputError unless `ends` consists of two numbers.
     """
     try:
         lowest, highest = ends
@@ -159,9 +169,12 @@ def pair_of(what: str, ends: Any) -> tuple[float, float]:
 
 
 def numbers_in(what: str, values: Any) -> np.ndarray:
-    """Return real numbers as an array of floats.
+    """Convert values to an array of floats.
 
-    Raises BadInputError for any other value, and for masked entries.
+    what: name of the values, for the message
+
+    Raises BadInputError unless they are real numbers in rows of equal length. Masked entries are
+    refused too.
     """
     import numpy as np  # the command sets the threads of its libraries before it is loaded
 
@@ -179,8 +192,10 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
 
 
 def _faulty_row(rows: Any) -> str:
-    """Return the reason why a list of lists is not a matrix: "; row 2 has 1 numbers and row 1 has
-    2"."""
+    """Return the reason why a list of lists is not a matrix, or "" if none is found.
+
+    Example: "; row 2 has 1 numbers and row 1 has 2".
+    """
     if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
         return ""
     for number, row in enumerate(rows, 1):
@@ -193,17 +208,17 @@ def _faulty_row(rows: Any) -> str:
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:
-    """Return a text, cut where it is long."""
+    """Return a text, truncated to `longest` characters and "..." if it is longer."""
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def shown(value: Any) -> str:
-    """Return the repr of a value, cut where it is long."""
+    """Return the repr of a value on one line, truncated if it is long."""
     return shortened(" ".join(repr(value).split("\n")))
 
 
 def on_one_line(message: str) -> str:
-    """Return a message, cut where it is long, with line breaks and control characters escaped."""
+    """Return a message on one line, with control characters escaped and truncated if it is long."""
     words = message[: 4 * _LONGEST_LINE].split()
     spelled = [
         character if character.isprintable() else ascii(character)[1:-1]

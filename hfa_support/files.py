@@ -1,7 +1,6 @@
 """Reading and writing of files.
 
-Written files appear whole or not at all. Users' files must be regular files of limited size. An
-error about a file that cannot be read is one line.
+A file is written completely or not at all. Input files must be regular files of limited size.
 """
 
 from __future__ import annotations
@@ -48,9 +47,9 @@ _READ: set[tuple[int, int]] | None = None
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Protect the files read in the block from being overwritten, under any name.
+    """Protect all files that are read in the block from being overwritten.
 
-    Files in a folder that was read are protected too.
+    A file is recognized under any of its names. Files in a folder that was read are protected too.
     """
     global _READ
     _READ = set()
@@ -61,21 +60,21 @@ def inputs_kept() -> Iterator[None]:
 
 
 def note_read(path: str | Path) -> None:
-    """Record a file, or a folder with all its content, as read."""
+    """Record a file as read. For a folder, all files in it count as read."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.add(identity)
 
 
 def forget_read(path: Path) -> None:
-    """Remove a file from the inputs, because the run continues it (--resume)."""
+    """Remove a file from the recorded inputs, because the run continues it (--resume)."""
     identity = _identity(path)
     if _READ is not None and identity is not None:
         _READ.discard(identity)
 
 
 def refuse_read(path: Path) -> None:
-    """Raise BadInputError where the path, or a folder that contains it, was read as input."""
+    """Raise BadInputError if the path, or the folder that contains it, was read as input."""
     read = _READ or set()
     real = Path(os.path.realpath(path))
     if _identity(real) in read:
@@ -85,9 +84,9 @@ def refuse_read(path: Path) -> None:
 
 
 def _identity(path: str | Path) -> tuple[int, int] | None:
-    """Return the device and inode of a file, or None without a file.
+    """Return (device, inode) of a file, or None if it does not exist.
 
-    They are equal for all names of a file.
+    The result is equal for all names of one file.
     """
     try:
         status = os.stat(path)
@@ -98,9 +97,10 @@ def _identity(path: str | Path) -> tuple[int, int] | None:
 
 @contextmanager
 def all_or_none(folder: Path | None = None) -> Iterator[None]:
-    """Rename the files written in the block to their final names when it ends without an error.
+    """Give the files written in the block their final names only if the block ends without an
+    error.
 
-    folder: created if necessary, and removed again after an error
+    folder: created if it does not exist, and removed again after an error
     """
     global _WAITING
     if _WAITING is not None:
@@ -128,7 +128,10 @@ def all_or_none(folder: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Delay Ctrl-C, SIGTERM and SIGHUP until the end of the block, which must be short."""
+    """Delay the handling of Ctrl-C, SIGTERM and SIGHUP until the end of the block.
+
+    The block must be short. Outside of the main thread, signals are not delayed.
+    """
     held: list[int] = []
     before: dict[int, Any] = {}
     try:
@@ -148,9 +151,9 @@ def _signals_held() -> Iterator[None]:
 
 @contextmanager
 def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
-    """Create a private folder, and remove it after the block unless it was renamed.
+    """Create a private folder and yield its path. Remove it after the block unless it was renamed.
 
-    parent: parent folder; by default the system's folder of temporary files
+    parent: parent folder; default: the system's folder for temporary files
     """
     import tempfile
 
@@ -164,9 +167,9 @@ def temporary_folder(parent: Path | None = None) -> Iterator[Path]:
 
 
 def _temporary_path(folder: Path) -> Path:
-    """Return a new name in the folder, registered as unfinished.
+    """Return an unused name in the folder and register it for `remove_unfinished`.
 
-    It is registered before the file exists, because a signal may end the process at any time.
+    The name is registered before the file exists, because a signal may end the process at any time.
     """
     path = (folder / f".hfa-{os.urandom(8).hex()}").absolute()
     _UNFINISHED.add(path)
@@ -174,7 +177,13 @@ def _temporary_path(folder: Path) -> Path:
 
 
 def _new_file(path: Path, target: Path) -> IO[bytes]:
-    """Open a new file, private to its owner, that is renamed to the target later."""
+    """Create a file that only its owner can access, and open it for writing.
+
+    path: the new file
+    target: its final name, for the message
+
+    Raises BadInputError if the file cannot be created.
+    """
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, mode=0o600)
     except OSError as error:
@@ -185,10 +194,9 @@ def _new_file(path: Path, target: Path) -> IO[bytes]:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files and folders of this process, just before it ends.
+    """Remove the temporary files and folders of this process. Call it just before the process ends.
 
-    A folder that is not empty at the end is removed once more, because a compiler may still write
-    into it.
+    The removal of a folder is repeated while a compiler still writes into it.
     """
     for path in tuple(_UNFINISHED):
         with suppress(OSError):
@@ -205,11 +213,13 @@ def remove_unfinished() -> None:
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
-    """Open a binary stream whose content becomes `path` when the block ends without an error.
+    """Yield a binary stream whose content becomes the file `path` if the block ends without an
+    error.
 
-    The stream is a temporary file in the folder of `path`, renamed at the end. After an error
-    `path` is unchanged. The mode of an existing file is kept. Raises BadInputError when the folder
-    does not exist or cannot be written, or the target is a folder, a FIFO or a device.
+    The content is written to a temporary file in the same folder, which is then renamed. After an
+    error `path` is unchanged. The mode of an existing file is kept. Raises BadInputError if the
+    folder does not exist or is not writable, or if `path` is an input, a folder, a FIFO or a
+    device.
     """
     target = Path(path)
     if target.is_dir():
@@ -238,16 +248,16 @@ def written_whole(path: str | Path) -> Iterator[IO[bytes]]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
+    """Write a text file in UTF-8, completely or not at all."""
     with written_whole(path) as stream:
         stream.write(text.encode("utf-8"))
 
 
 def regular_file(path: str | Path) -> Path:
-    """Return the path of a regular file of limited size.
+    """Check that a path is a regular file of limited size, record it as input, and return it.
 
-    A FIFO or a device may block for ever. Raises OSError for these, for more than `LARGEST` bytes,
-    and where the file cannot be opened.
+    FIFOs and devices are refused because reading them may never end. Raises OSError for these, for
+    folders, for missing files, and for files larger than `LARGEST` bytes.
     """
     try:
         status = os.stat(path)
@@ -266,7 +276,7 @@ def regular_file(path: str | Path) -> Path:
 def read_json(path: str | Path) -> Any:
     """Return the content of a JSON file.
 
-    Raises OSError where it cannot be read, BadInputError where it is not JSON.
+    Raises OSError if the file cannot be read, and BadInputError if it is not valid JSON.
     """
     text = regular_file(path).read_bytes()
     try:
@@ -278,7 +288,7 @@ def read_json(path: str | Path) -> Any:
 def read_toml(path: str | Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
-    Raises OSError where it cannot be read, BadInputError where it is not TOML.
+    Raises OSError if the file cannot be read, and BadInputError if it is not valid TOML.
     """
     text = regular_file(path).read_bytes()
     try:

@@ -1,4 +1,4 @@
-"""Conversion of values to JSON."""
+"""Conversion of Python and NumPy values to JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 
 def jsonable(value: Any) -> Any:
-    """Convert mappings, lists, tuples, arrays, texts and numbers to values of `json`.
+    """Convert mappings, lists, tuples, arrays, texts and numbers to objects that `json` can write.
 
     Numbers that are not finite become None.
     """
@@ -31,7 +31,9 @@ def jsonable(value: Any) -> Any:
 
 
 def finite_or_none(value: float | np.floating[Any]) -> float | None:
-    """Return the number, or None where it is not finite: JSON has no infinity."""
+    """Return a number as float, or None if it is not finite, because JSON has no infinity or
+    nan.
+    """
     return float(value) if math.isfinite(value) else None
 
 

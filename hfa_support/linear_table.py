@@ -12,19 +12,19 @@ from hfa_support.reporting.by_value import ByValue
 
 @dataclass(frozen=True, eq=False)
 class LinearTable(ByValue):
-    """Array of any shape, piecewise linear in one variable.
+    """Array of any shape that is piecewise linear in one variable and constant beyond both ends.
 
-    breakpoints: (N,), increasing
+    breakpoints: (N,), strictly increasing
     values: (N, ...), the array at each breakpoint
 
-    Raises BadInputError where the breakpoints do not increase, or the number of values differs.
+    Raises BadInputError if the breakpoints do not increase or if their number differs from N.
     """
 
     breakpoints: np.ndarray
     values: np.ndarray
 
     def __post_init__(self) -> None:
-        """Convert both fields to arrays of numbers."""
+        """Convert both fields to arrays of floats and check them."""
         breakpoints = np.asarray(self.breakpoints, dtype=float)
         values = np.asarray(self.values, dtype=float)
         increasing = (
@@ -38,10 +38,13 @@ class LinearTable(ByValue):
         object.__setattr__(self, "values", values)
 
     def at(self, where: float | np.ndarray) -> np.ndarray:
-        """Return the array at x, v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i), constant beyond both
+        """Return the array at x, interpolated linearly between breakpoints and constant beyond both
         ends.
 
-        where: x, a number or an array, whose shape precedes that of the array
+            v_i + (v_i+1 - v_i) (x - x_i)/(x_i+1 - x_i)
+
+        where: x, a number or an array; its shape precedes the shape of the tabulated array in the
+        result
         """
         x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
         count = len(self.breakpoints)

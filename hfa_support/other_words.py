@@ -1,4 +1,4 @@
-"""Words of other tools and books, for messages about unknown names."""
+"""Synonyms in other tools and books, used in messages on unknown names."""
 
 #: A word, and the names here that it may mean, in lower case, with _ for -.
 _TABLE = """

@@ -1,4 +1,4 @@
-"""Output during a command: progress, and text on the standard streams.
+"""Progress callbacks, and text on the standard streams.
 
 The exit code does not depend on whether the reader of a pipe stops early (`hfa ... | head`).
 """
@@ -16,14 +16,17 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """Callback of long computations."""
+    """Callback that reports the progress of a long computation."""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Report that `done` of `total` parts are done; `what` names the current step."""
+        """Report that `done` of `total` parts are complete.
+
+        what: name of the current step
+        """
 
 
 def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
-    """Yield the items, and call `progress` after each."""
+    """Yield the items, and report progress after each one is processed."""
     for done, item in enumerate(items, start=1):
         yield item
         if progress is not None:
@@ -31,9 +34,9 @@ def told(items: Sequence[Item], progress: Progress | None) -> Iterator[Item]:
 
 
 def say(text: str) -> None:
-    """Print the text and flush it, so that a full disk is reported here.
+    """Print a text on standard output and flush it, so that a full disk raises an OSError here.
 
-    Nothing is printed once the reader has stopped.
+    If the reader of the pipe has stopped, later output is discarded.
     """
     try:
         print(text, flush=True)
@@ -42,9 +45,9 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str, end: str = "\n") -> None:
-    """Print the text on standard error, where it replaces an unfinished line of progress.
+    """Print a text on standard error. On a terminal it replaces an unfinished progress line.
 
-    Nothing is printed when standard error is closed or cannot be written.
+    Nothing is printed if standard error is closed or cannot be written.
     """
     if sys.stderr is None:
         return
@@ -56,7 +59,9 @@ def say_aside(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Discard the buffered text of a stream, so that the end of the process cannot fail."""
+    """Redirect a stream to the null device, so that flushing it at the end of the process cannot
+    fail.
+    """
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
         os.close(descriptor)  # so that a process may open another, however few it may have

@@ -21,7 +21,7 @@ _MOST_TOLD = 3
 
 @dataclass(frozen=True)
 class Change(Result):
-    """Parameter that differs from the identified one.
+    """Parameter that differs from its identified value.
 
     value: the current value.
     identified: the identified value.
@@ -35,18 +35,16 @@ class Change(Result):
 
 @dataclass(frozen=True)
 class Provenance(Result):
-    """The provenance in every output.
+    """The provenance stored in every output.
 
-    command: as typed.
-    dynamics: the equations, "" for a plant of the user's own.
-    parameters: name or file of the set.
-    parameter_hash: hash of the values alone, equal for two files with equal numbers.
-    changed: parameter -> its value and the identified one, where they differ.
-    condition: imposed, free and limited variables of a trim; angles in radians.
-    flight: the condition in words, as changes from the paper's level flight; not among the data.
-    model: file of a plant.
-    version: version of the program.
-    date: UTC; from SOURCE_DATE_EPOCH where that is set, for reproducible output."""
+    command: command line as typed. dynamics: name of the equations of motion, or "" for the user's
+    plant. parameters: name or file of the parameters. parameter_hash: hash of the parameter values,
+    equal for two files with equal numbers. changed: parameter -> its value and the identified
+    value, if these differ. condition: imposed, free and limited variables of a trim; angles in
+    radians. flight: the trim condition in words, as changes from the paper's level flight; not
+    stored as data. model: file of the plant. version: version of the program. date: date and time
+    in UTC; from SOURCE_DATE_EPOCH if it is set, for reproducible output.
+    """
 
     schema = "hfa.provenance/1"
 
@@ -62,9 +60,10 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return the changed parameters in words, the relatively largest changes first.
+        """Return descriptions of the changed parameters, with the largest relative change first.
 
-        For many changes it is their number and the first ones.
+        If more than `_MOST_TOLD` parameters differ, only the largest changes are described, after
+        their number.
         """
 
         def relative_size(name: str) -> float:
@@ -81,10 +80,10 @@ class Provenance(Result):
         return descriptions
 
     def text(self) -> str:
-        """Return the provenance in one line.
+        """Return the provenance as text: one line with the version, the date and the model.
 
-        Further lines follow where the aircraft is not the identified one, or the flight not the
-        paper's.
+        A line is added if the parameters differ from the identified aircraft, and another one if
+        the flight differs from the paper's level flight.
         """
         first_line = [f"hfa {self.version}", self.date[:10]]
         if self.model:
@@ -101,14 +100,19 @@ class Provenance(Result):
 
 
 def parameter_hash(values: Any) -> str:
-    """Return the first digits of SHA-256 over the 17-digit values of a named tuple, in their
-    order."""
+    """Return the first `_DIGITS` hexadecimal digits of a SHA-256 hash of names and values.
+
+    values: named tuple of numbers, hashed in their order with 17 significant digits
+    """
     text = "\n".join(f"{name}={float(value):.17g}" for name, value in values._asdict().items())
     return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
 def now() -> str:
-    """Return the date and time in UTC, or SOURCE_DATE_EPOCH where that is set."""
+    """Return the date and time in UTC as text, from SOURCE_DATE_EPOCH if it is set.
+
+    Raises BadInputError if SOURCE_DATE_EPOCH is out of range.
+    """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     try:
         moment = datetime.fromtimestamp(int(epoch), UTC) if epoch.isdecimal() else datetime.now(UTC)

@@ -1,4 +1,4 @@
-"""Lazy import of the public names of a package."""
+"""Lazy import of the public names of a package from its stub."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from typing import Any
 
 
 def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__getattr__` and `__dir__` of a package whose stub imports its public names.
+    """Return (`__getattr__`, `__dir__`) for a package whose stub imports its public names.
 
-    The stub is the file `__init__.pyi` in the folder of `file`. The error for an unknown name
-    suggests the nearest public one.
+    file: `__file__` of the package; the stub is `__init__.pyi` in the same folder
+
+    The AttributeError for an unknown name suggests the nearest public name.
     """
 
     @cache
     def modules() -> dict[str, tuple[str, str]]:
-        """Return public name -> (module that defines it, name there).
+        """Return public name -> (module that defines it, name in this module).
 
-        The second name is "" where the public name is a module.
+        The second name is "" if the public name is a module.
         """
         stub = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
         modules = {}
@@ -41,7 +42,10 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return modules
 
     def get(name: str) -> Any:
-        """Import and return a public name."""
+        """Import and return the object with a public name.
+
+        Raises AttributeError if the name is unknown or if a required package is not installed.
+        """
         if name == "__all__":
             return installed()
         if name not in modules():
@@ -60,7 +64,7 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return getattr(module, name_there) if name_there else module
 
     def installed() -> list[str]:
-        """Return the public names whose packages are installed."""
+        """Return the public names that are defined in installed packages."""
         of_packages = {name: module.partition(".")[0] for name, (module, _) in modules().items()}
         return [name for name, other in of_packages.items() if not other or find_spec(other)]
 

@@ -1,8 +1,13 @@
-"""Validation of users' files against declarations. One line names the first entry that differs.
+"""Validation of users' files against declarations. The error names the first invalid entry.
 
-A declaration is `Number`, str, a tuple of allowed words, [declaration] for a list, {str:
-declaration} for a mapping with any names, or {name: declaration} for a table. In a table names
-ending in * are required, and ... permits other names, which are not checked.
+A declaration is one of the following:
+- `Number`
+- `str`
+- a tuple of allowed words
+- [declaration], for a list
+- {str: declaration}, for a mapping with arbitrary names
+- {name: declaration}, for a table. A name that ends in * is required. The key ... permits further
+  names, which are not checked.
 """
 
 from __future__ import annotations
@@ -17,10 +22,10 @@ from hfa_support.files import read_toml
 
 
 class Number(NamedTuple):
-    """Declaration of a number from lowest to highest.
+    """Declaration of a number from `lowest` to `highest`.
 
-    above: whether lowest itself is excluded
-    infinite: whether inf is allowed where highest is inf
+    above: whether `lowest` itself is excluded
+    infinite: whether an infinite number is allowed
     """
 
     lowest: float = -math.inf
@@ -29,7 +34,7 @@ class Number(NamedTuple):
     infinite: bool = False
 
     def __str__(self) -> str:
-        """Return the requirement in words."""
+        """Return the requirement in words, for example "a finite number above 0"."""
         form = "a number" if self.infinite else "a finite number"
         if self.lowest > -math.inf:
             lowest = f"{self.lowest:g}"
@@ -37,7 +42,7 @@ class Number(NamedTuple):
         return form if self.highest == math.inf else f"{form}, at most {self.highest:g}"
 
     def of(self, value: Any) -> float | None:
-        """Return the value as a float, or None where it does not meet the declaration."""
+        """Return the value as a float, or None if it is not a number within the declared limits."""
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return None
         try:
@@ -56,14 +61,13 @@ POSITIVE = Number(0.0, above=True)
 
 
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
-    """Return the value as declared, with numbers as floats.
+    """Return a value of a file, checked against its declaration, with numbers converted to floats.
 
     where: the file, for the message
-    value: content of the entry
-    declared: its declaration
+    declared: declaration of the value
     entry: name of the entry, for the message
 
-    Raises a BadInputError that names the file, the entry and the requirement.
+    Raises BadInputError with the file, the entry and the requirement.
     """
     if isinstance(declared, Number):
         number = declared.of(value)

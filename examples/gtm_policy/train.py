@@ -1,6 +1,8 @@
 """Train a policy on the GTM for a deployment file in this folder, and write its zip and normalizer.
 
-python train.py on_time.toml    # minutes; needs pip install ".[training]"
+    python train.py on_time.toml
+
+Training takes minutes and requires `pip install ".[training]"`.
 """
 
 import sys

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameRequest(GameOptions, OutputOptions):
-    """Request of a command on one game."""
+    """Options of a command that needs one game."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SolveRequest(GameRequest):
-    """Request of `hfa solve`."""
+    """Options of `hfa solve`."""
 
     draws: int | None = draws_option()
 
@@ -70,7 +70,7 @@ def solve(request: SolveRequest) -> int:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearnRequest(GameRequest, LearningOptions):
-    """Request of `hfa learn`."""
+    """Options of `hfa learn`."""
 
 
 @command(LearnRequest)
@@ -94,11 +94,12 @@ def learn(request: LearnRequest) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Judged(Result):
-    """Judgment of a learned critic by the exact solution.
+    """Comparison of a learned critic with the exact solution.
 
-    certificates: the checks of the judge.
-    converged: whether every check of the judge holds.
-    H: for a plant in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w]."""
+    certificates: the checks of this comparison
+    converged: True if all checks pass
+    H: Q-function of a discrete-time plant, Q(x, u, w) = [x; u; w]' H [x; u; w], otherwise None
+    """
 
     json_keys = "converged certificates H?"
 
@@ -110,9 +111,11 @@ class Judged(Result):
 def show_learned(
     request: LearnRequest, named: NamedGame, run: TrainingRun, verdict: Verdict, H: Any = None
 ) -> int:
-    """Report the learned critic with its verdict, and return the exit code.
+    """Print and save the learned critic with its checks, and return the exit code.
 
-    H: the learned Q-function of a plant in discrete time, or None
+    Return 0 if all checks pass, otherwise 1.
+
+    H: learned Q-function of a discrete-time plant, or None
     """
     from hfa_support.reporting.checks import checks_block
 

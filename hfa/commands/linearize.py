@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 
 
 def _names_of(*kinds: str) -> OfModel:
-    """Return the kind of option that accepts names of these "states", "inputs" or "outputs"."""
+    """Return an option type that parses a list of the model's signal names.
+
+    kinds: accepted lists of names, from "states", "inputs" and "outputs"
+    """
 
     def convert(model: Model, text: str) -> tuple[str, ...]:
         names: list[str] = []
@@ -53,7 +56,7 @@ def _about_states(model: Model) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearizeRequest(OneTrimRequest):
-    """Request of `hfa linearize`."""
+    """Options of `hfa linearize`."""
 
     states: tuple[str, ...] | None = option(_about_states, "a,b,...", _names_of("states"))
     inputs: tuple[str, ...] | None = option(
@@ -121,16 +124,15 @@ def _with_winds(
     outputs: tuple[str, ...],
     kept: tuple[str, ...],
 ) -> LinearModel:
-    """Return the linear model of all states at a point, with the winds of the aircraft as
+    """Return the linear model of all states at a trim, with the winds of the aircraft as
     disturbances.
 
-    aircraft: the model
-    point: its trim
-    outputs: names of the outputs of the linear model
-    kept: names of the requested states
+    The winds are left out if a wind acts on an omitted state that acts on a kept state. The reduced
+    model has no column for this effect. The winds of the HFA are always included.
 
-    The model has no winds where one of them moves a state that is omitted but acts on a kept one: a
-    model of the kept states has no column for this effect. The HFA always has its winds.
+    point: the trim
+    outputs: names of the outputs of the linear model
+    kept: names of the states in the reduced model
     """
     winds = tuple(aircraft.disturbances)
     linear = point.linearize(full=True, outputs=outputs, disturbances=winds)
@@ -146,8 +148,8 @@ def _with_winds(
 def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
     """Return the report of a linear model of the HFA.
 
-    It contains the error bands of the entries and the comparison with the other dynamics, where
-    these exist.
+    If the paper prints the matrices of these states and inputs, the report includes a comparison
+    with the other dynamics. Error bands are included if they are known for the parameters.
     """
     parameters = request.parameter_set
     condition = request.trim_condition
@@ -163,7 +165,10 @@ def _of_the_hfa(request: LinearizeRequest, model: LinearModel) -> Report:
 
 
 def _is_printed(model: LinearModel) -> bool:
-    """Return whether the paper prints A and B of these states and inputs of the HFA."""
+    """Return whether the paper prints A and B for the states and inputs of this model.
+
+    The result is False for any aircraft except the HFA.
+    """
     return model.model.name in VARIANTS and (model.states, model.inputs) == (
         LINEAR_STATES,
         INPUTS,

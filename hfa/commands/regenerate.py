@@ -12,7 +12,7 @@ from hfa.output import show
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegenerateRequest(HfaOptions, OutputOptions):
-    """Request of `hfa regenerate`."""
+    """Options of `hfa regenerate`."""
 
     all: bool = option("print every entry, the matrices and the spectra")
 

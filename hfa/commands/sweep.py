@@ -49,7 +49,7 @@ STORE = "sweep.store"
 
 
 def _suffixes(kind: str) -> tuple[str, ...]:
-    """Return the suffixes of the files or stores that installed packages write.
+    """Return the suffixes of the outputs that installed packages can write.
 
     kind: FILE or STORE
     """
@@ -58,7 +58,9 @@ def _suffixes(kind: str) -> tuple[str, ...]:
 
 
 def _purpose() -> str:
-    """Return the purpose of these suffixes, for the help."""
+    """Return the help text on the file and store suffixes, in parentheses, or "" if there are
+    none.
+    """
     said = [
         f"{suffix}: {about_part(f'{kind}{suffix}')}"
         for kind in (FILE, STORE)
@@ -69,7 +71,7 @@ def _purpose() -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, OutputOptions):
-    """Request of `hfa sweep`: trims over a grid or a list."""
+    """Options of `hfa sweep`, which trims over a grid or a list of points."""
 
     at: Range | None = scheduled(
         scheduled_range, "RANGE", "a number, a list a,b,c or a range start:stop:step"
@@ -91,20 +93,23 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
 
     @property
     def stored(self) -> bool:
-        """True if the points go to a store."""
+        """Whether the output is a store, according to its suffix."""
         return self.output is not None and self.output.suffix.lower() in _suffixes(STORE)
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """Return the condition shared by all points, without the variables of a list."""
+        """Return the trim condition common to all points, without the variables listed in a
+        file.
+        """
         if isinstance(self.condition, Path):
             return replace(self, condition=None).common_condition
         return super().common_condition
 
     def plan(self) -> SweepPlan:
-        """Return the plan of the sweep.
+        """Return the plan of the sweep: axes, aircraft and trim condition.
 
-        Variables with one value come first, because pictures omit them.
+        Axes with a single value come first, because pictures omit them. Raises BadInputError if
+        nothing is swept, or if a picture is requested for more than one varied axis.
         """
         listing = self.condition if isinstance(self.condition, Path) else None
         condition = self.common_condition
@@ -138,7 +143,14 @@ class SweepRequest(UnitsOption, AircraftOptions, TrimOptions, WorkersOptions, Ou
     def _listed_axes(
         self, listing: Path, condition: TrimCondition, ranges: Mapping[str, Range]
     ) -> dict[str, Any]:
-        """Return the columns of a list, with one more for each value common to all rows."""
+        """Return name -> values for the columns of a list of points and for the variables given by
+        options.
+
+        listing: CSV file of points
+        ranges: value of each variable given by an option
+
+        Raises BadInputError if an option gives several values, or a variable that is also a column.
+        """
         axes: dict[str, Any] = _listed(listing, condition)
         rows = len(next(iter(axes.values())))
         for name, values in {**self.hold, **ranges}.items():
@@ -202,10 +214,10 @@ def _in_store(request: SweepRequest) -> int:
 
 
 def _listed(path: Path, condition: TrimCondition) -> dict[str, np.ndarray]:
-    """Return name -> values of a CSV file of conditions.
+    """Read a CSV file of trim points and return name -> values, one for each point.
 
-    The first row is a header of names. Each further row is one point, with values as in --hold
-    (degrees). Raises a BadInputError that names the row, counted from the header, and the column.
+    The first row contains names. Each further row is one point, with values in the units of --hold
+    (degrees). Raises BadInputError with the row (the row of names is row 1) and the column.
     """
     try:
         lines = regular_file(path).read_text("utf-8-sig").splitlines()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimRequest(OneTrimRequest):
-    """Request of `hfa trim`."""
+    """Options of `hfa trim`."""
 
     draws: int | None = draws_option()
     picture: Path | None = picture_option(

@@ -48,9 +48,10 @@ _SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def _critics(text: str) -> list[Path]:
-    """Return the path of a file, or the paths of all critics in a folder.
+    """Return the path of a file in a list, or the paths of all critics in a folder.
 
-    The files of a folder are ordered by the numbers in their names.
+    The files of a folder are sorted by the numbers in their names. Raises BadInputError if the
+    folder contains no critic.
     """
     folder = Path(text)
     if not folder.is_dir():
@@ -66,7 +67,7 @@ def _critics(text: str) -> list[Path]:
 
 
 def _about_weights(_: Model) -> str:
-    """Return the help of --weights."""
+    """Return the help of --weights with the file suffixes that installed packages can read."""
     others = [suffix for suffix in critic_suffixes() if suffix not in MATRIX_FILES]
     networks = f", or a network of V, dV/dx or u ({' '.join(others)})" if others else ""
     return (
@@ -77,7 +78,7 @@ def _about_weights(_: Model) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VerifyRequest(GameOptions, LearningOptions, ReadingOptions, OutputOptions):
-    """Request of `hfa verify`."""
+    """Options of `hfa verify`."""
 
     weights: tuple[list[Path], ...] = option(
         _about_weights,
@@ -171,14 +172,22 @@ def verify(request: VerifyRequest) -> int:
 
 
 def _figure(verdicts: Mapping[str, Verdict], origin: str) -> Figure:
-    """Draw one critic with the exact solution, or the errors of several critics."""
+    """Return a figure of one critic with the exact solution, or of the errors of several critics.
+
+    verdicts: source of each critic -> its verdict
+    origin: description of the game
+    """
     from verification.critic.figures import verdicts_figure
 
     return verdicts_figure(verdicts, origin)
 
 
 def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[str]:
-    """Return the lines on Q, R and delta, and on the option that accepts a critic graded NEAR."""
+    """Return the lines of the report on Q, R and delta.
+
+    If the critic is graded NEAR and no --limit-cost is given, a line names the option that accepts
+    it.
+    """
     lines = [named.weights_line()]
     if limit_cost is None and verdict.grade == "near":
         lines.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
@@ -186,7 +195,11 @@ def about(named: NamedGame, verdict: Verdict, limit_cost: float | None) -> list[
 
 
 def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
-    """Return the scope of the checks: the box of states, and other games."""
+    """Return the scope of the checks: the box of states, and other games for comparison.
+
+    The box is None if the states have no ordinary ranges and no trim. Other games are compared only
+    if a dihedral angle is given.
+    """
     names = named.game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
     if box is None and named.linear is not None and names.states == named.linear.states:
@@ -197,7 +210,9 @@ def _scope(request: VerifyRequest, named: NamedGame) -> Scope:
 
 
 def _nearby(request: VerifyRequest, game: Game) -> Nearby:
-    """Return the games of the printed matrices, and those at other dihedral angles."""
+    """Return the games of the printed matrices, and a function that returns the game at any
+    dihedral angle.
+    """
     from hfa_model.printed_matrices import published_models
 
     @cache
@@ -215,7 +230,10 @@ def _nearby(request: VerifyRequest, game: Game) -> Nearby:
 
 
 def _refuse_unused(request: VerifyRequest, paths: list[Path]) -> None:
-    """Raise BadInputError for options that would change nothing."""
+    """Raise BadInputError if an option of the request has no effect or contradicts another.
+
+    paths: files of critics, empty for a learning law
+    """
     if not any(map(is_network, paths)):
         request.refuse(("network",), "applies only to a network; name its file with --weights")
         for name in ("activation", "scale") if paths else ():
@@ -244,7 +262,7 @@ def _check_file(
 ) -> Verdict:
     """Return the verdict on the critic in a file, or on the last critic of a history.
 
-    files: number of files in the request; a history must be the only one
+    files: number of files in the request
     """
     critics = critics_in(path, named.game, request.reading())
     critic = critics[-1]
@@ -277,7 +295,7 @@ def _check_history(
     named: NamedGame,
     scope: Scope,
 ) -> Verdict:
-    """Return the verdict on the last critic of a history."""
+    """Return the verdict on a history of critics over time, with a check of the last critic."""
     from verification.critic.history import check_history
 
     with said_of(path):

@@ -1,6 +1,7 @@
-"""Names for a package that adds an aircraft format or a command.
+"""Names for packages that add an aircraft format or a command.
 
-The stub of this module lists the public names."""
+The public names are listed in the stub of this module.
+"""
 
 from hfa_support.public_names import public_names
 

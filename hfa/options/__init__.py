@@ -1,1 +1,1 @@
-"""Options that several commands share, and the objects made of them."""
+"""Options shared by several commands, and the objects constructed from them."""

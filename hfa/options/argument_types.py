@@ -1,8 +1,8 @@
-"""Kinds of options: functions that convert one word of a command line to a value in internal units.
+"""Option types: functions that convert one word of a command line to a value in internal units.
 
-They raise BadInputError for a wrong word. The message continues a sentence that begins with the
-option: "--delay" and "is 'short'; give a finite number". `quantity` converts degrees. No other
-module converts typed numbers.
+They raise BadInputError for an invalid word. The message completes a sentence that begins with the
+option, for example "--delay is 'short'; give a finite number". Numbers typed by the user are
+converted only in this module. `quantity` converts degrees to radians.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _LARGEST_WHOLE = 10**18
 
 
 def number(text: str, declared: Number = NUMBER) -> float:
-    """Return the number in a word, within the declared limits."""
+    """Convert a word to a number. Raises BadInputError if it is outside the declared limits."""
     try:
         value = declared.of(float(text))
     except ValueError:
@@ -36,9 +36,9 @@ positive = partial(number, declared=POSITIVE)
 
 
 def quantity(model: Model, name: str, text: str) -> float:
-    """Return the value typed for a name of the model, in the unit that the model declares.
+    """Convert the text of a named variable to a number in the unit that the model declares.
 
-    An angle is typed in degrees and returned in radians. A name without a declared unit is a plain
+    Angles are typed in degrees and returned in radians. A name without a declared unit is a plain
     number.
     """
     signals = {**model.rates, **model.signals}
@@ -47,9 +47,9 @@ def quantity(model: Model, name: str, text: str) -> float:
 
 
 def breakpoint_value(model: Model, text: str) -> float:
-    """Return the scheduling variable at one trim.
+    """Convert a word to the value of the scheduling variable at one trim.
 
-    Raises BadInputError for a list or a range, which names the command that accepts it.
+    Raises BadInputError for a list or a range. The message names the command that accepts it.
     """
     if "," in text or ":" in text:
         raise BadInputError(
@@ -59,7 +59,10 @@ def breakpoint_value(model: Model, text: str) -> float:
 
 
 def span(model: Model, name: str, text: str) -> tuple[float, float]:
-    """Return (low, high) from `LOW:HIGH` of a named variable, with low < high."""
+    """Convert `LOW:HIGH` of a named variable to (low, high) in internal units.
+
+    Raises BadInputError unless low < high.
+    """
     low, colon, high = text.partition(":")
     if not colon or ":" in high:
         raise BadInputError(f"is {shortened(text)!r}; give LOW:HIGH")
@@ -71,7 +74,7 @@ def span(model: Model, name: str, text: str) -> tuple[float, float]:
 
 
 def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
-    """Return the kind of option that accepts whole numbers from `lowest` to `highest`."""
+    """Return an option type that accepts whole numbers from `lowest` to `highest`."""
 
     def convert(text: str) -> int:
         value = number(text)
@@ -87,7 +90,9 @@ def whole(lowest: int, highest: int = _LARGEST_WHOLE) -> Callable[[str], int]:
 
 
 def one_of(*words: str) -> Callable[[str], str]:
-    """Return the kind of option that accepts one of these words, in lower case."""
+    """Return an option type that accepts one of these words in any case and converts it to lower
+    case.
+    """
 
     def convert(text: str) -> str:
         word = text.lower()
@@ -99,7 +104,7 @@ def one_of(*words: str) -> Callable[[str], str]:
 
 
 def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
-    """Return the kind of option that accepts known names separated by commas, each at most once."""
+    """Return an option type that accepts known names separated by commas, each at most once."""
 
     def convert(text: str) -> tuple[str, ...]:
         names = tuple(text.split(","))
@@ -113,9 +118,9 @@ def some_of(*known: str) -> Callable[[str], tuple[str, ...]]:
 
 
 def input_file(*suffixes: str) -> Callable[[str], Path]:
-    """Return the kind of option that accepts the path of an existing file.
+    """Return an option type that accepts the path of an existing file and records it as input.
 
-    suffixes: the accepted suffixes, such as ".json"; any suffix without them
+    suffixes: accepted suffixes, for example ".json"
     """
 
     def convert(text: str) -> Path:
@@ -135,13 +140,12 @@ def input_file(*suffixes: str) -> Callable[[str], Path]:
 def output_file(
     *suffixes: str, folder: bool = False, stores: Sequence[str] = ()
 ) -> Callable[[str], Path]:
-    """Return the kind of option that accepts the path of a file that can be written.
+    """Return an option type that accepts the path of an output file and checks it before the
+    computation.
 
-    suffixes: the accepted suffixes
-    folder: whether folders, whose names have no suffix, are accepted too
-    stores: suffixes of folders that a run continues
-
-    The path is checked before anything is computed.
+    suffixes: accepted suffixes
+    folder: whether folders are accepted too; their names have no suffix
+    stores: suffixes of stores, which are folders and may exist already
     """
 
     def convert(text: str) -> Path:

@@ -1,4 +1,4 @@
-"""A command: its class of requests, and the function that runs it."""
+"""The class `Command`, and the decorator that makes one from a function."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ R = TypeVar("R", bound=Request)
 class Command(NamedTuple):
     """A command of `hfa`.
 
-    request: the class whose fields are the options.
-    run: request -> exit code; its docstring is the help.
-    install: what pip installs where a package that it needs is missing.
-    example: a line that ends the help.
+    request: class whose fields are the options
+    run: function that maps a request to the exit code; its docstring is the help
+    install: pip requirement to install if a needed package is missing
+    example: last line of the help
     """
 
     request: type[Request]
@@ -26,5 +26,5 @@ class Command(NamedTuple):
 
 
 def command(request: type[R]) -> Callable[[Callable[[R], int]], Command]:
-    """Return a decorator that makes a `Command` of a function of a request of this class."""
+    """Return a decorator that converts a function (request) -> exit code to a `Command`."""
     return lambda run: Command(request, run)

@@ -1,4 +1,4 @@
-"""Options on reading the file of a critic."""
+"""Options for reading the file of a critic."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hfa_support.files import MATRIX_FILES
 
 
 def listed_numbers(text: str) -> list[float]:
-    """Return the numbers of "a,b,..."."""
+    """Convert "a,b,..." to a list of numbers."""
     try:
         return [number(word) for word in text.split(",")]
     except BadInputError as error:
@@ -30,7 +30,10 @@ READING_SETTINGS: dict[str, Callable[[str], Any]] = {
 
 
 def critic_path(text: str) -> Path:
-    """Return the path of a critic's file, of any suffix that is read."""
+    """Convert a word to the path of an existing critic file.
+
+    Raises BadInputError if the file does not exist or if its suffix is not supported.
+    """
     if Path(text).suffix.lower() in MATRIX_FILES:
         return input_file(*MATRIX_FILES)(text)
     return input_file(*critic_suffixes())(text)
@@ -38,7 +41,7 @@ def critic_path(text: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadingOptions(Request):
-    """Options on reading the file of --weights, where the file leaves them open."""
+    """Options that supply properties of a critic file (--weights) that are not stored in it."""
 
     basis: str | None = option(
         "basis functions of W: a name (default quadratic), or a list 'x1**2, x1*x2, sin(x3)'",
@@ -54,5 +57,5 @@ class ReadingOptions(Request):
     set: Mapping[str, Any]
 
     def reading(self) -> Reading:
-        """Settings for reading the file."""
+        """Settings for reading the critic file."""
         return Reading(self.basis, self.network, self.set.get("activation"), self.set.get("scale"))

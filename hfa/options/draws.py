@@ -1,4 +1,4 @@
-"""The option --draws: the spread of a result over the uncertain parameters of the aircraft."""
+"""The option --draws: the spread of a result for random parameters of the aircraft."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hfa_support.reporting.report import Report
 
 
 def draws_option() -> Any:
-    """Return the field `draws` of a request."""
+    """Return the field `draws` of a request, with the option --draws."""
     return option(
         "add the spread over N aircraft with random parameters",
         "N",
@@ -21,7 +21,7 @@ def draws_option() -> Any:
 
 
 def with_draws(report: Report, request: Any, subject: Any) -> Report:
-    """Return a report, with the spread of its result where --draws is given.
+    """Return a report, to which the spread of its result is added if --draws is given.
 
     subject: an operating point, a linear model, or (game, gain)
     """

@@ -1,4 +1,4 @@
-"""Options of a game and of learning: the aircraft at a trim, or a plant from a file."""
+"""Options of a game and of learning. The plant is an aircraft at a trim, or is read from a file."""
 
 from __future__ import annotations
 
@@ -47,12 +47,15 @@ def _delta(text: str) -> float:
 
 
 def diagonal(text: str) -> np.ndarray:
-    """Return diag(a, b, ...) from "a,b,...", (n, n), the form of Q and R."""
+    """Convert "a,b,..." to the matrix diag(a, b, ...), (n, n), as used for Q and R."""
     return np.diag(listed_numbers(text))
 
 
 def _diagonal_option(name: str) -> Any:
-    """Return the field of a diagonal weight."""
+    """Return a request field whose option sets the diagonal of a weight.
+
+    name: "Q" or "R"
+    """
     about = f"diagonal of {name}; default"
     help_text = of_hfa(f"{about}: the paper's", f"{about} {USUAL_WEIGHTS[name]}")
     return option(help_text, "a,b,...", diagonal, names=f"--{name}", rare=True)
@@ -60,7 +63,7 @@ def _diagonal_option(name: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOptions(Request):
-    """Options of the weights of the game."""
+    """Options for the weights Q, R and delta of the game."""
 
     delta: float | None = option(
         of_hfa(
@@ -74,12 +77,12 @@ class WeightOptions(Request):
     R: np.ndarray | None = _diagonal_option("R")
 
     def changed_weights(self) -> dict[str, Any]:
-        """Weights given by the options, in the units of the model."""
+        """Name -> value for those of Q, R and delta given by options, in the units of the model."""
         typed: dict[str, Any] = {"Q": self.Q, "R": self.R, "delta": self.delta}
         return {name: value for name, value in typed.items() if value is not None}
 
     def game_on(self, linear: LinearModel) -> Game:
-        """Return the default game on a linear model, with the weights given by the options."""
+        """Return the game on a linear model, with default weights except those given by options."""
         changes = self.changed_weights()
         names = plant_names(linear)
         return usual_game(linear.model, linear.A, linear.B, names, **changes)
@@ -87,7 +90,7 @@ class WeightOptions(Request):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeedOption(Request):
-    """Option of the seed of random numbers."""
+    """Option for the seed of random numbers."""
 
     seed: int = option(
         "seed of all random numbers; default 0",
@@ -99,7 +102,10 @@ class SeedOption(Request):
 
 
 def law_option(*laws: str) -> Any:
-    """Return the field `law`: one of these laws, or the default that learns."""
+    """Return the field `law`, with the option --law.
+
+    laws: accepted names besides the default learning law
+    """
     choices = (*laws, DEFAULT_LAW)
     about = f"learning law; {DEFAULT_LAW} is the only one"
     if laws:
@@ -111,9 +117,10 @@ def setting_option(
     about: str = "setting of the learning law, for example predefined_time=2",
     more: Mapping[str, Callable[[str], Any]] | None = None,
 ) -> Any:
-    """Return the field `set`.
+    """Return the field `set`, with the repeatable option --set NAME=VALUE.
 
-    more: further settings, name -> function that converts the word to the value
+    about: help of the option
+    more: additional settings, name -> function that converts the word to a value
     """
 
     def setting(name: str, text: str) -> Any:
@@ -134,13 +141,13 @@ def setting_option(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearningOptions(SeedOption):
-    """Options of the law that learns a critic."""
+    """Options of the learning law."""
 
     law: str = law_option()
     set: Mapping[str, Any] = setting_option()
 
     def learned(self, game: Game) -> TrainingRun:
-        """Return the training run of the selected law on a game."""
+        """Run the selected learning law on a game and return its training run."""
         from controller.learning.certified import learn
 
         return learn(game, self.law, self.seed, progress=ProgressLine("learn"), **self.set)
@@ -151,18 +158,21 @@ def _design(model: Model, name: str) -> Any:
 
 
 def _about_design(model: Model) -> str:
-    """Return the help of --design for a model; the names of designs exist for the HFA alone."""
+    """Return the help of --design for a model. Only for the HFA does it list named designs."""
     names = of_hfa(about_part("design"))(model)
     return f"design with actuators and weights: {f'{names}, or ' if names else ''}a .toml file"
 
 
 def design_option(about: str | Callable[[Model], str] = _about_design) -> Any:
-    """Return the field `design`, for the HFA or the user's own aircraft."""
+    """Return the field `design`, with the option --design.
+
+    about: help of the option
+    """
     return option(about, "NAME", OfModel(_design), part="design")
 
 
 def plant_option() -> Any:
-    """Return the field `plant` (--model), a plant from the user's file."""
+    """Return the field `plant`, whose option --model names a plant file."""
     return option(
         f"your plant: A, B, optionally E, Q, R ({' '.join(MATRIX_FILES)})",
         "FILE",
@@ -173,23 +183,24 @@ def plant_option() -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
-    """Options of a game on the aircraft at a trim, with or without a design, or on a plant from a
-    file."""
+    """Options of a game on an aircraft at a trim, or on a plant read from a file."""
 
     plant: Path | None = plant_option()
     design: Any = None
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the game: the file of the plant, or the aircraft."""
+        """Provenance of the game: the plant file, or the aircraft and its trim."""
         return super().origin() if self.plant is None else {"model": str(self.plant)}
 
     def game(
         self, read: dict[str, Any] | None = None, *, may_be_discrete: bool = False
     ) -> NamedGame:
-        """Return the game that the options specify.
+        """Return the game specified by the options.
 
-        read: entries already read from the file of --model
-        may_be_discrete: whether the command accepts a plant in discrete time
+        read: entries of the file of --model, if it has been read already
+        may_be_discrete: whether the command accepts a discrete-time plant
+
+        Raises BadInputError if neither a dihedral angle nor a plant file is given for the HFA.
         """
         if self.plant is not None:
             named = self._game_of_file(self.plant, read)
@@ -216,7 +227,11 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         return NamedGame(self.game_on(linear), warnings, linear=linear, weights_from=whose)
 
     def weights_from(self, else_from: str, of_file: Collection[str] = ()) -> dict[str, str]:
-        """Return "Q", "R", "delta" -> source: "given", "file", or `else_from`."""
+        """Return the source of each of Q, R and delta: "given", "file" or `else_from`.
+
+        of_file: names of the weights that the plant file contains
+        else_from: source of weights neither given by an option nor in the file
+        """
         whose = dict.fromkeys(("Q", "R", "delta"), else_from)
         whose |= {name: "file" for name in of_file if name in whose}
         return whose | dict.fromkeys(self.changed_weights(), "given")
@@ -237,7 +252,7 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
         )
 
     def refuse_of_the_aircraft(self) -> None:
-        """Raise BadInputError where an option of the aircraft is combined with --model."""
+        """Raise BadInputError if an option of the aircraft or its trim is combined with --model."""
         if self.at is not None:
             raise BadInputError("name the plant: either --dihedral DEG or --model FILE")
         of_the_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "design", "units", "dynamics")
@@ -246,18 +261,19 @@ class PlantOptions(WeightOptions, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameOptions(UnitsOption, PlantOptions):
-    """Options of one game, in the chosen units."""
+    """Options of one game, including its units and a design."""
 
     design: Any = design_option()
 
 
 @dataclass(frozen=True, eq=False)
 class Weights(Result):
-    """The weights of a game.
+    """Weights of a game and their sources.
 
-    Q: (n, n) of the game.
-    R: (m, m) of the game.
-    weights_from: Q, R, delta -> given, file, design or default."""
+    Q: state weight, (n, n)
+    R: input weight, (m, m)
+    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
+    """
 
     Q: Matrix
     R: Matrix
@@ -266,15 +282,15 @@ class Weights(Result):
 
 @dataclass(frozen=True, eq=False)
 class NamedGame(Result):
-    """A game and its origin, the subject of a result.
+    """A game with the plant that it describes.
 
-    game: the game.
-    warnings: notes on the result.
-    plant_provenance: provenance of a plant from a file.
-    linear: the linear model of the game, or None for a plant from a file or a design.
-    discrete: for a plant in discrete time, the game with the step `game` (`StoredGame`).
-    has_time: whether continuous or discrete time is known; a file may omit it.
-    weights_from: "Q", "R", "delta" -> source: "given", "file", "design" or "default".
+    game: the game
+    warnings: notes to print with results
+    plant_provenance: provenance of a plant read from a file
+    linear: linear model of the aircraft, or None for a plant from a file or a design
+    discrete: `StoredGame` of a discrete-time plant, otherwise None
+    has_time: False if the plant file does not state whether time is continuous or discrete
+    weights_from: name -> "given", "file", "design" or "default", for Q, R and delta
     """
 
     json_keys = (
@@ -293,23 +309,26 @@ class NamedGame(Result):
 
     @property
     def origins(self) -> dict[str, str] | None:
-        """Return the provenance of a plant that was read from a file, or None without one."""
+        """Provenance of a plant read from a file, or None for another plant."""
         return dict(self.plant_provenance) or None
 
     @property
     def weights(self) -> Weights:
-        """Return Q, R and the sources of Q, R and delta."""
+        """Q and R, with the sources of Q, R and delta."""
         return Weights(self.game.Q, self.game.R, self.weights_from)
 
     def weights_line(self) -> str:
-        """Return the line of Q, R and delta of the game, with their source."""
+        """Return one line of text on Q, R and delta and their sources."""
         game = self.game
         return weights_line(game.Q, game.R, game.delta, self.weights_from)
 
     @contextmanager
     def asking_for_time(self) -> Iterator[None]:
-        """Add the question whether time is discrete to a NoSolutionError of the block, if the file
-        does not state the time and the plant has a solution in discrete time."""
+        """Extend the message of a NoSolutionError in the block by a question on discrete time.
+
+        The question is added if the plant file does not state continuous or discrete time and the
+        game has a solution in discrete time.
+        """
         try:
             yield
         except NoSolutionError as failure:
@@ -320,10 +339,9 @@ class NamedGame(Result):
 
 
 def _converted(kind: str, text: str) -> Any:
-    """Return the value of a setting.
+    """Convert the text of a setting to its value.
 
     kind: annotation of the setting's field, for example "float | tuple[float, ...]"
-    text: the typed value
     """
     if kind.startswith("str"):
         return text

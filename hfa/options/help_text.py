@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 def help_text(parser: Parser, more: bool) -> str:
-    """Return usage, description, options and example; rare options only with `more`."""
+    """Return the help of a command: usage, description, options, subcommands and example.
+
+    more: whether rare options are explained; otherwise only their names are listed
+    """
     texts = [_options_text(parser, more)]
     if parser.words:
         lines = [f"  {parser.prog} {word:<10}{about}\n" for word, about in parser.words.items()]
@@ -25,7 +28,10 @@ def help_text(parser: Parser, more: bool) -> str:
 
 
 def _options_text(parser: Parser, more: bool) -> str:
-    """Return the usage, the description and the options."""
+    """Return the usage, the description and the options of a command.
+
+    more: whether rare options are explained; otherwise only their names are listed
+    """
     declared = []
     for action in parser._actions:
         option = parser.options.get(action.dest)

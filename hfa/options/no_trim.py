@@ -1,4 +1,4 @@
-"""Suggested options where a trim does not exist."""
+"""Advice on options to change if a trim does not exist."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 def advised(
     failure: TrimError, request: TrimOptions, aircraft: Model, condition: TrimCondition
 ) -> TrimError:
-    """Return the error with the options to type where a held angle of attack prevents the trim."""
+    """Return the error of a failed trim with an explanation added.
+
+    If alpha is held and a trim with free alpha exists, the message also advises --free alpha.
+
+    condition: condition of the failed trim
+    """
     error = explained(failure, aircraft, condition)
     if "alpha" not in condition.imposed:
         return error

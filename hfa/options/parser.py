@@ -1,4 +1,4 @@
-"""Parsers of command lines: options are declared as data, and each error is one line."""
+"""Parser of command lines. Options are declared as data, and each error message is one line."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hfa_support.errors import BadInputError, advice, shortened
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises BadInputError.
+    """Argument parser that raises BadInputError instead of ending the process.
 
-    with_help: whether it accepts --help.
+    with_help: whether the parser accepts --help
     """
 
     def __init__(self, *, with_help: bool = True, **options: Any) -> None:
@@ -35,9 +35,9 @@ class Parser(argparse.ArgumentParser):
         self._words: dict[str, list[str]] = {}
 
     def declare(self, options: Mapping[str, Option]) -> None:
-        """Add options.
+        """Add options to the parser.
 
-        options: name of the value -> option
+        options: field of the request -> option
         """
         self.options.update(options)
         for name, option in options.items():
@@ -62,17 +62,20 @@ class Parser(argparse.ArgumentParser):
         self.usage = f"{self.prog}{words} [options]"
 
     def format_help(self, more: bool = False) -> str:
-        """Return usage, description, options and example; rare options only with `more`."""
+        """Return the help text.
+
+        more: whether rare options are explained; otherwise only their names are listed
+        """
         from hfa.options.help_text import help_text
 
         return help_text(self, more)
 
     def parse_words(self, words: list[str]) -> dict[str, Any]:
-        """Return name of the option -> value, for the options that were typed.
+        """Return field -> value for the options in a command line.
 
-        words: the words of the command line after the command
+        words: words of the command line after the name of the command
 
-        Raises BadInputError for unknown options, stray words and missing required options.
+        Raises BadInputError for unknown options, additional words and missing required options.
         """
         actions = self._option_string_actions
         option_words = words
@@ -97,7 +100,9 @@ class Parser(argparse.ArgumentParser):
         return typed
 
     def parse_some(self, words: list[str]) -> dict[str, Any]:
-        """Parse the known options among the words, and ignore all other words."""
+        """Return field -> value for the known options in a command line. Other words are
+        ignored.
+        """
         return self._typed(self.parse_known_args(words)[0])
 
     @staticmethod
@@ -129,7 +134,7 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)
 
     def error(self, message: str) -> NoReturn:
-        """Raise BadInputError with argparse's message."""
+        """Raise BadInputError with a message of argparse, shortened to the option and its fault."""
         complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"
@@ -137,7 +142,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """Action of `--help` and `--help more`."""
+    """Action that prints the help for `--help` and `--help more`."""
 
     def __call__(
         self, parser: Any, _: argparse.Namespace, values: Any, option_string: str | None = None
@@ -147,7 +152,7 @@ class _Help(argparse.Action):
 
 
 class _Named(argparse.Action):
-    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, stored as name -> kind(name, text)."""
+    """Action of a repeatable option `NAME=VALUE,NAME=VALUE`, which stores a dictionary."""
 
     def __init__(
         self, *, kind: Callable[[str, str], Any], aliases: Mapping[str, str], **options: Any
@@ -177,5 +182,9 @@ class _Named(argparse.Action):
 
 
 def unknown(what: str, name: str, known: Iterable[str], program: str) -> str:
-    """Return the error for an unknown option or command, with the nearest known one."""
+    """Return the message on an unknown option or command, which suggests the nearest known name.
+
+    what: kind of word, with the word
+    program: command whose help is named if no known name is near
+    """
     return f"unknown {what}{advice(name, known) or f' (see `{program} --help`)'}"

@@ -1,4 +1,4 @@
-"""Values of a named variable from `start:stop:step`, `a,b,c` or one number."""
+"""Conversion of `start:stop:step`, `a,b,c` or one number to the values of a named variable."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ Range = tuple[float, ...] | Steps
 
 
 def value_range(model: Model, name: str, text: str) -> Range:
-    """Return the values of a variable from `a,b,c`, one number or `start:stop:step`.
+    """Convert `start:stop:step`, `a,b,c` or one number to values of a variable in internal units.
 
-    The last value of a range is at or before stop.
+    The values of a range do not exceed `stop`. Raises BadInputError for an empty, reversed or too
+    long range.
     """
     parts = text.split(":")
     if len(parts) == 1:
@@ -48,12 +49,15 @@ def value_range(model: Model, name: str, text: str) -> Range:
 
 
 def scheduled_range(model: Model, text: str) -> Range:
-    """Return a range of the scheduling variable."""
+    """Convert `start:stop:step`, `a,b,c` or one number to values of the scheduling variable."""
     return value_range(model, model.schedule, text)
 
 
 def array_of(name: str, values: Range, most: int) -> np.ndarray:
-    """Return a range as an array, (N,). Raises BadInputError for more than `most` values."""
+    """Return the values of a range as an array, (N,).
+
+    Raises BadInputError if there are more than `most` values.
+    """
     if len(values) > most:
         raise BadInputError(
             f"{name} has {len(values):,} points; at most {most:,} are allowed; give fewer"

@@ -1,7 +1,7 @@
-"""Requests: the input of a run, each field declared with its option.
+"""Requests: the input of a run. Each field is declared with its option.
 
-A command has one class of requests. The parser makes one from the command line; no other part of
-the program reads the command line.
+Each command has a class of requests. Only the parser reads the command line, and it returns a
+request.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ if TYPE_CHECKING:
 
 
 class OfModel(NamedTuple):
-    """Kind of option whose function takes the model first, because words are in its names and
-    units."""
+    """Option type whose function takes the model as an additional first argument.
+
+    The model defines the names and units in which the user types the value.
+    """
 
     kind: Callable[..., Any]
 
 
 @dataclass(frozen=True)
 class Option:
-    """Option of the command line that sets a field.
+    """A command-line option that sets a field of a request.
 
-    about: its help; "" hides it
-    form: the value as shown in the help, or "" for a switch
-    kind: word -> value; its BadInputError continues a sentence that begins with the option
-    names: as in "-o --output"; a name without dashes is a positional argument
-    named: whether the words are NAME=VALUE[,NAME=VALUE...], repeatable; kind then takes both
-    repeated: whether it may be repeated; the field then contains all values
-    count: number of its words, as argparse's nargs, or None for one
-    required: whether it must be typed
-    aliases: other names of a model's names, for an option that is `named`
-    rare: whether only `--help more` explains it; `--help` lists its name
-    part: name in `hfa.parts` of the part that implements it; without that part the help omits it
+    about: help of the option; "" hides it form: placeholder of the value in the help, or "" for a
+    switch kind: function word -> value; its BadInputError completes a sentence that begins with the
+    option names: names separated by blanks, as in "-o --output"; without dashes a positional
+    argument named: whether the words are NAME=VALUE[,NAME=VALUE...]; kind then has two arguments,
+    name and text repeated: whether the option is repeatable; the field then contains all values
+    count: number of words, as argparse's nargs, or None for one word required: whether the option
+    is mandatory aliases: alias -> name in the model, for a `named` option rare: whether the option
+    is explained only by `--help more`; `--help` lists its name part: entry point in `hfa.parts`
+    that implements the option; without it the help omits the option
 
-    about, form, names and required may also be functions of the model that return these.
+    about, form, names and required may be functions of the model that return the value.
     """
 
     about: str | Callable[..., str]
@@ -58,10 +58,11 @@ class Option:
     aliases: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, model: Model | None, name: str) -> Option:
-        """Return this option for a model, with the functions of the model replaced by their values.
+        """Return a copy of this option in which functions of the model are replaced by their
+        values.
 
-        model: None for an option that does not depend on one
-        name: name of the field, from which the option has its name unless it declares another
+        model: None for an option that does not depend on the model
+        name: name of the field, used as the name of the option if it declares no other
         """
         kind = partial(self.kind.kind, model) if isinstance(self.kind, OfModel) else self.kind
         names = _resolved(self.names, model) or "--" + name.replace("_", "-")
@@ -77,7 +78,7 @@ class Option:
 
     @property
     def flags(self) -> list[str]:
-        """Return the names of the option; the last is the one used in messages."""
+        """Names of the option, for example ["-o", "--output"]. Messages use the last one."""
         return str(self.names).split()
 
 
@@ -92,11 +93,11 @@ def option(
     default: Any = None,
     **more: Any,
 ) -> Any:
-    """Return a field of a request that an option sets.
+    """Return a field of a request, with the option that sets it.
 
-    about, form, kind: as in `Option`
-    default: value of a field whose option is not typed; switches, `named` and `repeated` options
-        have their own
+    about, form, kind: as in `Option` default: value if the option is not given; ignored for
+    switches and for options that are `named` or
+      `repeated`
     more: further fields of `Option`
     """
     declared = Option(about, form, kind, **more)
@@ -114,10 +115,10 @@ def option(
 class Request:
     """Input of one run.
 
-    model: the aircraft, whose names and units the other fields use
-    line: the command line, as typed
-    date: beginning of the run, UTC, as printed in outputs
-    typed: names of the fields that were typed; the others have their defaults
+    model: the aircraft, which defines the names and units of the other fields
+    line: the command line as typed
+    date: start of the run in UTC, as text
+    typed: names of the fields given by the user; the other fields have default values
     quiet: whether notes and progress are suppressed
     """
 
@@ -129,7 +130,7 @@ class Request:
 
     @classmethod
     def declared(cls) -> dict[str, Option]:
-        """Return field -> option, the fields of the bases first."""
+        """Return field -> option. The fields of base classes come first."""
         options = {field.name: field.metadata["option"] for field in fields(cls) if field.metadata}
         classes = (*cls.__mro__[1:], cls)
         names = [name for field in classes for name in inspect.get_annotations(field)]
@@ -142,20 +143,20 @@ class Request:
 
     @cached_property
     def provenance(self) -> Provenance:
-        """Return the provenance of the outputs of this run."""
+        """Provenance to write into the outputs of this run."""
         from hfa_support.provenance import Provenance
 
         return Provenance(self.line, date=self.date, **self.origin())
 
     def origin(self) -> Mapping[str, Any]:
-        """Return the entries of the provenance besides the command line."""
+        """Additional entries of the provenance. A request without a model file has none."""
         return {}
 
     def refuse(self, names: Iterable[str], reason: str) -> None:
-        """Raise BadInputError where one of these options was typed but has no effect.
+        """Raise BadInputError if one of these options was given.
 
-        names: fields of the options
-        reason: why they have no effect
+        names: fields whose options have no effect in this request
+        reason: end of the message, which follows the name of the option
         """
         options = self.options(self.model)
         for name in names:

@@ -1,4 +1,6 @@
-"""Options of the aircraft, of a trim and of outputs, and the model and condition made of them."""
+"""Options of the aircraft, of a trim and of outputs, and the model and condition that they
+define.
+"""
 
 from __future__ import annotations
 
@@ -44,19 +46,22 @@ REPORTS: dict[str, Callable[[Report], str]] = {
 
 
 def is_own(model: Model | None) -> bool:
-    """Return whether a model is the user's own aircraft and not the HFA."""
+    """Return whether a model was loaded from the user's file, so that it is not the HFA."""
     return model is not None and model.extras.source[0] != ""
 
 
 def of_hfa(about: str, otherwise: str = "") -> Callable[[Model | None], str]:
-    """Return the help of an option, for the HFA and for the user's own aircraft; "" hides the
-    option."""
+    """Return a function of the model that returns the help of an option.
+
+    about: help for the HFA
+    otherwise: help for the user's aircraft; "" hides the option
+    """
     return lambda model: otherwise if is_own(model) else about
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UnitsOption(Request):
-    """Option of the units of the model."""
+    """Option for the units of input and output."""
 
     units: str = option(
         of_hfa(
@@ -71,7 +76,10 @@ class UnitsOption(Request):
 
 
 def _dynamics_help(model: Model | None) -> str:
-    """Return the help of --dynamics: the choices of the core and of installed packages."""
+    """Return the help of --dynamics, or "" for the user's aircraft.
+
+    It lists the dynamics of the core and of installed packages.
+    """
     if is_own(model):
         return ""
     core = (
@@ -83,7 +91,7 @@ def _dynamics_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HfaOptions(Request):
-    """Options of the equations and parameters of the HFA."""
+    """Options for the dynamics and parameters of the HFA."""
 
     dynamics: str = option(_dynamics_help, "VARIANT", default="published")
     parameters: ParameterSet | None = option(
@@ -95,7 +103,7 @@ class HfaOptions(Request):
 
     @property
     def own(self) -> bool:
-        """True if the model is the user's own aircraft and not the HFA."""
+        """True if the model was loaded from the user's file, so that it is not the HFA."""
         return is_own(self.model)
 
     @property
@@ -105,23 +113,32 @@ class HfaOptions(Request):
 
     @property
     def hfa(self) -> Model:
-        """Return the HFA of the chosen dynamics and parameters."""
+        """The HFA with the chosen dynamics and parameters.
+
+        Raises BadInputError if the name of the dynamics is unknown.
+        """
         variant_named(self.dynamics)
         return self.model
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the aircraft."""
+        """Provenance of the aircraft: its file, or the dynamics and parameters of the HFA."""
         if self.own:
             return self._origin_of_file({})
         return self._origin(self.model, condition={})
 
     def _origin_of_file(self, condition: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the provenance of the user's own aircraft, with the condition of its trims."""
+        """Return the provenance of an aircraft loaded from a file: path, digest and trim
+        condition.
+        """
         file, digest = self.model.extras.source
         return {"model": f"{file} (SHA-256 {digest[:12]})", "condition": condition}
 
     def _origin(self, model: Model, **of_the_trim: Any) -> Mapping[str, Any]:
-        """Return the provenance of a model and of the other options."""
+        """Return the provenance of the HFA: dynamics, parameters, and parameters changed by
+        options.
+
+        of_the_trim: entries added to the provenance
+        """
         from hfa_model.parameters import changed_parameters
         from hfa_support.provenance import Change, parameter_hash
 
@@ -141,7 +158,7 @@ class HfaOptions(Request):
 
 
 def aircraft_help(model: Model | None) -> str:
-    """Return the help of --aircraft: Python files and the formats of packages."""
+    """Return the help of --aircraft: Python files, and the formats of installed packages."""
     from hfa_aircraft.loading import forms_of_packages
 
     forms = ("aircraft: a Python file (executed) or package.module:NAME", *forms_of_packages())
@@ -150,15 +167,15 @@ def aircraft_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions(HfaOptions):
-    """Options of the aircraft: the HFA or the user's own."""
+    """Options for the aircraft: the HFA or one from the user's file."""
 
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
 
 
 def named_model(typed: Mapping[str, Any]) -> Model:
-    """Return the model that --aircraft names, or the HFA with its --dynamics and --parameters.
+    """Return the model given by --aircraft, or the HFA with the given --dynamics and --parameters.
 
-    typed: the fields of `AircraftOptions` that were typed
+    typed: field of `AircraftOptions` -> value, for the options given by the user
     """
     if "steps" in typed:
         model: Model = part(PARTS, "model.steps", "--model")(typed["steps"])
@@ -181,7 +198,9 @@ def named_model(typed: Mapping[str, Any]) -> Model:
 
 
 def called_at(model: Model) -> str:
-    """Return the name of the option --at for this model."""
+    """Return the name of the option for the scheduling variable: "at", or its name if it has
+    one.
+    """
     return model.schedule if model.extras.names_schedule else "at"
 
 
@@ -192,12 +211,14 @@ def scheduled(
     *,
     required: bool = False,
 ) -> Any:
-    """Return the field `at` (--at, for the HFA also --dihedral), the scheduling variable.
+    """Return the field `at`, which is the value of the scheduling variable.
 
-    kind: (model, word) -> value
-    form: the value in the help
-    about: further words of the help
-    required: whether it must be typed for the HFA
+    Its option is --at, and for the HFA also --dihedral.
+
+    kind: function (model, word) -> value
+    form: placeholder of the value in the help
+    about: text added to the help
+    required: whether the option is mandatory for the HFA
     """
 
     def convert(model: Model, text: str) -> Any:
@@ -224,7 +245,7 @@ def scheduled(
 
 
 def _usual(model: Model) -> str:
-    """Return the help of --hold, with the values held by default."""
+    """Return the help of --hold, with up to four variables that are held by default."""
     held = [
         f"{name} {model.describe(name, value)}"
         for name, value in model.trim.items()
@@ -235,7 +256,7 @@ def _usual(model: Model) -> str:
 
 
 def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
-    """Return a condition, or the path of a list of conditions."""
+    """Return the trim condition named by --condition, or the path of a CSV file of conditions."""
     from trim.hfa.level_flight import load_condition
 
     if text.lower().endswith(".csv"):
@@ -244,12 +265,12 @@ def condition_or_list(model: Model, text: str) -> TrimCondition | Path:
 
 
 def _name(model: Model, text: str) -> str:
-    """Return the model's name for a name or one of its aliases."""
+    """Return the model's name of a variable that is given by this name or an alias."""
     return model.extras.aliases.get(text, text)
 
 
 def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
-    """Return a saved operating point, or variable -> value."""
+    """Convert the value of --start to an operating point read from a file, or to name -> value."""
     if "=" not in text or Path(text).exists():
         return OperatingPoint.load(Path(text), model)
     values = {}
@@ -262,7 +283,7 @@ def _start(model: Model, text: str) -> OperatingPoint | dict[str, float]:
 
 
 def condition_help(model: Model | None) -> str:
-    """Return the help of --condition."""
+    """Return the help of --condition. For the HFA it lists the named conditions."""
     from trim.hfa.level_flight import CONDITIONS
 
     names = of_hfa(f", or {', '.join(CONDITIONS)}")(model)
@@ -271,7 +292,7 @@ def condition_help(model: Model | None) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrimOptions(HfaOptions):
-    """Options of the condition of a trim."""
+    """Options for the condition of a trim."""
 
     at: Any = scheduled(breakpoint_value)
     condition: TrimCondition | Path | None = option(
@@ -301,22 +322,25 @@ class TrimOptions(HfaOptions):
     )
 
     def held_parameters(self) -> dict[str, float]:
-        """Parameter -> value, for those that the options hold at one value."""
+        """Parameter -> value, for the parameters of the model that options set to a single
+        value.
+        """
         held = {**self.hold, self.model.schedule: self.at}
         return {
             name: held[name] for name in self.model.parameters if isinstance(held.get(name), float)
         }
 
     def flown_aircraft(self) -> Model:
-        """The model with the parameters that the options hold."""
+        """The model with the parameter values given by options."""
         return self.model.with_parameters(**self.held_parameters())
 
     @cached_property
     def common_condition(self) -> TrimCondition:
-        """Return the condition shared by all trims, without the value of the scheduling variable.
+        """The trim condition shared by all points, without the value of the scheduling variable.
 
-        It is --condition, or the default, changed by --hold, --free, --limit, --glide and --start.
-        Raises BadInputError when a variable is named twice, or --condition is a list of points.
+        The condition is --condition or the default, changed by --hold, --free, --limit, --glide and
+        --start. Raises BadInputError if a variable is given twice or if --condition is a list of
+        points.
         """
         self._refuse_doubles()
         model = self.model
@@ -342,7 +366,9 @@ class TrimOptions(HfaOptions):
         return condition
 
     def _refuse_doubles(self) -> None:
-        """Raise BadInputError when two of --free, --hold and --at name one variable."""
+        """Raise BadInputError if one variable is given by two of the options --free, --hold and
+        --at.
+        """
         for name in self.free:
             if name in self.hold:
                 raise BadInputError(f"{name} is both set free and held; name it once")
@@ -362,9 +388,9 @@ class TrimOptions(HfaOptions):
             )
 
     def is_constant(self, name: str) -> bool:
-        """Return whether --hold of a sweep imposes one value on a trim variable.
+        """Return whether --hold of a sweep gives one value for this trim variable.
 
-        A parameter is always an axis of the sweep.
+        The result is False for a parameter, which is always an axis of the sweep.
         """
         values = self.hold[name]
         one_value = isinstance(values, tuple) and len(values) == 1
@@ -372,19 +398,21 @@ class TrimOptions(HfaOptions):
 
     @cached_property
     def trim_condition(self) -> TrimCondition:
-        """Return the condition of the single trim that the options specify."""
+        """The condition of a single trim, with the value of the scheduling variable."""
         is_parameter = self.model.schedule in self.model.parameters
         return self.common_condition.at(None if is_parameter else self.at)
 
     @property
     def start_point(self) -> OperatingPoint | None:
-        """Return the saved point of --start, or None."""
+        """The operating point given by --start, or None if --start gives no file."""
         return self.start if isinstance(self.start, OperatingPoint) else None
 
     def operating_point(self, aircraft: Model) -> OperatingPoint:
-        """Return the trim of the options, searched from the point of --start.
+        """Trim the aircraft under the condition given by the options and return the operating
+        point.
 
-        Raises a TrimError, which names a held angle of attack where that prevents a trim.
+        The search begins at the point of --start. Raises TrimError with an explanation if no trim
+        is found.
         """
         condition = self.trim_condition
         by = self.model.schedule
@@ -400,7 +428,7 @@ class TrimOptions(HfaOptions):
             raise advised(failure, self, aircraft, condition) from None
 
     def origin(self) -> Mapping[str, Any]:
-        """Provenance of the aircraft and of the condition of its trims."""
+        """Provenance of the aircraft and of its trim condition."""
         common = self.common_condition
         condition: dict[str, Any] = common.changes
         if self.own:
@@ -420,7 +448,7 @@ class TrimOptions(HfaOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
-    """Options of one trim of any aircraft."""
+    """Options for one trim of any aircraft."""
 
     at: float | None = scheduled(breakpoint_value, required=True)
 
@@ -430,7 +458,7 @@ class OneTrimOptions(UnitsOption, AircraftOptions, TrimOptions):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JsonOption(Request):
-    """Option of output as JSON."""
+    """Option for output in JSON."""
 
     json: bool = option("print JSON (angles in radians) instead of text")
 
@@ -438,16 +466,16 @@ class JsonOption(Request):
 def output_option(
     *more: str, stores: Sequence[str] = (), purpose: str | Callable[[], str] = ""
 ) -> Any:
-    """Return the field `output` of a request, the file that a command also writes.
+    """Return the field `output`, whose option -o names a file or store to write.
 
     more: accepted suffixes besides those of a report
-    stores: accepted suffixes of folders
-    purpose: purpose of these suffixes, for the help
+    stores: accepted suffixes of stores
+    purpose: text on the additional suffixes for the help, or a function that returns it
     """
     suffixes = (*SUFFIXES, *REPORTS, *more)
 
     def about(_: Model) -> str:
-        """Return the help: the suffixes, and the purpose of some."""
+        """Return the help of -o: the accepted suffixes, and the purpose of some."""
         use = purpose() if callable(purpose) else purpose
         return f"also write {', '.join((*suffixes, *stores))}{use}"
 
@@ -456,7 +484,7 @@ def output_option(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutputOptions(JsonOption):
-    """Options of the files of the report."""
+    """Options for the output files of a command."""
 
     output: Path | None = output_option()
     picture: Path | None = None
@@ -464,14 +492,14 @@ class OutputOptions(JsonOption):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OneTrimRequest(OneTrimOptions, OutputOptions):
-    """Request of one trim with the files of its report."""
+    """Options of a command on one trim, including its outputs."""
 
 
 def picture_option(shows: str, *, only_hfa: bool = False) -> Any:
-    """Return the field `picture`.
+    """Return the field `picture`, whose option names the image file to write.
 
     shows: content of the picture, for the help
-    only_hfa: whether only the HFA has the picture
+    only_hfa: whether the option is hidden for other aircraft than the HFA
     """
     about = f"draw {shows} ({', '.join(PICTURES)})"
     return option(of_hfa(about, "" if only_hfa else about), "FILE", output_file(*PICTURES))

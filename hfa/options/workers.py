@@ -1,4 +1,4 @@
-"""Options of processes that compute many points in parallel."""
+"""Options for computing many points in parallel processes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ MOST_WORKERS = 1000
 
 
 def _workers(text: str) -> int | str:
-    """Return a number of processes, or the address of a Dask scheduler."""
+    """Convert a word to a number of processes. An address with "://" (Dask scheduler) is kept as
+    text.
+    """
     return text if "://" in text else whole(1, MOST_WORKERS)(text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorkersOptions(Request):
-    """Options of the worker processes."""
+    """Options for the worker processes of a run."""
 
     workers: int | str = option(
         "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",

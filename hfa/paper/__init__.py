@@ -1,6 +1,7 @@
 """Level flight, game and identified parameters of the paper.
 
-The stub of this module lists the public names."""
+The public names are listed in the stub of this module.
+"""
 
 from hfa_support.public_names import public_names
 

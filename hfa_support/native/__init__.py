@@ -1,1 +1,1 @@
-"""Fast evaluation of CasADi Functions: bound memory, machine code, one copy for each thread."""
+"""Fast evaluation of CasADi Functions: fixed memory, machine code, and one copy for each thread."""

@@ -1,7 +1,4 @@
-"""CasADi Functions bound to memory of our own, one copy for each thread.
-
-Arguments are written and results are read in place.
-"""
+"""CasADi Functions with fixed memory for arguments and results, one copy for each thread."""
 
 from __future__ import annotations
 
@@ -13,10 +10,10 @@ import numpy as np
 
 
 class BoundFunction:
-    """Callable that evaluates a dense CasADi Function in place, in about a microsecond of overhead.
+    """A dense CasADi Function with fixed memory. A call has an overhead of about a microsecond.
 
-    inputs, results: one flat array for each argument and result (matrices column by column), owned
-        here and overwritten by each call
+    inputs, results: a flat array for each argument and result, with matrices stored by columns. The
+      arrays belong to this object, and each call overwrites the results.
 
     An object must not be shared by threads.
     """
@@ -39,11 +36,14 @@ class BoundFunction:
         self._buffer = buffer  # keeps the memory that the evaluation points to
 
     def __call__(self) -> None:
-        """Compute `results` from `inputs`."""
+        """Evaluate the Function with the values in `inputs` and write the results to `results`."""
         self._evaluate()
 
     def at(self, *arguments: Any) -> list[np.ndarray]:
-        """Return copies of the results for these arguments, numbers or flat arrays."""
+        """Evaluate the Function and return copies of the results.
+
+        arguments: a number or a flat array for each argument
+        """
         for memory, argument in zip(self.inputs, arguments, strict=True):
             memory[:] = argument
         self._evaluate()
@@ -63,11 +63,10 @@ Block = tuple[BoundFunction, list[np.ndarray], list[np.ndarray]]
 
 
 class RowFunction(threading.local):
-    """Callable that evaluates a dense CasADi Function for each row of its arguments.
+    """A dense CasADi Function that is evaluated for each row of its arguments.
 
-    A row contains a matrix column by column. Each thread has its own memory.
-
-    function: the Function
+    A row contains the entries of one argument, with a matrix stored by columns. Each thread has its
+    own memory.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -76,11 +75,14 @@ class RowFunction(threading.local):
         self._blocks: dict[int, Block] = {}
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
-        """Pickle the Function alone."""
+        """Return the constructor and the Function for pickling. The memory is not pickled."""
         return RowFunction, (self.function,)
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
-        """Return the results (N, size of the result) for arguments (N, size of the argument)."""
+        """Return the results for N rows, a list of arrays (N, entries of the result).
+
+        tables: for each argument, an array (N, entries of the argument)
+        """
         count = len(tables[0])
         together = self._together(count) if count > 1 else 1
         evaluate, inputs, results = self._blocks.get(together) or self._bind(together)
@@ -100,7 +102,10 @@ class RowFunction(threading.local):
         return tables_out
 
     def _together(self, count: int) -> int:
-        """Return the rows of a block for a call with `count` rows."""
+        """Return the number of rows to evaluate as one block in a call with `count` rows.
+
+        After `_MANY` rows in all, the bound blocks are discarded so that faster ones are made.
+        """
         before = self._rows
         self._rows += count
         if before < _MANY <= self._rows:
@@ -108,7 +113,9 @@ class RowFunction(threading.local):
         return next((size for size in _TOGETHER if size <= 2 * count), 1)
 
     def _bind(self, together: int) -> Block:
-        """Return the Function of `together` rows, bound to its memory."""
+        """Return the Function for `together` rows at once, with its memory, and keep it for later
+        calls.
+        """
         mapped = by_rows
         if self._rows >= _MANY:
             from hfa_support.native.columns import by_columns_or_rows as mapped
@@ -124,5 +131,7 @@ class RowFunction(threading.local):
 
 
 def by_rows(function: ca.Function, rows: int) -> Any:
-    """Return the Function of some rows, evaluated row by row, and the order of their memory."""
+    """Return the Function for several rows, evaluated one after the other, and the memory order
+    "C".
+    """
     return function.map(rows) if rows > 1 else function, "C"

@@ -1,4 +1,4 @@
-"""CasADi Functions of many rows that run each operation for all rows at once."""
+"""CasADi Functions of many rows that apply each operation to all rows at once."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ import casadi as ca
 
 
 def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, str]:
-    """Return the Function of some rows, evaluated column by column where that is possible, and the
-    order of their memory: F by columns, C by rows."""
+    """Return the Function for several rows, and its memory order.
+
+    The order is "F" if each operation is applied to all rows at once, and "C" if this is not
+    possible and the rows are evaluated one after the other.
+    """
     at_once = by_columns(function, rows) if rows > 1 else None
     if at_once is None:
         return function.map(rows) if rows > 1 else function, "C"
@@ -17,12 +20,13 @@ def by_columns_or_rows(function: ca.Function, rows: int) -> tuple[ca.Function, s
 
 
 def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
-    """Return the Function of `rows` rows, with the same bits as the Function of one row.
+    """Return the Function for `rows` rows that applies each operation in one loop over the rows.
 
-    An argument or result of k numbers becomes a matrix (rows, k). The Function runs each operation
-    in one loop over the rows. Separate calls spend most of their time between the operations.
+    An argument or result of k numbers becomes a matrix (rows, k). The results are equal to the
+    results of `function` bit by bit. Separate calls would spend most of their time between the
+    operations.
 
-    function: dense, of scalar operations; None is returned for another kind
+    function: dense SX Function of scalar operations. For any other Function, None is returned.
     """
     count = function.n_instructions() if function.is_a("SXFunction") else 0
     operations = [function.instruction_id(k) for k in range(count)]
@@ -51,6 +55,8 @@ def by_columns(function: ca.Function, rows: int) -> ca.Function | None:
 
 
 def _side_by_side(columns: Sequence[ca.MX], rows: int) -> ca.MX:
-    """Return the matrix of these columns; a constant is a single number."""
+    """Return the dense matrix (rows, k) of k columns. A column of one number is repeated in each
+    row.
+    """
     full = [ca.repmat(column, rows // column.numel(), 1) for column in columns]
     return ca.densify(ca.horzcat(ca.MX(rows, 0), *full))

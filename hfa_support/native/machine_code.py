@@ -1,8 +1,8 @@
 """Compilation of CasADi Functions to machine code, cached by content.
 
-With a C compiler a function runs several times faster than in CasADi's virtual machine, with equal
-results to rounding. Without one, or when compilation fails, the virtual machine is used, and one
-line on standard error reports it.
+A compiled function runs several times faster than in CasADi's virtual machine, and the results are
+equal within rounding. If there is no C compiler or the compilation fails, one line on standard
+error reports it and the virtual machine is used.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Loaded = TypeVar("Loaded")
 def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
-    Without a working compiler it is returned unchanged, with one note.
+    Without a working compiler, a note is printed once and the function is returned unchanged.
     """
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -45,16 +45,16 @@ def compiled(
 ) -> Loaded | None:
     """Compile a C text, load the library and return the result of `load`.
 
-    Without a working compiler the result is None, with one note.
+    Without a working compiler, a note is printed once and None is returned.
 
-    text: symbol -> C text that defines it
-    load: (symbol, library) -> function that calls it
+    text: symbol -> C text that defines a function of this name
+    load: (symbol, library) -> callable object
     optimize: optimization flag of the compiler
 
-    The library is kept in `cache_folder()` under two hashes. The first covers the C text, the
-    compiler and its flags. The second covers the first and the library itself; it is checked before
-    loading, as is the owner. The symbol contains the first hash, because two libraries of one name
-    cannot be loaded in one process. A library that cannot be loaded is not kept.
+    The library is kept in `cache_folder()`. Its name contains two hashes. The first hash covers the
+    C text, the compiler and its flags, and is part of the symbol, because one process cannot load
+    two libraries with equal symbols. The second hash covers the first one and the library. It is
+    checked before loading, together with the owner. A library that cannot be loaded is deleted.
     """
     compiler = c_compiler()
     if compiler is None:
@@ -78,10 +78,10 @@ def compiled(
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled functions.
+    """Return the folder for compiled functions.
 
-    It is `$XDG_CACHE_HOME/hfa-toolchain`, by default under `~/.cache`. Raises RuntimeError when
-    there is no home folder.
+    It is `$XDG_CACHE_HOME/hfa-toolchain` or, without this variable, `~/.cache/hfa-toolchain`.
+    Raises RuntimeError if the user has no home folder.
     """
     root = os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "hfa-toolchain"
@@ -95,9 +95,9 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _own_folder(folder: Path) -> Path:
-    """Return the folder, created if necessary, which only its owner can write.
+    """Create the folder if necessary, remove the access of other users, and return it.
 
-    Raises RuntimeError when it belongs to another user.
+    Raises RuntimeError if it is a link or belongs to another user.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
@@ -122,8 +122,10 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library belongs to this user and was made of the C text named by the
-    symbol."""
+    """Return whether a library belongs to this user and its content matches the hash in its name.
+
+    symbol: symbol of the library, which contains the hash of its C text
+    """
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False
@@ -138,11 +140,14 @@ def _digest(file: Path, symbol: str) -> str:
 
 @cache
 def c_compiler() -> str | None:
-    """Return the compiler named by CC, else cc, gcc or clang, or None without one."""
+    """Return the path of a C compiler, or None if there is none.
+
+    The command in CC (default cc) is preferred, then gcc, then clang.
+    """
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 
 @cache
 def _say(message: str) -> None:
-    """Print a message once per process."""
+    """Print a message on standard error, once per process."""
     say_aside(f"hfa: {message}")

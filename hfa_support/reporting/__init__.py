@@ -1,1 +1,1 @@
-"""Reports of results: numbers as text, units, checks, tables, pictures and files."""
+"""Reports of results: text, tables, checks, pictures and files."""

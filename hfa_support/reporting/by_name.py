@@ -1,4 +1,4 @@
-"""Tuples whose entries have names."""
+"""Tuples that can be indexed by the names of their entries."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ Named = TypeVar("Named", covariant=True)
 
 
 class ByName(tuple[Named, ...]):
-    """Tuple indexed by number or by the `name` of an entry: modes["phugoid"]."""
+    """Tuple that is indexed by number or by the `name` of an entry, as in modes["phugoid"]."""
 
     def __getitem__(self, index: Any) -> Any:
-        """Return the entry at a number or with a name. Raises BadInputError for an unknown name."""
+        """Return the entry with this number or name. Raises BadInputError for an unknown name."""
         if not isinstance(index, str):
             return super().__getitem__(index)
         refuse_unknown("unknown name", index, self.keys())
         return self[self.keys().index(index)]
 
     def __call__(self) -> ByName[Named]:
-        """Return the tuple, so that modes() is modes."""
+        """Return this tuple, so that both `modes` and `modes()` are valid."""
         return self
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return an attribute that a package adds: modes.damping, modes.to_pandas()."""
+            """Return an attribute that an extension adds, for example modes.damping or
+            modes.to_pandas.
+            """
             if name[0] == "_":
                 raise AttributeError(name)
             from hfa_support.unknown import attribute_of
@@ -34,13 +36,13 @@ class ByName(tuple[Named, ...]):
             return attribute_of(self, name)
 
     def keys(self) -> list[str]:
-        """Return the names, so that dict(modes) is a dictionary of the entries."""
+        """Return the names of the entries. With this method, dict(modes) maps names to entries."""
         return [entry.name for entry in self]  # type: ignore[attr-defined]
 
     def values(self) -> Any:
-        """Return the entries."""
+        """Return the entries, which is this tuple."""
         return self
 
     def items(self) -> Any:
-        """Return the pairs (name, entry)."""
+        """Return the pairs (name, entry) as a view of a dictionary."""
         return dict(self).items()

@@ -1,4 +1,4 @@
-"""Checks: a measured value, its limit, and the reason of a failure."""
+"""Checks: a measured value, its limit, and the reason for a failure."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Check(Result):
     """A number that must satisfy `value relation limit`.
 
     name: name of the quantity
-    value: the number
+    value: the measured number
     limit: the limit
-    ok: whether the relation holds
-    reason: reason of a failure, or empty when `ok`.
+    ok: whether the relation is satisfied
+    reason: reason for a failure, or empty when `ok`.
     relation: "<=", "<", ">=" or ">"
     kind: "error", "stability" of the loop, "game loop", "cost", "gain" or "data".
     """
@@ -47,22 +47,22 @@ class Check(Result):
 
     @property
     def sentence(self) -> str:
-        """Return the check in words, for reports and error messages."""
+        """Return a sentence with the value and its limit, for reports and error messages."""
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
 
 class Checked:
-    """Base of a result that is decided by its checks."""
+    """Base class of results that pass or fail by a list of checks."""
 
     if TYPE_CHECKING:
 
         @property
         def checks(self) -> tuple[Check, ...]:
-            """All checks that must hold."""
+            """All checks of this result."""
 
     @property
     def ok(self) -> bool:
-        """True if every check holds."""
+        """True if every check passes."""
         return all(check.ok for check in self.checks)
 
     def __bool__(self) -> bool:
@@ -72,9 +72,10 @@ class Checked:
 def checked(
     name: str, value: float, limit: float, reason: str = "", kind: str = "", relation: str = "<="
 ) -> Check:
-    """Return a check that holds when `value relation limit`, with a relation of `RELATIONS`.
+    """Return a check that passes if `value relation limit` is true. A value of nan fails.
 
-    A value that is not a number fails.
+    reason: reason for a failure
+    relation: a key of `RELATIONS`, for example "<="
     """
     ok = RELATIONS[relation](float(value), float(limit))
     return Check(name, float(value), float(limit), ok, "" if ok else reason, relation, kind)
@@ -87,7 +88,7 @@ below = partial(checked, relation="<")
 
 
 def checks_block(checks: Iterable[Check]) -> Part:
-    """Return the table of checks, and the reason of each failed check."""
+    """Return a table of the checks, followed by a line with the reason for each failed check."""
     listed = tuple(checks)
     rows = [
         (check.name, f"{check.value:.3g}", f"{check.limit:.3g}", verdict_text(check.ok))
@@ -98,5 +99,5 @@ def checks_block(checks: Iterable[Check]) -> Part:
 
 
 def verdict_text(ok: bool) -> str:
-    """Return the word for a passed or failed check in a table."""
+    """Return the table cell PASS or FAIL."""
     return Cell("PASS", "good") if ok else Cell("FAIL", "bad")

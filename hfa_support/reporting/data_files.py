@@ -1,4 +1,4 @@
-"""Data files of results with all digits: .json, .npz, .mat and .csv."""
+"""Data files of results in full precision: .json, .npz, .mat and .csv."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
 
 
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
-    """Write one data file, whole or not at all, with 17 significant digits.
+    """Write one data file, completely or not at all, with 17 significant digits.
 
     - .json: `data`
-    - .npz: one array for each leaf of `data`, with its keys joined by dots as name
-    - .mat: the tree of `data` as structs, with N matrices as (rows, columns, N)
-    - .csv: `records`, with a last column that has schema and provenance as JSON in its first row
+    - .npz: one array for each leaf of `data`, whose name is its keys joined by dots
+    - .mat: `data` as nested structs, with N matrices as one array (rows, columns, N)
+    - .csv: `records`, with a last column that contains schema and provenance as JSON in its first
+      row
+
+    Raises ValueError for any other suffix.
     """
     suffix = target.suffix.lower()
     if suffix == ".json":
@@ -79,28 +82,32 @@ def _for_matlab(data: Any) -> Any:
 
 
 def _stacked(array: np.ndarray) -> np.ndarray:
-    """Return a stack of matrices (N, rows, columns) as (rows, columns, N) for MATLAB and Octave."""
+    """Return an array (N, rows, columns) as (rows, columns, N). Other arrays are returned
+    unchanged.
+    """
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
 def _numbers(data: Any) -> Any:
-    """Return the data with nan in place of None, at any depth of lists."""
+    """Return nested lists with None replaced by nan."""
     if isinstance(data, list):
         return [_numbers(item) for item in data]
     return np.nan if data is None else data
 
 
 def _field_name(key: str) -> str:
-    """Return a name that MATLAB accepts: "x15_0" for "15.0", as its own `makeValidName` does."""
+    """Return a valid MATLAB field name for a key, for example "x15_0" for "15.0".
+
+    The rules are those of MATLAB's `makeValidName`.
+    """
     name = re.sub(r"\W", "_", key)
     return name if name[:1].isalpha() else f"x{name}"
 
 
 def _csv(records: Table, about: str) -> str:
-    """Return a table as CSV with a last column `about`, which has the text in its first row.
+    """Return a table as CSV, with a last column "about" that contains `about` in its first row.
 
-    records: header and rows; numbers are written with all digits
-    about: provenance of the records
+    records: header and rows; floats are written in full precision
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -115,8 +122,9 @@ def _csv(records: Table, about: str) -> str:
 
 
 def _inert(cell: Any) -> Any:
-    """Return the cell, with an apostrophe before text that a spreadsheet would read as a
-    formula."""
+    """Return a cell, with an apostrophe before a text that a spreadsheet would evaluate as a
+    formula.
+    """
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     if isinstance(cell, str) and re.match(formula, cell):
         return f"'{cell}"
@@ -124,6 +132,8 @@ def _inert(cell: Any) -> Any:
 
 
 def _digits(value: float | np.floating) -> str:
-    """Return a number with all digits. NaN is written in capitals, because polars reads nan as
-    text."""
+    """Return a number in full precision.
+
+    The text for nan is "NaN", because polars does not parse "nan" as a number.
+    """
     return "NaN" if np.isnan(value) else repr(float(value))

@@ -1,4 +1,4 @@
-"""Report of the fields of a dataclass, with the entries of small matrices."""
+"""Report of the fields of a dataclass, including small matrices and checks."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _LONGEST = 110
 
 
 def fields_report(result: Any) -> Report:
-    """Return a report: first line of the class's docstring, fields, small matrices and checks.
+    """Return a report of a dataclass: summary line, fields, small matrices and checks.
 
-    Empty fields are omitted.
+    The summary line is the first line of the docstring of the class. Empty fields are omitted.
     """
     held = {field.name: getattr(result, field.name) for field in fields(result)}
     lines: list[str] = []
@@ -44,7 +44,10 @@ def fields_report(result: Any) -> Report:
 
 
 def _on_one_line(value: Any) -> str:
-    """Return a value as short text: the shape of a long array, the type of another result."""
+    """Return a value as one short line of text, or "-" if it is empty.
+
+    A long array is described by its shape, and another result by its type.
+    """
     fields = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""

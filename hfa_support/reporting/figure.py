@@ -1,4 +1,4 @@
-"""Figures drawn without a display, and picture files that are reproducible byte by byte."""
+"""Figures drawn without a display. Their files are reproducible byte by byte."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ _DPI = 130
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """Return the figure as PNG, the same bytes for the same data."""
+    """Return a figure as the content of a PNG file. Equal data give equal bytes."""
     stream = io.BytesIO()
     _write(figure, stream, "png", {"Software": None})
     return stream.getvalue()
 
 
 def save(figure: Figure, path: Path, source: str = "") -> None:
-    """Write a figure as .png, .svg or .pdf, whole or not at all.
+    """Write a figure as .png, .svg or .pdf, completely or not at all.
 
-    source: provenance, printed below the picture and stored in the file's metadata
+    source: provenance, printed below the picture and stored in the metadata of the file
     """
     from matplotlib import rc_context
 
@@ -52,7 +52,11 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
     """Write a figure to a stream.
 
-    The layout of a PNG is computed here, because matplotlib would draw the figure twice.
+    kind: "png", "svg" or "pdf"
+    metadata: metadata of the file
+
+    For a PNG, the layout is computed before saving, because matplotlib would otherwise draw it
+    twice.
     """
     _take_literally(figure)
     engine = figure.get_layout_engine()
@@ -65,10 +69,9 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Show every text of the figure literally.
+    """Turn off formula typesetting for every text of the figure, except powers of ten at log axes.
 
-    matplotlib would typeset text between two dollar signs, as in the name of a state, as a formula.
-    The powers of ten at logarithmic axes stay formulas.
+    matplotlib would otherwise typeset text between two dollar signs, for example in a state's name.
     """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
@@ -87,7 +90,7 @@ def _take_literally(figure: Figure) -> None:
 def _caption(figure: Figure, text: str) -> None:
     """Write small text in a strip below the picture.
 
-    A legend outside of the axes must be above them.
+    The layout is constrained to the area above the strip.
     """
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -100,14 +103,17 @@ def _caption(figure: Figure, text: str) -> None:
 
 
 def pyplot_figure(width: float, height: float) -> Figure:
-    """Return an empty pyplot figure, which notebooks show; width and height in inches."""
+    """Return an empty pyplot figure, which notebooks display. Width and height are in inches."""
     from matplotlib import pyplot
 
     return pyplot.figure(figsize=(width, height), layout="constrained")
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure that needs no display; width and height in inches."""
+    """Return an empty figure that needs no display. Width and height are in inches.
+
+    Raises BadInputError if matplotlib cannot be imported with its present settings.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Conversion of reports, text and tables to Markdown and HTML."""
+"""Conversion of reports, paragraphs and tables to Markdown and HTML."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from hfa_support.reporting.text import Cell, Table, printable
 
 
 def report_as_markdown(report: Report, level: int) -> str:
-    """Return a report as Markdown without pictures, with headings from `level` on."""
+    """Return a report as Markdown, without its pictures.
+
+    level: level of the heading; headings of nested reports are lower
+    """
     shown = []
     for part in report.parts:
         if isinstance(part, Report):
@@ -27,7 +30,7 @@ def report_as_markdown(report: Report, level: int) -> str:
 
 
 def as_markdown(part: str | Table | tuple[str | Table, ...]) -> str:
-    """Return a paragraph, a table, or several separated by empty lines, as Markdown."""
+    """Return a paragraph, a table, or a tuple of these, separated by blank lines, as Markdown."""
     if isinstance(part, Table):
         return markdown_table(part)
     if isinstance(part, str):
@@ -42,7 +45,10 @@ def markdown_table(table: Table) -> str:
 
 
 def report_as_html(report: Report, level: int) -> str:
-    """Return a report as an HTML fragment without styles, with headings from `level` on."""
+    """Return a report as an HTML fragment without styles.
+
+    level: level of the heading; headings of nested reports are lower
+    """
     first, *others = report.title.split("\n")
     heading = [f"<h{level}>{escaped(first)}</h{level}>"] if first else []
     shown = []
@@ -59,7 +65,7 @@ def report_as_html(report: Report, level: int) -> str:
 
 
 def picture_as_html(picture: Picture) -> str:
-    """Return an embedded figure with its text below it."""
+    """Return a picture as an HTML figure with an embedded PNG and its text as caption."""
     data = base64.b64encode(picture.png).decode("ascii")
     text = escaped(picture.text)
     image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
@@ -67,7 +73,7 @@ def picture_as_html(picture: Picture) -> str:
 
 
 def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
-    """Return a paragraph, a table, or several, as HTML with every text escaped."""
+    """Return a paragraph, a table, or a tuple of these as HTML, with special characters escaped."""
     if isinstance(part, Table):
         return html_table(part)
     if isinstance(part, str):
@@ -76,9 +82,9 @@ def as_html(part: str | Table | tuple[str | Table, ...]) -> str:
 
 
 def html_table(table: Table) -> str:
-    """Return a table in a scrollable box, which the keyboard can scroll too.
+    """Return a table as HTML, in a box that is scrolled by pointer or keyboard.
 
-    Cells have the class of their tone; columns without numbers have the class `words`.
+    The class of a cell is its tone. Columns without numbers have the class `words`.
     """
     columns = [
         ["words"] if _are_words([row[i] for row in table.rows]) else []
@@ -104,7 +110,7 @@ def html_table(table: Table) -> str:
 
 
 def _are_words(cells: Sequence[Any]) -> bool:
-    """Return whether fewer than half of the nonempty cells begin like a number."""
+    """Return whether fewer than half of the nonempty cells begin with a digit, sign, point or ∞."""
     texts = [text for cell in cells if (text := str(cell)) not in ("", "-")]
     return sum(text[0].isdigit() or text[0] in "+-.±∞" for text in texts) * 2 < len(texts)
 
@@ -119,17 +125,19 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """Return a Markdown cell in which no text begins a column, a tag or a link."""
+    """Return a cell for a Markdown table, in which characters of columns, tags and links are
+    escaped.
+    """
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(str(cell), lines=False))
     return text.replace("|", "\\|").replace("](", "]\\(")
 
 
 def escaped(text: Any) -> str:
-    """Return a text with the special characters of HTML escaped."""
+    """Return a text with HTML's special characters and control characters escaped."""
     return html.escape(printable(str(text), lines=False))
 
 
 def paragraph(line: str) -> str:
-    """Return an HTML paragraph, with text in backquotes as code."""
+    """Return a line as an HTML paragraph, in which text in backquotes is shown as code."""
     text = re.sub("`([^`]+)`", r"<code>\1</code>", escaped(line))
     return f"<p>{text}</p>"

@@ -1,4 +1,4 @@
-"""Arrays with names along their axes."""
+"""Arrays that can be indexed by the names of their entries."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ from hfa_support.errors import refuse_unknown
 
 
 class NamedArray(np.ndarray):
-    """Array with names of the entries along each axis, () without names.
+    """Array with names for the entries of each axis.
 
-    Names index the last axes: states["alpha"] is (N,), A["pitch_rate", "alpha"] a number.
+    names: for each axis, the names of its entries, or () for an axis without names
+
+    Names index the last axes. For example, states["alpha"] of states (N, n) has the shape (N,), and
+    A["pitch_rate", "alpha"] is a number.
     """
 
     names: tuple[tuple[str, ...], ...] = ()
 
     def __getitem__(self, index: Any) -> Any:
-        """Return entries by name, or index as a plain array does.
+        """Return entries by name, or by any index of a NumPy array.
 
         Raises BadInputError for an unknown name.
         """
@@ -43,7 +46,10 @@ class NamedArray(np.ndarray):
 
 
 def with_names(values: np.ndarray, *names: tuple[str, ...]) -> NamedArray:
-    """Return the array with names of the entries along each axis, or ()."""
+    """Return a view of the array with names for the entries of each axis.
+
+    names: a tuple for each axis, () for an axis without names
+    """
     named = values.view(NamedArray)
     named.names = names
     return named

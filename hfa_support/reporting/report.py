@@ -1,4 +1,4 @@
-"""Reports of results as text for a terminal, Markdown, HTML and data files."""
+"""Reports of results, which are converted to text, Markdown, HTML and data files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ SUFFIXES = (".json", ".npz", ".mat", ".csv")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Figure that is drawn when it is shown. `text` describes it for readers who cannot see it."""
+    """Figure in a report, drawn when the report is shown.
+
+    name: name of the picture
+    text: description for readers who cannot see it
+    draw: function that draws the figure
+    """
 
     name: str
     text: str
@@ -31,13 +36,13 @@ class Picture:
 
     @cached_property
     def png(self) -> bytes:
-        """Draw the figure once and return it as PNG."""
+        """Draw the figure on the first access and return it as the content of a PNG file."""
         from hfa_support.reporting.figure import png_bytes
 
         return png_bytes(self.draw())
 
     def html(self) -> str:
-        """Return the figure as HTML, with its text below it."""
+        """Return the figure as HTML, with its text as caption."""
         from hfa_support.reporting.markup import picture_as_html
 
         return picture_as_html(self)
@@ -45,16 +50,16 @@ class Picture:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
-    """Report of a result, in reading order.
+    """Report of a result, with its parts in reading order.
 
-    title: heading, and further lines below the heading
-    parts: paragraphs (str), tables of formatted cells (Table), tuples of these without an empty
-        line between them, pictures, and nested reports
+    title: heading; further lines of it are printed below the heading parts: paragraphs (str),
+    tables of formatted cells (Table), pictures, nested reports, and tuples of
+      paragraphs and tables that are printed without a blank line between them
     notes: notes on the result
     data: the result for JSON, .npz and .mat
-    records: the result for CSV, numbers with all digits
+    records: the result for CSV, with numbers in full precision
     source: the provenance, shown last
-    failure: reason for a failure of the command that shows it, or ""
+    failure: reason why the command fails after it has shown this report, or ""
     """
 
     title: str
@@ -72,14 +77,14 @@ class Report:
         return self.html(level=3)
 
     def with_data(self, **more: Any) -> Report:
-        """Return the report with more data."""
+        """Return a copy of the report with additional data."""
         return replace(self, data={**self.data, **more})
 
     def text(self, color: bool = False, width: int | None = None) -> str:
-        """Return the text for a terminal, without pictures and with an empty line between parts.
+        """Return the report as text without pictures, with a blank line between parts.
 
         color: whether cells with a tone are colored
-        width: width of the terminal in characters, or None for lines of any length
+        width: width of the terminal in characters, or None for lines of unlimited length
         """
         shown = [_text(part, color, width) for part in self.parts if not isinstance(part, Picture)]
         notes = (f"Note: {note}" for note in self.notes)
@@ -89,15 +94,20 @@ class Report:
         return "\n\n".join(filter(None, [title, *shown, *after]))
 
     def markdown(self, level: int = 1) -> str:
-        """Return Markdown with headings from `level` on, without pictures."""
+        """Return the report as Markdown without pictures.
+
+        level: level of the heading
+        """
         from hfa_support.reporting.markup import report_as_markdown
 
         return report_as_markdown(self, level)
 
     def html(self, level: int = 1) -> str:
-        """Return an HTML fragment without styles, with embedded pictures and every text escaped.
+        """Return the report as an HTML fragment with embedded pictures.
 
-        It loads nothing from elsewhere.
+        The fragment has no styles and loads no other file.
+
+        level: level of the heading
         """
         from hfa_support.reporting.markup import report_as_html
 
@@ -110,16 +120,16 @@ class Report:
         return json_text(self.data).rstrip()
 
     def save(self, path: Path) -> None:
-        """Write data (.json, .npz, .mat) or records (.csv) as one file, whole or not at all.
+        """Write `data` (.json, .npz, .mat) or `records` (.csv) to a file, completely or not at all.
 
-        Numbers have all digits.
+        Numbers are written in full precision.
         """
         from hfa_support.reporting.data_files import save_data
 
         save_data(path, self.data, self.records)
 
     def pictures(self) -> Iterator[Picture]:
-        """Yield all pictures, including those of nested reports."""
+        """Yield all pictures of this report and of nested reports."""
         for part in self.parts:
             if isinstance(part, Picture):
                 yield part
@@ -131,20 +141,22 @@ Part: TypeAlias = "str | Table | tuple[str | Table, ...] | Picture | Report"
 
 
 class Reported:
-    """Base of a result that shows its report at the prompt and in notebooks."""
+    """Base class of results that are displayed as reports at the Python prompt and in notebooks."""
 
     def report(self) -> Report:
-        """Return a report: first line of the docstring, fields, small matrices and checks."""
+        """Return a report with the first line of the class's docstring, fields, small matrices and
+        checks.
+        """
         from hfa_support.reporting.fields_report import fields_report
 
         return fields_report(self)
 
     def save(self, path: Path) -> None:
-        """Write the data as .json, .npz or .mat, or the records as .csv."""
+        """Write the data of the report as .json, .npz or .mat, or its records as .csv."""
         self.report().save(Path(path))
 
     def to_pandas(self) -> Any:
-        """Return the records of the report as a `pandas.DataFrame`. Needs pandas."""
+        """Return the records of the report as a `pandas.DataFrame`. Requires pandas."""
         import pandas
 
         header, rows = self.report().records
@@ -159,10 +171,9 @@ class Reported:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return the value that the name indexes, or an attribute that a package adds
-            (`attribute_of`).
+            """Return the entry with this name, so that point.alpha is point["alpha"].
 
-            point.alpha is point["alpha"].
+            If there is no such entry, return an attribute that an extension adds (`attribute_of`).
             """
             if name[0] == "_":
                 raise AttributeError(name)

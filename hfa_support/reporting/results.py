@@ -1,8 +1,9 @@
-"""Results whose data files, schema and documentation follow from their class.
+"""Base class of results whose data files, schema and documentation are derived from the class.
 
-A `Result` is a dataclass. Its entries are its fields and properties. The annotation declares the
-type. The line "name: meaning" of the class's docstring, or the docstring of the property, states
-the meaning. JSON, files, the JSON Schema and the page of formats follow from these.
+The entries of a `Result` are its fields and properties. Annotations declare the types of the
+entries. A line "name: meaning" in the docstring of the class describes a field, and the docstring
+of a property describes the property. JSON, data files, the JSON Schema and the page of formats are
+derived from these declarations.
 """
 
 from __future__ import annotations
@@ -31,10 +32,9 @@ Record = Annotated[Any, Mapping[str, float]]
 class Entry(NamedTuple):
     """Entry of the data of a result.
 
-    name: its key
-    path: names of the field or property and of those that lead to it; the value is None where one
-        of them is None
-    is_optional: whether it is omitted where it is None or an array without elements
+    name: key of the entry path: names of nested attributes that lead to the value; the value is
+    None if one of them is None is_optional: whether the entry is omitted if its value is None or
+    empty
     """
 
     name: str
@@ -43,13 +43,13 @@ class Entry(NamedTuple):
 
 
 class Result:
-    """Dataclass whose entries are written as data, also within other data.
+    """Base class of dataclasses that are stored as files or as parts of other results.
 
-    schema: name and number of the format of a result that is written separately, or "" for a part
-    made_by: command that writes it
-    json_keys: entries in their order, each the name of a field or property, or KEY=FIELD.PROPERTY.
-        A ? after the key omits the entry when it is None or empty. "" selects all fields; those
-        with the default None are omitted when None.
+    schema: name and version of the file format, or "" for a part of other results
+    made_by: command that writes the file
+    json_keys: entries in order, separated by blanks, each the name of a field or property or
+      KEY=FIELD.PROPERTY. A ? after the key omits the entry if it is None or empty. "" selects all
+      fields; a field with default None is then omitted if it is None or empty.
     """
 
     schema: ClassVar[str] = ""
@@ -57,7 +57,7 @@ class Result:
     json_keys: ClassVar[str] = ""
 
     def as_data(self) -> dict[str, Any]:
-        """Return key -> value as stored in files, with arrays unchanged."""
+        """Return key -> value of the entries, in which arrays are kept as arrays."""
         data: dict[str, Any] = {"schema": self.schema} if self.schema else {}
         for entry in declared_entries(type(self)):
             value = reduce(_attribute, entry.path, self)
@@ -66,21 +66,22 @@ class Result:
         return data
 
     def to_dict(self) -> dict[str, Any]:
-        """Return key -> plain value, for JSON."""
+        """Return key -> value of the entries, in which all values can be written as JSON."""
         data: dict[str, Any] = jsonable(self.as_data())
         return data
 
 
 def _attribute(value: Any, name: str) -> Any:
-    """Return the attribute of a value, or None for None."""
+    """Return the attribute of a value, or None if the value is None."""
     return None if value is None else getattr(value, name)
 
 
 def plain(value: Any) -> Any:
-    """Return a value as stored in files.
+    """Convert a value to the form stored in files.
 
-    Results and named tuples become objects, complex numbers (re, im), and numbers that are not
-    finite None. Arrays are unchanged.
+    Results and named tuples become dictionaries. A complex number becomes [re, im]. A number that
+    is not finite becomes None. Real arrays are unchanged, and complex arrays gain a last axis (re,
+    im).
     """
     if isinstance(value, Result):
         return value.as_data()
@@ -100,14 +101,14 @@ def plain(value: Any) -> Any:
 
 
 def _is_empty(value: Any) -> bool:
-    """Return whether a value is None or an array without elements."""
+    """Return whether a value is None, an empty list or tuple, or an array without elements."""
     if isinstance(value, np.ndarray):
         return value.size == 0
     return value is None or value in ([], ())
 
 
 def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
-    """Return the entries of a class, in order."""
+    """Return the entries that a class of results declares, in order."""
     if kind.json_keys:
         return tuple(map(_entry, kind.json_keys.split()))
     shown = [field for field in fields(kind) if field.repr]  # type: ignore[arg-type]
@@ -115,7 +116,7 @@ def declared_entries(kind: type[Result]) -> tuple[Entry, ...]:
 
 
 def _entry(text: str) -> Entry:
-    """Return the entry declared by KEY, KEY? or KEY=FIELD.PROPERTY."""
+    """Parse a declaration KEY, KEY? or KEY=FIELD.PROPERTY."""
     key, _, path = text.partition("=")
     name = key.removesuffix("?")
     return Entry(name, tuple((path or name).split(".")), key.endswith("?"))

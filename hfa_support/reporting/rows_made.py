@@ -1,4 +1,4 @@
-"""Rows of long tables, computed when they are read."""
+"""Rows of long tables, computed when they are accessed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class RowsMade(Sequence[tuple[Any, ...]]):
-    """Sequence of `count` rows, each computed when it is read. A million rows need no memory."""
+    """Sequence of `count` rows, each computed when it is accessed, so that no memory is needed."""
 
     def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
         self._count = count

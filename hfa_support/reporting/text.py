@@ -1,4 +1,4 @@
-"""Formatting of numbers and tables as aligned text; no other module formats numbers."""
+"""Formatting of numbers and tables as aligned text. Numbers of reports are formatted only here."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _GAP = "  "
 
 
 class Table(NamedTuple):
-    """Header and rows of a table, for a CSV file or a terminal."""
+    """Header and rows of a table, for a terminal or a CSV file."""
 
     header: tuple[str, ...]
     rows: Sequence[tuple[Any, ...]]
 
 
 class Cell(str):
-    """Text of a cell with a tone, one of `TONES`."""
+    """Text of a table cell with a tone, which is a key of `TONES` or ""."""
 
     tone: str
 
     def __new__(cls, text: str, tone: str = "") -> Self:
-        """Return a cell of this text and tone."""
+        """Create a cell with this text and tone."""
         cell = super().__new__(cls, text)
         cell.tone = tone
         return cell
@@ -49,9 +49,9 @@ _OBEYED = re.compile(
 
 
 def printable(text: str, lines: bool = True) -> str:
-    """Return the text with control characters escaped, as in \\x1b.
+    r"""Return a text with control characters escaped, for example as \\x1b.
 
-    lines: whether line breaks are kept
+    lines: whether line breaks are kept; otherwise they become blanks
     """
     spelled = _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
     return spelled if lines else spelled.replace("\n", " ")
@@ -63,10 +63,12 @@ def matrix_table(
     column_names: tuple[str, ...],
     matrix: Any,
 ) -> Table:
-    """Return a matrix with row and column names, and four decimals like the paper's.
+    """Return a table of a matrix with row and column names and four decimals, as in the paper.
 
-    An entry that would look like 0 is printed with an exponent. All entries have an exponent where
-    four decimals would show the whole matrix as 0 or fill the line.
+    A nonzero entry that rounds to 0 is printed with an exponent. All entries are printed with an
+    exponent if four decimals would show the matrix as 0 or if its largest entry is too long.
+
+    name: text above the row names
     """
     largest = float(np.abs(matrix).max(initial=0.0))
     form = _entry_text if _LEAST <= largest < _MOST or largest == 0.0 else "{:.4e}".format
@@ -77,11 +79,11 @@ def matrix_table(
 def entry_rows(
     P: tuple[np.ndarray, ...], K: tuple[np.ndarray, ...], names: Any
 ) -> list[tuple[Any, ...]]:
-    """Return rows (matrix, row, column, entry of each P or K, unit), the rows of P first.
+    """Return rows (matrix, row name, column name, an entry for each matrix, unit), P before K.
 
-    P: (n, n) each
-    K: (m, n) each
-    names: states, inputs, state_units and input_units of a plant; "" for unknown units
+    P: matrices (n, n) to compare
+    K: matrices (m, n) to compare
+    names: object with `states`, `inputs`, `state_units` and `input_units`; a unit is "" if unknown
     """
     kinds = (
         ("P", P, names.states, names.state_units, "1/(({}) ({}))"),  # z'Pz has no unit
@@ -102,53 +104,60 @@ def entry_rows(
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """Return the names x1, x2, ... for unnamed rows."""
+    """Return the names "x1", "x2", ... for this letter and count."""
     return tuple(f"{letter}{i + 1}" for i in range(count))
 
 
 def in_degrees(angle: float) -> float:
-    """Return an angle in degrees as it was typed: 15 in place of 14.999999999999998."""
+    """Convert radians to degrees, rounded to ten decimals: 15 in place of 14.999999999999998."""
     return round(math.degrees(angle), 10)
 
 
 def shown_unit(unit: str) -> str:
-    """Return the unit as printed in reports: deg in place of rad."""
+    """Return the unit printed in reports, in which rad is replaced by deg."""
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
 def shown_values(values: Any, unit: str) -> Any:
-    """Return a number or an array in its `shown_unit`: radians become degrees."""
+    """Convert a number or an array to its `shown_unit`: radians become degrees."""
     return np.degrees(values) if unit.startswith("rad") else values
 
 
 def shown_value(value: float, unit: str, form: str = ".6g") -> str:
-    """Return a value in its `shown_unit`, as text."""
+    """Return a value in its `shown_unit` as text.
+
+    form: format specification of the number
+    """
     return format(float(shown_values(value, unit)), form)
 
 
 def degrees(value: float, unit: str) -> tuple[str, str]:
-    """Return a value with five decimals, and its unit, as printed in reports.
+    """Return (text of the value with five decimals, unit), with radians converted to degrees.
 
-    A large value has an exponent, as in 1e+08.
+    A large value is printed with an exponent, for example as 1e+08.
     """
     return shown_value(value, unit, "z.5f" if abs(value) < 1e8 else ".6g"), shown_unit(unit)
 
 
 def short_number(value: float, unit: str) -> str:
-    """Return a value in its `shown_unit` with at least four digits; rounding errors become 0."""
+    """Return a value in its `shown_unit` with at least four digits. Rounding errors are printed as
+    0.
+    """
     shown = float(shown_values(value, unit))
     shown = 0.0 if abs(shown) < ROUNDING else shown
     return f"{shown:.0f}" if 1e4 <= abs(shown) < 1e7 else f"{shown:.4g}"
 
 
 def eigenvalue_text(value: complex) -> str:
-    """Return an eigenvalue, or a conjugate pair given by either of its members: -0.0144 ±
-    0.7458i."""
+    """Return the text of a real eigenvalue or a conjugate pair, for example "-0.0144 ± 0.7458i".
+
+    value: the eigenvalue, or either member of the pair
+    """
     return f"{value.real:.4f}" + (f" ± {abs(value.imag):.4f}i" if value.imag else "")
 
 
 def _entry_text(value: float) -> str:
-    """Return an entry with four decimals, or with an exponent where it would look like 0.
+    """Return a number with four decimals, or with an exponent if four decimals would show it as 0.
 
     Rounding errors are printed as 0.
     """
@@ -157,7 +166,7 @@ def _entry_text(value: float) -> str:
 
 
 def four_decimals(value: float) -> str:
-    """Return a number with four decimals; zeros have no sign."""
+    """Return a number with four decimals. Zero has no sign."""
     return f"{value:z.4f}"
 
 
@@ -167,11 +176,12 @@ def columns(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Return rows of cells in aligned columns, the first to the left and the others to the right.
+    """Return a table as text in aligned columns. The first column is aligned left, the others
+    right.
 
-    color: whether cells with a tone are colored
-    width: width of the terminal in characters. Columns that do not fit follow in blocks below, each
-        with the first column again. Cells are never broken.
+    color: whether cells with a tone are colored width: width of the terminal in characters, or
+    None. Columns that do not fit are printed in further
+      blocks, each of which repeats the first column. Cells are never broken.
     """
     cells = (header, *rows)
     texts = [[printable(str(cell), lines=False) for cell in row] for row in cells]
@@ -191,8 +201,14 @@ def columns(
 
 
 def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
-    """Return the indices of the columns of each block: the first column and as many others as
-    fit."""
+    """Return the indices of the columns in each block of a table.
+
+    Each block contains the first column and as many other columns as fit into the width, at least
+    one.
+
+    widths: width of each column in characters
+    width: width of the terminal in characters, or None for one block
+    """
     if width is None or not widths:
         return [[*range(len(widths))]]
     blocks = [[0]]
@@ -208,7 +224,9 @@ def _columns_that_fit(widths: list[int], width: int | None) -> list[list[int]]:
 
 
 def wrapped(text: str, width: int | None) -> str:
-    """Return a paragraph, broken between words into lines no longer than the terminal."""
+    """Return a text with its lines wrapped between words to this width. None leaves it
+    unchanged.
+    """
     if width is None:
         return text
     import textwrap
