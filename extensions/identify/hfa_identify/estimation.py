@@ -233,9 +233,14 @@ def _free_names(
 
 
 def _theils(search: Search, records: Sequence[Record], fit: Fit) -> dict[str, float]:
-    """Return Theil's inequality coefficient by quantity, rms(z - y) / (rms(z) + rms(y)).
+    """Return quantity -> Theil's inequality coefficient, rms(z - y) / (rms(z) + rms(y)).
 
-    It is computed on records that were not fitted, except for their initial conditions.
+    z is measured, and y is simulated with the identified parameters. Only the initial conditions
+    are fitted to these records.
+
+    records: records that were not used for the identification
+
+    Raises NoSolutionError if the simulation of these records diverges.
     """
     if not records:
         return {}
@@ -268,10 +273,12 @@ def _identified(
     given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Identified:
-    """Return the result of a fit.
+    """Return the result of an identification, from the best fit.
 
-    other: a second minimum that explains the records equally well.
-    given: names of parameters whose values are given."""
+    other: a second minimum that explains the records equally well, or None
+    theils: quantity -> Theil's coefficient
+    given: names of the parameters with given values
+    """
     responses = search.responses
     model = responses.calm.model
     first = responses.turbulent
@@ -337,9 +344,10 @@ def _identified(
 
 
 def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
-    """Return state that turbulence moves -> standard deviation of its random change in 1 s.
+    """Return disturbed state -> standard deviation of its random change in 1 s.
 
-    States whose turbulence the records do not determine are omitted.
+    States whose turbulence cannot be determined from the records are omitted. The result is empty
+    if turbulence was not estimated.
     """
     if not isinstance(responses, Predictions):
         return {}
@@ -353,13 +361,20 @@ def _turbulence(responses: Responses, fit: Fit) -> dict[str, float]:
 
 
 def _widest(corrected: np.ndarray, white: np.ndarray) -> float:
-    """Return the largest ratio of a corrected band to the band for white residuals."""
+    """Return the largest ratio of a corrected band to the band for white residuals, at least 1.
+
+    corrected, white: half-widths of the bands, (p,)
+    """
     seen = np.isfinite(white) & (white > 0.0)
     return float(np.max(corrected[seen] / white[seen], initial=1.0))
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:
-    """Yield the pairs of estimates with a large correlation."""
+    """Yield (name, name, coefficient) of each pair of estimates correlated by more than
+    `_CORRELATED`.
+
+    C: covariance of the estimates, (p, p)
+    """
     table = correlations(C)
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):
@@ -370,9 +385,9 @@ def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str,
 def _quantities(
     responses: Responses, fit: Fit, theils: Mapping[str, float]
 ) -> dict[str, FittedQuantity]:
-    """Return the fit of each measured quantity.
+    """Return name -> quality of the fit, for each measured quantity.
 
-    theils: coefficients on records that were not fitted
+    theils: quantity -> Theil's coefficient for records that were not fitted
     """
     parts = explained(fit)
     found = {}

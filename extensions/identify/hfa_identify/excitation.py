@@ -1,6 +1,6 @@
-"""Detection of records without motion, and of parameters that the records do not determine.
+"""Detection of records without motion, and of parameters that the records cannot determine.
 
-Such a parameter multiplies a state or an input that did not move.
+A parameter cannot be determined if it multiplies a state or an input that did not move.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ _EXPLAINED = 0.5
 
 
 def refuse_still(search: Search, fit: Fit | None) -> None:
-    """Raise NoSolutionError where the fit explains no measured quantity and nothing moves.
+    """Raise NoSolutionError if the fit explains no measured quantity and the records lack motion.
 
-    Nothing moves where inputs are constant or measured quantities are white noise about constants.
+    The records lack motion if the inputs are constant, or if each measured quantity is white noise
+    about a constant.
 
-    fit: None where the simulation diverges
+    fit: None if the simulation diverges
     """
     if fit is not None and (explained(fit) > _EXPLAINED).any():
         return
@@ -42,7 +43,7 @@ def refuse_still(search: Search, fit: Fit | None) -> None:
 
 
 def _is_noise(record: Record) -> bool:
-    """Return whether every measured quantity of a record is white noise about a constant."""
+    """Return True if every measured quantity of a record is white noise about a constant."""
     for values in record.measured.values():
         present = np.isfinite(values)
         if whiteness(values - values[present].mean(), present) < WHITE:
@@ -51,16 +52,21 @@ def _is_noise(record: Record) -> bool:
 
 
 def still_quantities(search: Search, parameters: Iterable[str]) -> dict[str, str]:
-    """Return undetermined parameter -> the state or input that it multiplies, if that did not move.
+    """Return parameter -> the motionless state or input that it multiplies, "" if there is none.
 
-    Otherwise the value is "".
+    parameters: parameters that the records do not determine
     """
     return {name: _still(search, name) for name in parameters}
 
 
 def _still(search: Search, name: str) -> str:
-    """Return the state or input of largest ∂²f/∂θ∂(x, u) if it did not move in any record, else
-    "".
+    """Return the state or input on which the effect of a parameter depends most, if it did not
+    move.
+
+    The dependence is ∂²f/∂θ∂(x, u), relative to nominal values, at the first sample. The result is
+    "" if the state or input moved in a record, or if the derivative is 0.
+
+    name: name of the parameter θ
     """
     model = search.responses.calm.model
     x, u, p = model.layout.symbols("x", "u", "p")
@@ -79,10 +85,12 @@ def _still(search: Search, name: str) -> str:
 
 
 def _moves(search: Search, quantity: str, size: float) -> bool:
-    """Return whether a state or input moved in a record.
+    """Return whether a state or input moved in any record.
 
-    A state without a sensor counts as moved where the model at the start of the search moves it, or
-    diverges.
+    A state without a sensor is simulated with the initial parameters of the search. If this
+    simulation diverges, the state counts as moved.
+
+    size: nominal value of the quantity
     """
     calm = search.responses.calm
     model = calm.model

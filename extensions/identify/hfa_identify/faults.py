@@ -1,6 +1,7 @@
-"""Search for faults of records that explain residuals.
+"""Search for faults of records that explain large residuals.
 
-The faults are outliers, delayed or scaled sensors, and wrong signs and units of columns.
+The faults are outliers, bias, scale error and delay of a sensor, a wrong sign or unit of a column,
+and exchanged columns.
 """
 
 from __future__ import annotations
@@ -93,10 +94,11 @@ def faults_of(
     given: Sequence[str],
     progress: Callable[[float, float], None] | None,
 ) -> Iterator[str]:
-    """Yield the faults of the records, and the given parameters, that explain residuals of a fit.
+    """Yield a sentence for each fault of the records, or wrong given parameter, that explains
+    residuals.
 
-    errors: errors of the columns, by one step from 0
-    given: names of parameters whose values are given
+    errors: name of a column error -> its estimate by one Newton step from 0
+    given: names of the parameters with given values
     """
     spikes = list(outliers(search, fit))
     # A column in another unit leaves residuals that look like outliers. A wrong column must explain
@@ -114,9 +116,10 @@ def faults_of(
 
 
 def outliers(search: Search, fit: Fit) -> Iterator[str]:
-    """Yield the outliers: single samples far from the residuals before and after.
+    """Yield a sentence for each record and quantity with outliers.
 
-    Only quantities that the model explains are searched.
+    An outlier is a sample whose residual is far from the residuals before and after it. Quantities
+    whose motion the model contradicts are not searched.
     """
     explained = ~unexplained(fit)
     for place in np.flatnonzero(explained):
@@ -140,10 +143,10 @@ def outliers(search: Search, fit: Fit) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Freed:
-    """Fit with one more unknown, a given parameter or an error of a column.
+    """Fit with one additional unknown: a given parameter or an error of a column.
 
-    value: its estimate
-    widened: ratio of its variance to that with white residuals
+    value: estimate of the additional unknown
+    widened: ratio of its variance to its variance for white residuals
     """
 
     search: Search
@@ -155,15 +158,16 @@ class _Freed:
 def sensor_fault(
     search: Search, fit: Fit, errors: Mapping[str, ColumnError], freed: Mapping[str, _Freed]
 ) -> str:
-    """Return a sentence on a given parameter or an error of a column that explains residuals, or
+    """Return a sentence on the column error or given parameter that explains the residuals best, or
     "".
 
-    The error is a bias, a scale or a delay. It is reported where it is obvious or shifts an
-    estimate by a third of its band. The sentence also names others that explain residuals equally
-    well. Another interpolation of the inputs is not reported as a delay.
+    A column error (bias, scale or delay) is considered if it is obvious, or if it shifts an
+    estimate by a third of its band. The sentence also names one alternative that explains the
+    residuals equally well. If another interpolation of the inputs fits better than a delay, the
+    sentence recommends it.
 
-    errors: errors of the columns, by one step from 0
-    freed: given parameters that the records contradict
+    errors: name of a column error -> its estimate by one Newton step from 0
+    freed: given parameter -> fit in which it is an unknown, if the records contradict its value
     """
     suspects = [
         name
@@ -200,9 +204,10 @@ def sensor_fault(
 
 
 def _other_inputs(search: Search, fit: Fit) -> Fit:
-    """Return the fit with the other interpolation of inputs (steps or linear).
+    """Return the fit with the other interpolation of the inputs (steps instead of linear, or vice
+    versa).
 
-    The original fit is returned if this fit diverges.
+    The original fit is returned if this search diverges or does not converge.
     """
     records = [replace(record, has_steps=not record.has_steps) for record in search.records]
     try:
@@ -213,17 +218,17 @@ def _other_inputs(search: Search, fit: Fit) -> Fit:
 
 
 def _with_value(search: Search, name: str, value: float) -> str:
-    """Return the name of an error of a column, and its value."""
+    """Return a column error with its value and unit as text, such as "bias_alpha of 0.02 rad"."""
     model = search.responses.calm.model
     unit = sensor_errors(model, (name.partition("_")[2],))[name].signal(model).unit
     return f"{name} of {value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
 
 
 def _is_plausible(search: Search, name: str, value: float) -> bool:
-    """Return whether an error is smaller than the range of its column.
+    """Return whether a column error can be due to a sensor.
 
-    A larger bias, or a scale that more than halves or doubles, indicates motion that the model
-    lacks.
+    A bias must be less than the largest magnitude of the column. A scale error must be between -0.5
+    and 1. Greater errors indicate motion that the model lacks.
     """
     error = sensor_errors(search.responses.model, (name.partition("_")[2],))[name]
     if error.kind == "scale":
@@ -239,11 +244,13 @@ def _is_plausible(search: Search, name: str, value: float) -> bool:
 def _clear(
     search: Search, fit: Fit, names: Sequence[str], tests: int
 ) -> Iterator[tuple[str, _Freed]]:
-    """Yield names of unknowns, and the fits with them, whose estimates differ clearly from the
-    fit's values.
+    """Yield (name, fit) of each additional unknown whose estimate differs significantly from its
+    value.
 
-    The difference is so many standard deviations that chance causes it, in any of the tests, less
-    often than `_CHANCE`.
+    In all `tests` together, chance causes such a difference with probability `_CHANCE` at most.
+
+    names: unknowns to be added to the fit, one at a time
+    tests: number of unknowns that are tested in total
     """
     from scipy.special import ndtri
 
@@ -267,10 +274,13 @@ def _clear(
 
 @dataclass(frozen=True)
 class _Undone:
-    """The correction of a faulty column.
+    """Correction of a faulty column.
 
-    The column is multiplied by `factor`, about its first value where `is_about_first`, or exchanged
-    with the column `other`.
+    column: the faulty column
+    factor: factor on the column
+    is_about_first: whether the factor applies to the deviation from the first value of the column
+    text: description of the fault, for the report
+    other: if not "", the column with which `column` is exchanged; the factor is then not applied
     """
 
     column: str
@@ -280,7 +290,7 @@ class _Undone:
     other: str = ""
 
     def on(self, model: Model, record: Record) -> Record:
-        """Return the record without the fault."""
+        """Return the record with the correction applied."""
         columns = columns_of(model, record)
         values = columns[self.column]
         if self.other:
@@ -303,11 +313,11 @@ def fault_of_columns(
     """Return the wrong sign or unit of a column, or the exchange of two, that explains the records,
     or "".
 
-    With the correction the parameters are closer to their initial values. Faults that explain the
-    records equally well are joined by "or".
+    Without the fault the records must be clearly likelier, or nearly as likely with parameters
+    closer to their initial values. Faults that explain the records equally well are joined by "or".
 
-    fit: None where the simulation diverges
-    errors: errors of the columns, by one step from 0
+    fit: None if the simulation diverges
+    errors: name of a column error -> its estimate by one Newton step from 0
     """
     if fit is not None and not _suspicious(search, fit, errors):
         return ""
@@ -335,9 +345,10 @@ def fault_of_columns(
 def _likeliest(
     search: Search, progress: Callable[[float, float], None] | None
 ) -> list[tuple[_Undone, Search, np.ndarray]]:
-    """Return the faults whose correction fits best after a few steps in some short windows.
+    """Return the corrections with which the model fits best, the best first.
 
-    Each fault has the search on the corrected records and its initial unknowns (p,).
+    They are compared after a few Gauss-Newton steps on short windows of the records. Each
+    correction is returned with the search on the corrected records and its initial unknowns (p,).
     """
     model = search.responses.calm.model
     turbulence = search.begin[: search.responses.turbulent]
@@ -363,9 +374,14 @@ def _tried(
     windows: int,
     progress: Callable[[float, float], None] | None,
 ) -> list[tuple[float, _Undone, Search, np.ndarray]]:
-    """Return each undone fault with its L, search and unknowns in calm air, the least L first.
+    """Return (level, correction, search, unknowns in calm air) of each candidate, the least level
+    first.
 
-    They are the result of a few steps in some windows. L includes the change of the parameters.
+    The level is L of a few Gauss-Newton steps on short windows, plus a penalty on the change of the
+    parameters. Candidates whose simulation diverges are omitted.
+
+    steps: number of Gauss-Newton steps
+    windows: largest number of windows
     """
     tried = []
     for number, (undone, corrected) in enumerate(candidates, start=1):
@@ -381,10 +397,12 @@ def _tried(
 
 
 def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> bool:
-    """Return whether a fit may be due to a fault of the records.
+    """Return whether a faulty column may have caused this fit.
 
-    Such a fit is poor, moves parameters far from their initial values, or leaves an error of scale
-    too large for a sensor.
+    Such a fit did not converge, contradicts the measured motion, has parameters far from their
+    initial values, or leaves a scale error too large for a sensor.
+
+    errors: name of a column error -> its estimate by one Newton step from 0
     """
     half = BAND * np.sqrt(np.diag(white_covariance(fit)))
     nearest = np.clip(search.begin, fit.theta - half, fit.theta + half)
@@ -398,7 +416,7 @@ def _suspicious(search: Search, fit: Fit, errors: Mapping[str, ColumnError]) -> 
 def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
     """Return Σ max(|ln r| - usual, 0)² over the ratios r of parameters to their initial values.
 
-    A change of sign counts as a ratio of 100.
+    If the sign of a parameter changes, its |ln r| is at least ln 100.
     """
     total = 0.0
     # Turbulence and noise of sensors come first, where they are unknowns.
@@ -413,7 +431,10 @@ def _change(search: Search, theta: np.ndarray, usual: float = 0.0) -> float:
 
 
 def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
-    """Return L of a fit of corrected records in the units of the uncorrected record."""
+    """Return L of a fit to corrected records, converted to the units of the uncorrected records.
+
+    The conversion makes the levels L of different corrections comparable.
+    """
     if undone.column not in search.responses.measured:
         return fit.likelihood
     place = search.responses.measured.index(undone.column)
@@ -421,9 +442,10 @@ def _compared(search: Search, undone: _Undone, fit: Fit) -> float:
 
 
 def _candidates(search: Search) -> Iterator[_Undone]:
-    """Yield the changes of a record to try.
+    """Yield the corrections to be tried.
 
-    They are another sign or unit of a column that moves, and the exchange of two columns.
+    They are another sign or unit of a column that moves, another unit of the time, and the exchange
+    of two inputs or two measured quantities.
     """
     model = search.responses.model
     for factor, text in _UNITS[model.time_unit].items():

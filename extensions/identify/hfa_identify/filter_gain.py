@@ -1,13 +1,14 @@
-"""Steady Kalman gain of a model in turbulence, with its derivatives with respect to the unknowns.
+"""Steady-state Kalman gain of a model in turbulence, and its derivatives with respect to the
+unknowns.
 
-Between samples the covariance of the predicted states follows P⁺ = Φ P Φ' + Q, Φ = exp(A Δt), Q = ∫
-exp(A s) W exp(A s)' ds. At a sample it decreases by K C P, with
+Between samples the covariance P of the predicted states follows P⁺ = Φ P Φ' + Q, with
+Φ = exp(A Δt) and Q = ∫ exp(A s) W exp(A s)' ds. At a sample it decreases by K C P, with
 
     S = C P C' + R,   K = P C' S⁻¹,   S = T D T'.
 
-T is unit lower triangular and D diagonal. v = T⁻¹ (z - y) are the innovations of the measured
-quantities, one after the other, uncorrelated and of variances D. W is the power of the turbulence
-in the states that it moves, R the diagonal variance of the sensors.
+T is unit lower triangular, and D is diagonal. v = T⁻¹ (z - y) are the innovations of the measured
+quantities, processed one after the other. They are uncorrelated with variances D. W is the power of
+the turbulence, and R is the diagonal covariance of the sensor noise.
 
 Sources: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 5; B. D.
 O. Anderson, International Journal of Control 28 (1978) 295-306 (doubling).
@@ -31,11 +32,11 @@ _DIFFERENCE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """The steady gain of a filter.
+    """Steady-state Kalman gain.
 
-    K: (n, k)
-    whiten: (k, k), T⁻¹
-    variances: (k,), the diagonal of D
+    K: gain, (n, k)
+    whiten: T⁻¹, (k, k)
+    variances: diagonal of D, (k,)
     """
 
     K: np.ndarray
@@ -45,11 +46,11 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class GainSlopes:
-    """Derivatives of a gain with respect to the unknowns.
+    """Derivatives of a `Gain` with respect to the p unknowns.
 
     K: (n, k, p)
     whiten: (k, k, p)
-    logarithms: (k, p), derivatives of ln D
+    logarithms: derivatives of ln D, (k, p)
     """
 
     K: np.ndarray
@@ -64,13 +65,14 @@ Matrices = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 def gain_with_slopes(
     matrices: Matrices, theta: np.ndarray, sizes: np.ndarray, interval: float
 ) -> tuple[Gain, GainSlopes]:
-    """Return the gain and its derivatives, by central differences.
+    """Return the steady-state gain and its derivatives, computed with central differences.
 
-    theta: (p,) unknowns
-    sizes: (p,) their sizes
+    matrices: unknowns (N, p) -> A, C, W, R of N models
+    theta: unknowns, (p,)
+    sizes: typical magnitudes of the unknowns, (p,)
     interval: time between samples, s
 
-    Raises FloatingPointError where the gain is not a number.
+    Raises FloatingPointError if the gain is not finite.
     """
     p = len(theta)
     moves = np.diag(_DIFFERENCE * sizes)
@@ -94,7 +96,11 @@ def gain_with_slopes(
 def _steady(
     A: np.ndarray, C: np.ndarray, W: np.ndarray, R: np.ndarray, interval: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return K, T⁻¹ and the diagonal of D of N filters."""
+    """Return K, T⁻¹ and the diagonal of D of N steady-state filters.
+
+    R: diagonals of the sensor covariances, (N, k)
+    interval: time between samples, s
+    """
     Phi, Q = _discrete(A, W, interval)
     P = _predicted_covariance(Phi, C, Q, R)
     P_C = P @ C.transpose(0, 2, 1)
@@ -109,7 +115,10 @@ def _steady(
 
 
 def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return Φ and Q between two samples, by doubling third-order series of a short interval."""
+    """Return Φ and Q between two samples.
+
+    Third-order series for a short interval are doubled until the interval is reached.
+    """
     norm = float(np.abs(A).sum(axis=2).max())
     doublings = _HALVINGS + max(0, math.ceil(math.log2(max(norm * interval, 1.0))))
     h = interval / 2.0**doublings
@@ -133,8 +142,10 @@ def _discrete(A: np.ndarray, W: np.ndarray, interval: float) -> tuple[np.ndarray
 def _predicted_covariance(
     Phi: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray
 ) -> np.ndarray:
-    """Return P after 2^12 samples from P = 0, by doubling. It also exists if an unobservable state
-    drifts."""
+    """Return the predicted covariance P after 2^12 samples from P = 0, computed by doubling.
+
+    It also exists for a model with a drifting unobservable state, which has no steady P.
+    """
     A = Phi.transpose(0, 2, 1)
     G = C.transpose(0, 2, 1) @ (C / R[:, :, None])
     H = Q

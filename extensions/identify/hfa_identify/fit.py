@@ -5,12 +5,12 @@ largest where
 
     L = ½ Σ N ln(Σ v² / N) + ½ Σ ((x₀ - guess) / (10 nominal))²
 
-is least. The sums are over quantities, with r = Σ v² / N. Where the unknowns include r
-(turbulence), the first term is ½ Σ (N ln r + Σ v² / r - N). The second term, here for measured
-states, keeps initial states that no sample determines near their guess.
+is least. The sums are over quantities, with r = Σ v² / N. If the unknowns include r (in
+turbulence), the first term is ½ Σ (N ln r + Σ v² / r - N). The second term keeps initial states
+that no sample determines near their guess. The factor 10 applies to measured states.
 
-Gauss-Newton steps with the exact sensitivities are damped by Levenberg's rule where they do not
-lower L. The initial state of each record is eliminated from the normal equations.
+Gauss-Newton steps use exact sensitivities. A step that does not lower L is damped by Levenberg's
+rule. The initial state of each record is eliminated from the normal equations.
 
 Source: R. V. Jategaonkar, *Flight Vehicle System Identification*, 2nd ed., 2015, chapter 4.
 """
@@ -53,14 +53,15 @@ _TRIALS = (
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations [M B; B' A] [Δθ; Δx0] = [g; h] of one record, for the changes of the
-    parameters and of the initial state.
+    """Normal equations [M B; B' A] [Δθ; Δx₀] = [g; h] of one record.
+
+    Δθ and Δx₀ are the changes of the parameters and of the initial state.
 
     M: (p, p)
     B: (p, n)
     A: (n, n)
-    g: (p,), right-hand side of the parameters
-    h: (n,), right-hand side of the initial state
+    g: right-hand side for the parameters, (p,)
+    h: right-hand side for the initial state, (n,)
     """
 
     M: np.ndarray
@@ -71,30 +72,30 @@ class Normal:
 
     @cached_property
     def of_start(self) -> np.ndarray:
-        """Covariance (n, n) of the initial state for known parameters."""
+        """Covariance (n, n) of the initial state if the parameters are known."""
         return inverse(self.A)
 
     @property
     def information(self) -> np.ndarray:
-        """Return the Fisher information (p, p) of the parameters, with an unknown initial state."""
+        """Fisher information (p, p) of the parameters if the initial state is unknown."""
         part = self.M - self.B @ self.of_start @ self.B.T
         return np.asarray(0.5 * (part + part.T))
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Parameters fitted to records, with the simulated records and the information.
+    """Parameters and initial states fitted to records, with the simulations.
 
-    theta: (p,) parameters.
-    starts: (n,) state at the first sample of each record.
-    noise: (k,) variances of the measured quantities.
-    residuals: (N, k) of each record, 0 where a sample is missing.
-    present: (N, k) flags of each record, False where a sample is missing.
-    simulated: the simulated records.
-    likelihood: L.
+    theta: parameters, (p,).
+    starts: state at the first sample of each record, (n,) each.
+    noise: noise variances of the measured quantities, (k,).
+    residuals: (N, k) for each record, 0 for a missing sample.
+    present: (N, k) for each record, False for a missing sample.
+    simulated: simulation of each record.
+    likelihood: L, as defined in this module.
     steps: number of Gauss-Newton steps.
-    converged: whether the last step was small.
-    search: the search, which computes sensitivities.
+    converged: whether the search converged.
+    search: the search that found the fit and computes its sensitivities.
     """
 
     theta: np.ndarray
@@ -110,9 +111,9 @@ class Fit:
 
     @cached_property
     def responses(self) -> tuple[Response, ...]:
-        """The simulated records with their sensitivities.
+        """The simulated quantities of each record with their sensitivities.
 
-        Raises FloatingPointError where the sensitivities are not finite.
+        Raises FloatingPointError if a sensitivity is not finite.
         """
         slopes = self.search.responses.slopes
         return tuple(Response(each.y, slopes(each)) for each in self.simulated)
@@ -121,25 +122,28 @@ class Fit:
     def normals(self) -> tuple[Normal, ...]:
         """The normal equations of each record.
 
-        Raises FloatingPointError where they are not finite.
+        Raises FloatingPointError if they are not finite.
         """
         return self.search.normals(self)
 
     @cached_property
     def information(self) -> np.ndarray:
-        """Return the Fisher information (p, p) of the parameters, with unknown initial states."""
+        """Fisher information (p, p) of the parameters if the initial states are unknown."""
         return np.sum([each.information for each in self.normals], axis=0)
 
     @cached_property
     def projected(self) -> tuple[np.ndarray, ...]:
-        """Sensitivities (N, k, p) of each record, without the part that another initial condition
-        explains."""
+        """Sensitivities to the parameters, (N, k, p) for each record.
+
+        The part that a change of the initial state explains is subtracted.
+        """
         p = len(self.theta)
         return self.beyond_starts([response.slopes[:, :, :p] for response in self.responses])
 
     def beyond_starts(self, slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """Return sensitivities (N, k, c) of each record without the part that another initial state
-        explains.
+        """Return sensitivities without the part that a change of the initial state explains.
+
+        slopes: sensitivities, (N, k, c) for each record
         """
         p = len(self.theta)
         beyond = []
@@ -154,19 +158,19 @@ class Fit:
 
     @cached_property
     def samples(self) -> np.ndarray:
-        """Numbers of measured samples, (k,)."""
+        """Number of samples of each measured quantity in all records, (k,)."""
         return np.asarray(sum(flags.sum(axis=0) for flags in self.present))
 
 
 class OutputError:
-    """Fit of the free parameters of a model to records.
+    """Search for the parameters and initial states that fit records best.
 
-    bounds: (p, 2)
-    guesses: (n,) initial states of the records
-    by_motion: whether the noise variance of each quantity is that of its motion, so that far from
-        the minimum no motion is treated as noise.
-    is_rough: whether steps of integration may be long, and the sensitivities at the end of a search
-        are not needed.
+    bounds: limits of the parameters, (p, 2). guesses: guess of each record's initial state, (n,)
+    each. by_motion: whether the variance of each quantity's motion replaces its noise variance. Far
+    from the
+      minimum, motion is then not treated as noise.
+    is_rough: whether integration steps may be long, and the sensitivities at the last step are not
+      needed.
     """
 
     def __init__(
@@ -202,14 +206,14 @@ class OutputError:
         small: float = SMALL,
         most_steps: int = MOST_STEPS,
     ) -> Fit:
-        """Return the fit with the parameters and initial states of least L.
+        """Return the fit with the least L that Gauss-Newton steps reach.
 
-        The search begins at the given ones.
-
-        small: the search ends when a step is below this fraction of the standard deviations
+        theta: initial parameters, (p,)
+        starts: guess of each record's initial state, where the search begins, (n,) each
+        small: the search converges when a step is below this number of standard deviations
         most_steps: largest number of steps
 
-        Raises FloatingPointError if the simulation with the given ones diverges.
+        Raises FloatingPointError if the first simulation diverges.
         """
         found = self.at(theta, tuple(starts))
         level = 0
@@ -233,11 +237,15 @@ class OutputError:
     def _lowered(
         self, found: Fit, undamped: Step, first: int, step: int, is_last: bool
     ) -> tuple[int, Fit | None]:
-        """Return the number of the first trial whose step does not raise L, and the fit after it.
+        """Return the index of the first trial whose step does not raise L, and the fit after this
+        step.
 
-        The result is None if every step raises L.
+        The trials increase the damping and shorten the step. The fit is None if every trial raises
+        L.
 
         undamped: the step without damping
+        first: index of the first trial
+        step: number of the Gauss-Newton step
         is_last: whether no sensitivities are needed after the step
         """
         for level in range(first, len(_TRIALS)):
@@ -259,9 +267,13 @@ class OutputError:
         return len(_TRIALS), None
 
     def at(self, theta: np.ndarray, starts: tuple[np.ndarray, ...], steps: int = 0) -> Fit:
-        """Return the fit with these parameters and initial states, which need not be converged.
+        """Return the simulation and L for these parameters and initial states, marked as not
+        converged.
 
-        Raises FloatingPointError where the simulation diverges."""
+        steps: number of Gauss-Newton steps so far
+
+        Raises FloatingPointError if the simulation diverges.
+        """
         longest = ROUGH_STEP if self.is_rough else STEP
         simulated = tuple(
             self.responses.simulated(record, start, theta, longest)
@@ -282,7 +294,7 @@ class OutputError:
         )  # fmt: skip
 
     def _motion(self) -> np.ndarray:
-        """Return the (k,) variances of the measured quantities within the records."""
+        """Return the variance of each measured quantity within the records, (k,)."""
         total = np.zeros(len(self._least))
         for flags, table in zip(self._present, self._measured, strict=True):
             mean = table.sum(axis=0) / np.maximum(flags.sum(axis=0), 1)
@@ -290,8 +302,10 @@ class OutputError:
         return np.asarray(np.maximum(total / np.maximum(self._counts, 1), self._least))
 
     def _noise(self, residuals: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-        """Return noise variances (k,): fixed, given by the unknowns, or estimated from the
-        residuals.
+        """Return the noise variances (k,).
+
+        They are the variances of the motion if `by_motion` is set, or functions of the unknowns in
+        turbulence. Otherwise they are estimated from the residuals.
         """
         if self._fixed is not None:
             return self._fixed
@@ -304,7 +318,12 @@ class OutputError:
     def _likelihood(
         self, residuals: Sequence[np.ndarray], noise: np.ndarray, starts: Sequence[np.ndarray]
     ) -> float:
-        """Return L with these variances."""
+        """Return L, as defined in this module.
+
+        residuals: (N, k) for each record
+        noise: noise variances, (k,)
+        starts: initial state of each record, (n,) each
+        """
         squares = sum((each**2).sum(axis=0) for each in residuals)
         total = 0.5 * float(np.sum(self._counts * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
@@ -312,7 +331,10 @@ class OutputError:
         return total
 
     def normals(self, fit: Fit) -> tuple[Normal, ...]:
-        """Return the normal equations of all records."""
+        """Return the normal equations of each record.
+
+        Raises FloatingPointError if they are not finite.
+        """
         normals = []
         known = self.responses.variances(fit.theta)
         for number, response in enumerate(fit.responses):
@@ -332,9 +354,12 @@ class OutputError:
         noise: np.ndarray,
         slopes: np.ndarray,
     ) -> Normal:
-        """Return the normal equations of a record whose variances depend on the unknowns.
+        """Return a record's normal equations with the information contained in its noise variances.
 
-        slopes: (k, p) of the logarithms of the variances."""
+        number: index of the record
+        noise: noise variances, which depend on the unknowns, (k,)
+        slopes: derivatives of their logarithms with respect to the unknowns, (k, p)
+        """
         counts = self._present[number].sum(axis=0)
         surplus = (residual**2).sum(axis=0) / noise - counts
         return replace(
@@ -351,9 +376,12 @@ class OutputError:
         noise: np.ndarray,
         pull: np.ndarray,
     ) -> Normal:
-        """Return the normal equations of a record.
+        """Return the normal equations of a record for known noise variances.
 
-        pull: (n,) gradient that draws its initial state to the guess
+        number: index of the record
+        slopes: sensitivities to parameters and initial state, (N, k, p + n)
+        noise: noise variances, (k,)
+        pull: contribution of the guess to the right-hand side of the initial state, (n,)
 
         Raises FloatingPointError if they are not finite.
         """
@@ -374,19 +402,27 @@ class OutputError:
         )
 
     def information(self, slopes: np.ndarray, noise: np.ndarray, number: int) -> np.ndarray:
-        """Return the Fisher information (p, p) of a record with these slopes and an unknown initial
-        state.
+        """Return the Fisher information (p, p) of a record with these sensitivities.
 
-        number: index of the record"""
+        The initial state is unknown.
+
+        slopes: sensitivities to parameters and initial state, (N, k, p + n)
+        noise: noise variances, (k,)
+        number: index of the record
+        """
         nothing = np.zeros(slopes.shape[:2])
         normal = self._normal(number, slopes, nothing, noise, np.zeros(len(self.guesses[number])))
         return normal.information
 
     def _solved(self, found: Fit, damping: float) -> Step:
-        """Return the step of the parameters and the steps of the initial states.
+        """Return the Gauss-Newton step of the parameters (p,) and of each record's initial state
+        (n,).
 
-        A parameter at its bound stays there where the step leads outward. A parameter that the
-        records do not determine within its bounds keeps its value."""
+        A parameter at a bound keeps its value if the step points outward. So does a parameter that
+        the records do not determine within its bounds.
+
+        damping: Levenberg's factor on the diagonal of the normal equations
+        """
         p = len(found.theta)
         total = np.zeros((p, p))
         right = np.zeros(p)
@@ -416,7 +452,7 @@ class OutputError:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Return the inverse of a symmetric matrix whose rows differ in magnitude."""
+    """Return the pseudoinverse of a symmetric matrix, after scaling it to a unit diagonal."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -424,7 +460,7 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:
-    """Return the inverse variances (n,) of a record's initial state before its first sample."""
+    """Return the reciprocal variances (n,) of the guess of a record's initial state."""
     sizes = []
     for name, signal in model.states.items():
         if name in record.measured:
@@ -438,7 +474,7 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
 
 
 def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution after scaling rows and columns to equal magnitude."""
+    """Solve matrix x = right by least squares, after scaling the matrix to a unit diagonal."""
     diagonal = np.diag(matrix)
     size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     scaled = matrix / size[:, None] / size
@@ -450,7 +486,11 @@ _TOGETHER = 64
 
 
 def gram(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return one' other for tables with many rows and few columns, by one thread."""
+    """Return one' other, computed in small blocks so that the linear algebra library uses one
+    thread.
+
+    one, other: tables with many rows and few columns
+    """
     whole = len(one) // _TOGETHER * _TOGETHER
     blocks = one[:whole].reshape(-1, _TOGETHER, one.shape[1])
     others = other[:whole].reshape(-1, _TOGETHER, other.shape[1])

@@ -1,4 +1,4 @@
-"""Result of an identification: estimates with bands, and findings."""
+"""Result of an identification: estimates, bands and findings."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ _WIDTH = 100
 class Estimate(Result):
     """An identified parameter.
 
-    value: its estimate.
-    low: lower end of its 95 % band.
-    high: upper end of its 95 % band.
-    start: its initial value.
-    unit: unit of all four.
+    value: estimate.
+    low: lower end of the 95 % band.
+    high: upper end of the 95 % band.
+    start: value at the start of the search.
+    unit: unit of `value`, `low`, `high` and `start`.
     """
 
     value: float
@@ -54,14 +54,15 @@ class Estimate(Result):
 
 @dataclass(frozen=True)
 class FittedQuantity(Result):
-    """Fit of a measured quantity.
+    """Quality of the fit of one measured quantity.
 
-    fit: 1 - (variance of its residuals) / (its variance).
-    noise: standard deviation of its residuals.
-    white: share of the first 25 lags at which the autocorrelation of its residuals is that of
-        white noise, 0.95 where they are white.
-    theil: Theil's inequality coefficient on records that were not fitted, or None without any.
-    unit: unit of the noise.
+    fit: 1 - (variance of the residuals) / (variance of the quantity).
+    noise: standard deviation of the residuals.
+    white: fraction of the first 25 lags at which the autocorrelation of the residuals is within the
+      95 % band of white noise. It is about 0.95 for white residuals.
+    theil: Theil's inequality coefficient for records that were not fitted, or None without such
+      records.
+    unit: unit of `noise`.
     """
 
     fit: float
@@ -73,26 +74,25 @@ class FittedQuantity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identified(Result, Reported):
-    """The parameters of a model identified from flight records.
+    """Parameters of a model identified from flight records.
 
-    model: the aircraft with the estimates as parameters.
-    records: names of the records.
-    parameters: name -> estimate with its 95 % band, corrected for colored residuals.
-    quantities: measured state or output -> goodness of fit.
-    covariance: covariance of the estimates, in the order of `parameters`.
-    coloured: largest factor by which the correction widened a band.
-    correlated: pairs of estimates that are correlated by more than 0.9, with the coefficient.
-    undetermined: parameter that the records do not determine -> the state or input that it
-        multiplies if that did not move, else "".
-    at_bounds: parameters that end at a limit of the model.
-    unexplained: quantities whose simulated motion contradicts the measured one.
-    column_errors: name of a bias, scale or delay that is not free -> its estimate by one step.
-    faults: sentences on faults of the records that explain residuals.
-    other_minimum: name -> estimate at a second minimum that explains the records equally well.
-    parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
-        where they agree.
-    turbulence: state that turbulence moves -> standard deviation of its random change in 1 s.
-    converged: whether the search ended at a maximum of the likelihood.
+    model: the aircraft with the estimates as its parameters. records: names of the records.
+    parameters: name -> estimate with its 95 % band, corrected for colored residuals. quantities:
+    measured state or output -> quality of its fit. covariance: covariance of the estimates, in the
+    order of `parameters`. coloured: largest factor by which the correction widened a band.
+    correlated: (name, name, coefficient) of each pair correlated by more than 0.9. undetermined:
+    parameter that the records do not determine -> the motionless state or input that it
+      multiplies, "" if there is none.
+    at_bounds: parameters with an estimate at a limit of the model. unexplained: quantities whose
+    simulated motion contradicts the measured motion. column_errors: name of a bias, scale error or
+    delay that is not free -> its estimate by one Newton
+      step.
+    faults: sentences on faults of the records that explain residuals. other_minimum: name ->
+    estimate at a second minimum that explains the records equally well. parts_disagree: the
+    parameter on which parts of the records disagree most beyond their bands, "" if
+      they agree.
+    turbulence: disturbed state -> standard deviation of its random change in 1 s.
+    converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
     plan: maneuvers that would narrow the bands further, the best first.
     """
@@ -138,7 +138,7 @@ class Identified(Result, Reported):
 
     @property
     def residuals(self) -> list[dict[str, np.ndarray]]:
-        """Measured quantity -> recorded minus fitted values, (N,), for each record."""
+        """Measured quantity -> measured minus fitted values, (N,), for each record."""
         names = tuple(self.quantities)
         return [
             dict(zip(names, (record.table(names) - y).T, strict=True)) for record, y in self.fitted
@@ -146,7 +146,7 @@ class Identified(Result, Reported):
 
     @property
     def findings(self) -> Iterator[str]:
-        """The findings, worst first."""
+        """Sentences on what makes the estimates doubtful, the most important first."""
         yield from self.faults
         if self.undetermined:
             yield self._not_determined()
@@ -175,9 +175,9 @@ class Identified(Result, Reported):
             yield f"{parts} disagree on {self.parts_disagree} beyond the bands"
 
     def _not_determined(self) -> str:
-        """Finding on the first parameter that the records do not determine.
+        """Return the finding on parameters that the records do not determine.
 
-        It states the reason and the number of others.
+        It names the first of them, the motionless quantity, and the number of further parameters.
         """
         name, still = next(iter(self.undetermined.items()))
         why = f" ({still} did not move)" if still else ""
@@ -185,8 +185,10 @@ class Identified(Result, Reported):
         return f"not determined: {name}{why}" + (f" and {more} more" if more else "")
 
     def _farthest(self) -> tuple[str, float]:
-        """Return the estimate that differs most at the other minimum, relative to its band, and its
-        value.
+        """Return the parameter that differs most between the two minima, and its value at the
+        second.
+
+        The difference is relative to the parameter's band.
         """
 
         def moved(name: str) -> float:
@@ -198,8 +200,11 @@ class Identified(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """The verdict and at most two findings, or a remark on errors of columns that parameters
-        absorb."""
+        """The first line of the report: FAIL with at most two findings, or PASS.
+
+        PASS names errors of columns that are assumed to be 0 because parameters can compensate for
+        them.
+        """
         stated = self._stated
         if stated:
             return f"FAIL: {'; '.join(stated)}"
@@ -214,23 +219,24 @@ class Identified(Result, Reported):
 
     @property
     def _stated(self) -> list[str]:
-        """The findings of the first line: the two worst, or one if the line is too long.
+        """The findings in the first line: the two most important, or one if the line is too long.
 
-        If there are faults of the records, only these are named, because other findings follow from
-        them.
+        If the records have faults, only the faults are named, because they can cause the other
+        findings.
         """
         findings = list(self.faults[:2]) or list(self.findings)[:2]
         line = f"FAIL: {'; '.join(findings)}"
         return findings if len(line) <= _WIDTH else findings[:1]
 
     def draws(self, count: int, seed: int = 0) -> list[Model]:
-        """Return aircraft with parameters drawn from the estimates' normal distribution, within the
-        model's limits.
+        """Return aircraft with random parameters, normally distributed about the estimates.
+
+        Parameters are clipped to the limits of the model.
 
         count: number of aircraft
-        seed: seed of the draws
+        seed: seed of the random numbers
 
-        Raises NoSolutionError where the records do not determine every parameter.
+        Raises NoSolutionError if the records do not determine every parameter.
         """
         if self.undetermined:
             raise NoSolutionError(
@@ -244,7 +250,7 @@ class Identified(Result, Reported):
         return spread.aircraft(self.model, count, seed)
 
     def report(self) -> Report:
-        """Return the report: estimates, goodness of fit, and undetermined parameters."""
+        """Return the report: estimates, quality of the fit, and findings."""
         further = list(self.findings)[len(self._stated) :]
         parts: list[Any] = [*self._assumed(), self._estimates(), self._explained()]
         if len(self.undetermined) > 1:
