@@ -282,7 +282,7 @@ class Identified(Result, Reported):
         return Report(title, tuple(parts), further, self.to_dict(), records)
 
     def _estimates(self) -> Table:
-        """Return a table with one row for each parameter."""
+        """Return a table of the estimates and their bands."""
         rows = []
         for name, each in self.parameters.items():
             half = 0.5 * (each.high - each.low)
@@ -295,7 +295,7 @@ class Identified(Result, Reported):
         )
 
     def _explained(self) -> Table:
-        """Return a table with one row for each measured quantity."""
+        """Return a table of the quality of the fit of each measured quantity."""
         rows = []
         for name, each in self.quantities.items():
             theil = "-" if each.theil is None else f"{each.theil:.3f}"
@@ -305,7 +305,7 @@ class Identified(Result, Reported):
         return Table(("measured", "explained", "noise", "white lags", "Theil"), tuple(rows))
 
     def _turbulence(self) -> str:
-        """Return a sentence on the turbulence."""
+        """Return a sentence on the random changes of states that turbulence causes in 1 s."""
         changes = []
         for name, size in self.turbulence.items():
             unit = self.model.unit(name) if name in self.model.states else "rad"
@@ -316,8 +316,11 @@ class Identified(Result, Reported):
         )
 
     def _assumed(self) -> list[str]:
-        """Return a sentence on the errors of columns that the records cannot distinguish from
-        parameters."""
+        """Return a list with a sentence on the column errors that are assumed to be 0, or an empty
+        list.
+
+        The records cannot distinguish these errors from changes of parameters.
+        """
         columns: dict[str, list[str]] = {}
         for name, each in self.column_errors.items():
             kind, _, column = name.partition("_")
@@ -333,7 +336,10 @@ class Identified(Result, Reported):
         return [wrapped(text, _WIDTH)]
 
     def _columns(self) -> list[Any]:
-        """Return a table of delays, and of errors of columns that the bands assume to be 0."""
+        """Return a list with a table of the column errors, or an empty list.
+
+        The table contains all delays, and the errors that are assumed to be 0.
+        """
         rows = []
         for name, each in self.column_errors.items():
             if not (name.startswith("delay") or each.is_assumed):
@@ -354,7 +360,7 @@ class Identified(Result, Reported):
         return [Table(head, tuple(rows))]
 
     def _planned(self) -> Table:
-        """Return a table with one row for each maneuver."""
+        """Return a table of the proposed maneuvers."""
         rows = []
         for each in self.plan:
             amplitude = f"{shown_value(each.amplitude, each.unit)} {shown_unit(each.unit)}"
@@ -367,13 +373,13 @@ class Identified(Result, Reported):
         )
 
     def figure(self) -> Figure:
-        """Return measured and fitted quantities over time, one panel each."""
+        """Return a figure of measured and fitted quantities and their residuals versus time."""
         from hfa_identify.identified_figure import identified_figure
 
         return identified_figure(self)
 
     def plot(self) -> np.ndarray:
-        """Draw the picture of `figure` in a pyplot figure; return its Axes."""
+        """Draw the content of `figure` in a pyplot figure and return its Axes."""
         from hfa_identify.identified_figure import identified_figure
         from hfa_support.reporting.figure import pyplot_figure
 

@@ -1,4 +1,4 @@
-"""Figure of an identification: measured and fitted quantities, and their residuals."""
+"""Figure of an identification: measured and fitted quantities, and residuals."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ if TYPE_CHECKING:
 def identified_figure(
     identified: Identified, make: Callable[[float, float], Figure] = new_figure
 ) -> Figure:
-    """Return a figure with one row for each quantity and the records one after the other.
+    """Return a figure with one row for each measured quantity; the records follow each other in
+    time.
 
-    Measured samples and the fitted response are at the left, and their difference at the right.
+    The left panel shows the measured samples and the fitted response. The right panel shows the
+    residuals.
 
-    make: width and height, inches -> an empty figure
+    make: function (width, height) -> empty figure, in inches
     """
     names = list(identified.quantities)
     figure = make(10.0, 1.2 + 1.6 * len(names))

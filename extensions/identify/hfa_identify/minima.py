@@ -1,4 +1,6 @@
-"""Uniqueness of the identified aircraft: second minima, and parts of records that disagree."""
+"""Uniqueness of the estimates: search for a second minimum, and comparison of parts of the
+records.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,10 @@ _CHANCE = 1e-4
 
 
 def other_minimum(search: Search, fit: Fit) -> Fit | None:
-    """Return another minimum that explains the records at least as well as the fit.
+    """Return another minimum of L that explains the records as well as this fit, or None.
 
-    The result is None if no search from distant values finds one.
+    The searches begin far from the fit. The result is None if none of them finds another minimum,
+    or if the fit did not converge.
     """
     if not fit.converged:
         return None
@@ -36,7 +39,9 @@ def other_minimum(search: Search, fit: Fit) -> Fit | None:
 
 
 def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence[np.ndarray]]]:
-    """Yield unknowns (p,) and starts of records from which a second minimum is searched."""
+    """Yield (unknowns, initial states) far from the fit, from which a second minimum is
+    searched.
+    """
     with suppress(FloatingPointError):
         near = search.thin(_opposite(search, fit), fit.starts)
         # The second minimum must be apart from the first, which one step finds from the fit.
@@ -48,7 +53,10 @@ def _far_begins(search: Search, fit: Fit) -> Iterator[tuple[np.ndarray, Sequence
 
 
 def _opposite(search: Search, fit: Fit) -> np.ndarray:
-    """Return (p,) values beyond the estimates, 2 θ - θ_before, within the limits."""
+    """Return the point 2 θ - θ₀ beyond the estimates θ, clipped to the limits, (p,).
+
+    θ₀ are the values at the start of the search. Turbulence and sensor noise keep their estimates.
+    """
     opposite = 2.0 * fit.theta - search.begin
     first = search.responses.turbulent
     opposite[:first] = fit.theta[:first]
@@ -57,10 +65,12 @@ def _opposite(search: Search, fit: Fit) -> np.ndarray:
 
 
 def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
-    """Return sets of estimates (p,) near which a second minimum may lie, the likeliest first.
+    """Return values of the unknowns (p,) near which a second minimum may lie, the most promising
+    first.
 
-    In each set one parameter has another value: one at which the rates along the fit are similar,
-    or else the opposite value if L decreases from the value 0 to it.
+    Each differs from the fit in one parameter. The value of this parameter is one for which the
+    state derivatives along the simulation are similar. If there is no such value, the negative
+    estimate is used if L is lower there than at 0.
     """
     least = search.level(fit.theta, fit.starts)
     flown = [
@@ -86,18 +96,21 @@ def _far_values(search: Search, fit: Fit) -> list[np.ndarray]:
 
 
 def _with(fit: Fit, place: int, value: float) -> np.ndarray:
-    """Return the estimates with `value` in place of the one at `place`."""
+    """Return the estimates with the one at index `place` replaced by `value`."""
     theta = fit.theta.copy()
     theta[place] = value
     return theta
 
 
 def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield each multiple of an estimate, other than 1, at which the difference has a local
-    minimum.
+    """Yield (multiple, ratio) for each local minimum of `different` other than the one at multiple
+    1.
 
-    The difference is clearly larger between it and 1. The ratio of the two differences is yielded
-    too.
+    The ratio is the value at the minimum divided by the largest value between it and multiple 1.
+    Only minima with a ratio below `_FALL` are yielded.
+
+    multiples: multiples of an estimate
+    different: change of the state derivatives at each multiple
     """
     middle = different[1:-1]
     lowest = 1 + np.flatnonzero((middle <= different[:-2]) & (middle < different[2:]))
@@ -111,8 +124,10 @@ def _alike(multiples: np.ndarray, different: np.ndarray) -> Iterator[tuple[float
 def _searched(
     search: Search, fit: Fit, theta: np.ndarray, starts: Sequence[np.ndarray]
 ) -> Fit | None:
-    """Return the fit from distant unknowns if it explains the records equally well and differs,
-    else None.
+    """Return the fit found from distant unknowns, or None.
+
+    The result is None if the search diverges or does not converge, if the fit explains the records
+    less well, or if it agrees with the original fit.
     """
     try:
         other = search.whole(theta, starts)
@@ -124,10 +139,10 @@ def _searched(
 
 
 def _is_apart(one: Fit, other: Fit, first: int) -> bool:
-    """Return whether the estimates of two fits of the same samples differ by many standard
-    deviations.
+    """Return whether two fits differ by more than `_APART` standard deviations in any unknown.
 
-    Only unknowns from number `first` on are compared.
+    other: fit from which the standard deviations are computed
+    first: index of the first unknown that is compared
     """
     deviations = np.sqrt(np.diag(white_covariance(other)))
     return bool((np.abs(one.theta - other.theta) > _APART * deviations)[first:].any())
@@ -136,9 +151,9 @@ def _is_apart(one: Fit, other: Fit, first: int) -> bool:
 def parts_disagree(search: Search, fit: Fit) -> str:
     """Return the unknown on which parts of the records disagree most beyond their bands, or "".
 
-    The bands are corrected for colored residuals. Parts are the records, or the halves of one
-    record. With scores g of a part and g' of the others, informations M, M' and the covariances V,
-    V' of the scores, the difference
+    The parts are the records, or the halves of a single record. The bands are corrected for colored
+    residuals. Let g be the score of a part, M its information and V the covariance of its score,
+    and g', M', V' those of all other parts. The difference
 
         g - M (M + M')⁻¹ (g + g')
 

@@ -1,4 +1,4 @@
-"""Uncertain parameters of an aircraft with a normal distribution."""
+"""Normally distributed uncertain parameters of an aircraft."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from hfa_aircraft.model import Model
 
 @dataclass(frozen=True, eq=False)
 class ParameterSpread:
-    """Parameters p with a normal distribution, of their values or of their logarithms.
+    """Uncertain parameters whose values, or logarithms, are normally distributed.
 
-    values: name -> p_i.
-    covariance: (n, n) C, in their order and units.
-    of_logarithms: whether draws are p_i exp(z_i) with z of covariance C_ij / (p_i p_j), instead of
-        p_i + z_i.
+    values: name -> mean value p_i. covariance: covariance C of the values, (n, n). of_logarithms:
+    if True, a random value is p_i exp(z_i), where z has the covariance C_ij / (p_i p_j).
+      Otherwise it is p_i + z_i, where z has the covariance C.
     """
 
     values: Mapping[str, float]
@@ -25,7 +24,7 @@ class ParameterSpread:
     of_logarithms: bool = False
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """Return the (count, n) random samples, equal for equal seeds."""
+        """Return random values of the parameters, (count, n)."""
         center = np.array(list(self.values.values()))
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
         sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
@@ -36,7 +35,7 @@ class ParameterSpread:
         return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)
 
     def aircraft(self, model: Model, count: int, seed: int) -> list[Model]:
-        """Return models with drawn values of these parameters, within the limits of the model."""
+        """Return `count` models with random parameters, clipped to the limits of the model."""
         signals = [model.parameters[name] for name in self.values]
         ends = np.array([(signal.min, signal.max) for signal in signals]).T
         rows = np.clip(self.draws(count, seed), *ends).tolist()

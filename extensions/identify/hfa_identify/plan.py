@@ -1,7 +1,7 @@
-"""Planning of the next maneuver: the one on one input that narrows the widest band most.
+"""Choice of the next maneuver: the one that narrows the widest band most.
 
-Candidates are doublets, 3-2-1-1 maneuvers and multisines. They are compared by the Fisher
-information of the model.
+Candidates are doublets, 3-2-1-1 maneuvers and multisines of a single input. Their bands are
+predicted from the Fisher information of the model.
 """
 
 from __future__ import annotations
@@ -38,16 +38,17 @@ _MOST = 10
 
 @dataclass(frozen=True)
 class Manoeuvre(Result):
-    """A maneuver about the trim of the identified aircraft, and the bands after it.
+    """A maneuver that starts at the trim of the identified aircraft, and the bands expected after
+    it.
 
     kind: "doublet", "3-2-1-1" or "multisine".
     input: the input that moves.
-    amplitude: amplitude of the input, the largest of a few within the limits of the model.
+    amplitude: amplitude of the input.
     unit: unit of the amplitude.
-    seconds: duration of the unit step of a doublet or 3-2-1-1, or of the whole multisine.
-    widest: parameter with the widest band afterwards, as a part of its value.
-    before: half-width of its band now, percent of its value.
-    after: that half-width with this maneuver in addition, percent.
+    seconds: duration of the unit step of a doublet or 3-2-1-1, or of the complete multisine, s.
+    widest: parameter whose band is widest afterwards, relative to its value.
+    before: present half-width of this band, percent of the parameter.
+    after: half-width with this maneuver in addition, percent of the parameter.
     """
 
     kind: str
@@ -61,12 +62,12 @@ class Manoeuvre(Result):
 
 
 def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[Manoeuvre]:
-    """Return the best maneuvers, sorted by their widest band, the narrowest first.
+    """Return the best maneuvers, the one with the narrowest `after` first.
+
+    Sensors, sensor noise and sampling rate are those of the records. Initial states are unknown.
 
     model: the identified aircraft
-    coloured: factor by which colored residuals widen bands
-
-    The sensors, their noise and their rate are those of the records. Initial states are unknown.
+    coloured: factor by which colored residuals widen the bands
     """
     known = fit.information / coloured**2
     before = _relative_bands(search, fit, known)
@@ -90,8 +91,10 @@ def manoeuvres(search: Search, fit: Fit, model: Model, coloured: float) -> list[
 
 
 def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.ndarray:
-    """Return the half-widths of the bands relative to the values, (p,), or 0 for errors of
-    sensors."""
+    """Return the half-widths of the bands relative to the estimates, (p,).
+
+    Errors of columns have the value 0. A parameter without information has inf.
+    """
     variances = np.diag(inverse(information)).copy()
     variances[np.diag(information) <= 0.0] = np.inf
     parameters = search.responses.model.parameters
@@ -105,7 +108,11 @@ def _relative_bands(search: Search, fit: Fit, information: np.ndarray) -> np.nda
 def _candidates(
     search: Search, fit: Fit, model: Model
 ) -> Iterator[tuple[str, str, float, float, np.ndarray]]:
-    """Yield kind, input, amplitude, duration and information of maneuvers within the limits."""
+    """Yield (kind, input, amplitude, duration, information) of each maneuver.
+
+    The amplitude is halved until no state leaves its limits. Maneuvers that exceed the limits at
+    every amplitude are omitted.
+    """
     point = find_operating_point(model)
     start = np.array(point.states)
     trim = np.array(point.inputs)
@@ -140,7 +147,10 @@ def _candidates(
 
 
 def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
-    """Return whether every state stays within the limits of the model."""
+    """Return whether every state stays within its limits.
+
+    y: simulated quantities `responses.measured`, (N, k)
+    """
     columns = [responses.measured.index(name) for name in model.states]
     states = y[:, columns]
     low = np.array([signal.min for signal in model.states.values()])
@@ -149,7 +159,12 @@ def _within(model: Model, responses: Responses, y: np.ndarray) -> bool:
 
 
 def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Yield kind, duration and shape, between -1 and 1, of maneuvers."""
+    """Yield (kind, duration, shape) of each maneuver.
+
+    The shape (N,) is between -1 and 1.
+
+    time: times of the samples, s, (N,)
+    """
     for unit in _UNITS:
         yield "doublet", unit, _steps(time, unit, (1, 1))
         yield "3-2-1-1", unit, _steps(time, unit, (3, 2, 1, 1))
@@ -161,7 +176,10 @@ def _shapes(time: np.ndarray) -> Iterator[tuple[str, float, np.ndarray]]:
 
 
 def _steps(time: np.ndarray, unit: float, lengths: tuple[int, ...]) -> np.ndarray:
-    """Return steps of alternating sign with these durations."""
+    """Return consecutive steps 1, -1, 1, ... with these lengths, else 0, (N,).
+
+    unit: unit of the lengths, s
+    """
     ends = _BEGIN + unit * np.concatenate([[0.0], np.cumsum(lengths)])
     place = np.searchsorted(ends, time, side="right")
     inside = (place > 0) & (place < len(ends))

@@ -1,10 +1,10 @@
 """One-step predictions of a model in turbulence, with their exact sensitivities (filter error).
 
-White noise moves the speed and the flow angles through the air, and rotates the air
-(`rotating_air.py`). Gusts are random walks, which approximate Dryden's below their scale length.
-With a steady gain K (`filter_gain.py`) the states are corrected at each sample,
-x + K (z - y), and advance to the next as in `response.py`. The unknowns begin with the logarithms
-of the turbulence and of the sensors' noise.
+White noise drives the speed and the flow angles, and rotates the air (`rotating_air.py`). Gusts are
+random walks, which approximate Dryden turbulence below its scale length. At each sample the states
+are corrected with a steady-state gain K (`filter_gain.py`), x + K (z - y). They advance to the next
+sample as in `response.py`. The first unknowns are the logarithms of the turbulence and of the
+sensor noise.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ _WIDEST = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Condition:
-    """Condition at which the filter gain is computed and the search begins.
+    """Flight condition at which the filter gain is computed, and initial values of the search.
 
     state: (n,).
     inputs: (m,).
     interval: time between samples, s.
-    turbulence: state -> standard deviation of its random change in 1 s.
-    noise: measured quantity -> standard deviation of its sensor's noise.
+    turbulence: disturbed state -> standard deviation of its random change in 1 s.
+    noise: measured quantity -> standard deviation of its sensor noise.
     """
 
     state: np.ndarray
@@ -62,9 +62,13 @@ class Condition:
         measured: Sequence[str],
         held: Mapping[str, float],
     ) -> Condition:
-        """Return the mean of the first samples of records.
+        """Return the mean of the records' initial conditions, with initial values of the noise.
 
-        Raises BadInputError where turbulence moves no state of the model."""
+        measured: names of the measured quantities
+        held: input or state without a column -> value
+
+        Raises BadInputError if the model has no state that turbulence disturbs.
+        """
         state = np.mean([begin_of(model, record, held) for record in records], axis=0)
         speed = dict(zip(model.states, state.tolist(), strict=True)).get("speed", 1.0)
         sizes = {"speed": _BEGIN * speed, **_BEGIN_OF}
@@ -85,8 +89,9 @@ class Condition:
 
 
 def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
-    """Return the standard deviation of white noise that explains the second differences of a
-    column."""
+    """Return the standard deviation of the white noise that causes the second differences of a
+    column.
+    """
     differences = []
     for record in records:
         values = record.measured.get(name, np.empty(0))
@@ -97,13 +102,13 @@ def _sensor_noise(model: Model, records: Sequence[Record], name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Prediction(Simulation):
-    """One-step predictions of a record by the model.
+    """One-step predictions of a record.
 
-    y: (N, k) measured quantities, each predicted from all earlier samples and from preceding
-        columns at the same time.
-    innovations: (N, k) measured minus predicted from earlier samples, 0 where no sample is
-        measured.
-    present: (N, k) 1 where a sample is measured, else 0.
+    y: predicted quantities, (N, k). Each is predicted from all earlier samples and from the
+    preceding
+      quantities in the same sample.
+    innovations: measured minus predicted from earlier samples alone, (N, k), 0 for a missing
+    sample. present: 1 for a measured sample, 0 for a missing one, (N, k).
     """
 
     innovations: np.ndarray
@@ -111,10 +116,11 @@ class Prediction(Simulation):
 
 
 class Predictions(Responses):
-    """Predictor of records from sample to sample, with a steady gain.
+    """Predictor from sample to sample with a steady-state filter gain.
 
-    free: names of parameters and errors of sensors. The unknowns are the turbulence, the noise of
-        the sensors, the lag of the air's rotation, and the free ones.
+    free: names of free parameters and column errors. The unknowns are the turbulence, the sensor
+    noise,
+      the lag of the air's rotation, and the free ones, in this order.
     """
 
     # A controller feeds gusts to inputs: the next sample of an input depends on the innovation.
@@ -149,27 +155,28 @@ class Predictions(Responses):
 
     @cached_property
     def calm(self) -> Responses:
-        """Simulation in calm air, with the other unknowns."""
+        """Simulation in calm air, with the remaining unknowns."""
         return Responses(self._still, self.free[self.turbulent :], self.measured)
 
     def wider(self, names: Sequence[str]) -> Predictions:
-        """Return the equations with further unknowns, parameters or errors of sensors."""
+        """Return the predictor with additional unknowns, which are parameters or column errors."""
         free = (*self.free[self.turbulent :], *names)
         return Predictions(self._still, free, self.measured, self.condition)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether an error of a sensor can be an unknown; delays of measured quantities
-        cannot."""
+        """Return whether a column error can be an unknown: all can but delays of measured
+        quantities.
+        """
         return error.kind != "delay" or error.column in self.model.inputs
 
     def compile(self) -> None:
-        """Turn rates, steps and corrections into machine code, where a C compiler exists."""
+        """Compile derivatives, integration steps and corrections, if a C compiler is available."""
         super().compile()
         self._update = machine_code(self._update)
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
-        """Unknown -> unit, limits, and the value at which a search begins."""
+        """Unknown -> its unit, limits and value at the start of the search."""
         sizes = [*self.condition.turbulence.values(), *self.condition.noise.values()]
         signals = {
             name: Signal("1", 1.0, start - _WIDEST, start + _WIDEST, start)
@@ -183,14 +190,17 @@ class Predictions(Responses):
     # The gain.
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (k,) variances of the prediction errors, and (k, p) slopes of their
-        logarithms."""
+        """Return the variances of the innovations, (k,), and the derivatives of their logarithms,
+        (k, p).
+        """
         gain, slopes = self._gain(theta)
         return gain.variances, slopes.logarithms
 
     def _gain(self, theta: np.ndarray) -> tuple[Gain, GainSlopes]:
-        """Return the gain and its derivatives with respect to the unknowns. The last result is
-        cached."""
+        """Return the filter gain and its derivatives. The last result is cached.
+
+        theta: unknowns, (p,)
+        """
         key = theta.tobytes()
         if self._gains is None or self._gains[0] != key:
             sizes = np.array([each.nominal for each in self.signals.values()])
@@ -202,10 +212,11 @@ class Predictions(Responses):
         return self._gains[1:]
 
     def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the linear model for rows of unknowns (N, p).
+        """Return A (N, n, n), C (N, k, n), W (N, n, n) and R (N, k) of the filter's linear model.
 
-        It consists of A (N, n, n), C (N, k, n), turbulence power (N, n) and sensor variances (N,
-        k).
+        W is the power of the turbulence. R are the variances of the sensor noise.
+
+        theta: rows of unknowns, (N, p)
         """
         n, p, k = self.sizes
         count = len(theta)
@@ -225,7 +236,10 @@ class Predictions(Responses):
     # The predictions.
 
     def _correction(self) -> ca.Function:
-        """Return the function (x, inputs, θ, z, present, K) -> corrected x, and z - y."""
+        """Return a function (x, inputs, θ, z, present, K) -> (corrected x, z - y).
+
+        z - y is 0 for a missing sample.
+        """
         n, _, k = self.sizes
         x = ca.SX.sym("x", n)
         u = ca.SX.sym("u", self._step.numel_in(1))
@@ -239,10 +253,14 @@ class Predictions(Responses):
         return ca.Function("correction", arguments, [ca.densify(corrected), ca.densify(innovation)])
 
     def _advance_samples(self, count: int, intervals: int) -> ca.Function:
-        """Return a function of intervals between samples, of `count` steps of integration each.
+        """Return a function that advances over successive sampling intervals.
 
-        Its arguments are x, the inputs at the start of the steps and at their end, the steps, θ, z,
-        present and K. Its results are x at the next sample, x at the start of the steps, and z - y.
+        Its arguments are x, the inputs at the start and at the end of the integration steps, the
+        durations of the steps, θ, z, present and K. It returns x at the next sample, x at the start
+        of the steps, and z - y.
+
+        count: integration steps in each interval
+        intervals: number of intervals
         """
         n, _, k = self.sizes
         m = self._step.numel_in(1)
@@ -266,11 +284,14 @@ class Predictions(Responses):
     def simulated(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
     ) -> Prediction:
-        """Return the predictions of a record from an initial state (n,) with unknowns (p,).
+        """Return the predictions of a record.
 
-        step: largest step of integration, in time constants of the fastest mode
+        start: state before the first sample, (n,)
+        theta: unknowns, (p,)
+        step: largest integration step, in time constants of the fastest mode
 
-        Raises FloatingPointError if they are not finite."""
+        Raises FloatingPointError if a prediction is not finite.
+        """
         gain, _ = self._gain(theta)
         count = self.steps_between(record, start, theta, step)
         driven, rest = self._driven(record, theta)
@@ -310,9 +331,10 @@ class Predictions(Responses):
         )
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
-        """Return the (N, k, p + n) sensitivities dy/d(θ, x₀) of predictions.
+        """Return the sensitivities dy/d(θ, x₀) of predictions, (N, k, p + n).
 
-        Raises FloatingPointError if they are not finite."""
+        Raises FloatingPointError if a sensitivity is not finite.
+        """
         assert isinstance(simulated, Prediction)
         n, p, k = self.sizes
         driven, rest = self._driven(simulated.record, simulated.theta)
@@ -350,9 +372,9 @@ class Predictions(Responses):
 
 
 def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
-    """Return an (s, n) table of 1 for each state that a white noise moves, else 0.
+    """Return a table (sources, n): 1 for each state that a white noise drives, else 0.
 
-    A noise moves the state of its name and the rotation of the air that follows it.
+    A noise drives the state of its name, and the rotation of the air that follows this state.
     """
     states = list(model.states)
     moves = np.zeros((len(sources), len(states)))
@@ -365,8 +387,10 @@ def _moved_states(model: Model, sources: Sequence[str]) -> np.ndarray:
 
 
 def _over_intervals(change: np.ndarray, count: int) -> np.ndarray:
-    """Return the (N, n, n + p) slopes over intervals of `count` steps, from the slopes of the
-    steps."""
+    """Return the sensitivities over intervals of `count` steps, (N, n, n + p).
+
+    change: sensitivities over single steps, (N count, n, n + p)
+    """
     n = change.shape[1]
     total = change[::count]
     for step in range(1, count):

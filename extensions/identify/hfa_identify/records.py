@@ -1,4 +1,4 @@
-"""A flight record: time, inputs and measured states or outputs, by name, in the model's units."""
+"""Flight records: time, inputs and measured quantities by name, in the model's units."""
 
 from __future__ import annotations
 
@@ -35,12 +35,11 @@ _FAR = 4.0
 class Record:
     """Flight record of one maneuver.
 
-    name: name of the record, such as its file.
-    time: (N,) s, increasing; steps may differ.
-    inputs: (N, m) in the order and units of the model's inputs.
-    measured: state or output -> (N,) in the model's unit, NaN where a sample is missing.
-    has_steps: whether inputs hold each sample until the next, like those of a flight computer;
-        otherwise they are linear between samples.
+    name: name of the record, such as its file name. time: increasing times, not necessarily
+    equidistant, s, (N,). inputs: (N, m) in the order and units of the model's inputs. measured:
+    state or output -> (N,) in the model's unit, NaN for a missing sample. has_steps: whether each
+    input is constant until the next sample, as commands of a flight computer
+      are. Otherwise inputs are linear between samples.
     """
 
     name: str
@@ -50,13 +49,14 @@ class Record:
     has_steps: bool = False
 
     def table(self, names: Sequence[str]) -> np.ndarray:
-        """Return the samples of measured quantities, (N, k), NaN where one is missing."""
+        """Return the samples of these quantities, (N, k), NaN for a missing sample."""
         none = np.full(len(self.time), np.nan)
         return np.column_stack([self.measured.get(name, none) for name in names])
 
     def windows(self, seconds: float) -> list[Record]:
-        """Divide the record into parts of at least this duration, s, which share their end
-        samples.
+        """Divide the record into consecutive parts that share their end samples.
+
+        seconds: least duration of a part, s
         """
         step = (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         samples = max(FEWEST, round(seconds / step))
@@ -65,7 +65,11 @@ class Record:
         return [self.part(first, last + 1) for first, last in zip(starts, ends, strict=True)]
 
     def thinned(self, together: int) -> Record:
-        """Return one sample for each group of `together`: the first value of each sensor in it."""
+        """Return a record with one sample for each group of `together` samples.
+
+        It contains the time and inputs at the start of the group, and the first value of each
+        sensor in it.
+        """
         if together == 1:
             return self
         starts = np.arange(0, len(self.time), together)
@@ -78,22 +82,22 @@ class Record:
         return replace(self, time=self.time[starts], inputs=self.inputs[starts], measured=measured)
 
     def part(self, first: int, stop: int) -> Record:
-        """Return the samples `first` to `stop` - 1."""
+        """Return the record of the samples `first` to `stop` - 1."""
         rows = slice(first, stop)
         measured = {name: values[rows] for name, values in self.measured.items()}
         return replace(self, time=self.time[rows], inputs=self.inputs[rows], measured=measured)
 
 
 def columns_of(model: Model, record: Record) -> dict[str, np.ndarray]:
-    """Return name -> (N,) of the time, every input and the measured quantities of a record."""
+    """Return column name -> (N,) for the time, the inputs and the measured quantities."""
     inputs = dict(zip(model.inputs, record.inputs.T, strict=True))
     return {"time": record.time, **inputs, **record.measured}
 
 
 def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]) -> Record:
-    """Return the record with other values of some columns.
+    """Return the record with some columns replaced.
 
-    changed: name -> (N,)
+    changed: name of a column -> its new values, (N,)
     """
     columns = {**columns_of(model, record), **changed}
     return replace(
@@ -105,19 +109,20 @@ def with_columns(model: Model, record: Record, changed: Mapping[str, np.ndarray]
 
 
 def _stacked(time: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the columns as (N, m), also for m = 0."""
+    """Return the columns side by side, (N, m), also if m = 0."""
     return np.column_stack([np.empty((len(time), 0)), *columns])
 
 
 def record_of(
     model: Model, columns: Mapping[str, Any], held: Mapping[str, float], name: str = "record"
 ) -> Record:
-    """Return a record from arrays by name in the model's units.
+    """Return a record made of arrays in the model's units.
 
     columns: name -> (N,): "time" (s), every input, and at least one state or output
     held: input without a column -> its constant value
+    name: name of the record in messages
 
-    Raises a BadInputError with the column and its fault.
+    Raises BadInputError, which names the column and its fault.
     """
     for column in columns:
         known = ("time", *model.inputs, *model.states, *model.outputs)
@@ -153,15 +158,16 @@ def record_of(
 def read_record(
     path: str | Path, model: Model, held: Mapping[str, float], table: str | Path | None = None
 ) -> Record:
-    """Return the record of a CSV, .npz, .mat or .ulg file.
+    """Read a record from a CSV, .npz, .mat or .ulg file.
 
-    A CSV file has a first row of names, each with or without its unit: "alpha [deg]". An empty cell
-    is a missing sample. A column without a unit is in the model's unit, angles in radians.
+    The first row of a CSV file contains names with or without units, such as "alpha [deg]". An
+    empty cell is a missing sample. Columns without a unit are in the model's units, with angles in
+    radians.
 
     held: input without a column -> its constant value
-    table: TOML file of the columns of a .ulg file
+    table: TOML file that maps fields of a .ulg file to columns
 
-    Raises a BadInputError with the file and its fault.
+    Raises BadInputError, which names the file and its fault.
     """
     try:
         file = regular_file(path)
@@ -178,7 +184,11 @@ def read_record(
 
 
 def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
-    """Return the columns of a CSV file in the model's units."""
+    """Return column name -> values in the model's units, (N,), read from a CSV file.
+
+    Raises BadInputError if the file is not CSV, is empty, or has repeated names, rows of unequal
+    length or cells that are not numbers.
+    """
     try:
         rows = list(csv.reader(io.StringIO(path.read_text("utf-8-sig"))))
     except (UnicodeDecodeError, csv.Error) as error:
@@ -207,11 +217,13 @@ def _csv_columns(path: Path, model: Model) -> dict[str, np.ndarray]:
 
 
 def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarray]:
-    """Return the columns of a table of pandas in the model's units.
+    """Return column name -> values in the model's units, (N,), from a pandas table.
 
-    A name with a unit is read as in a CSV file.
+    Names may include a unit as in a CSV file.
 
     name: name of the record in messages
+
+    Raises BadInputError if a name or unit is unknown, or a value is not a number.
     """
     columns = {}
     for cell in map(str, table.columns):
@@ -221,7 +233,12 @@ def columns_of_table(table: Any, model: Model, name: str) -> dict[str, np.ndarra
 
 
 def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
-    """Return the name of a column, and the factor of its values."""
+    """Return the name of a column and the factor that converts its values to the model's unit.
+
+    cell: name with or without unit, such as "alpha [deg]"
+
+    Raises BadInputError if the name or unit is unknown.
+    """
     match = re.fullmatch(r"\s*(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*", cell)
     if match is None:
         raise BadInputError(
@@ -244,7 +261,7 @@ def _head(path: str | Path, cell: str, model: Model) -> tuple[str, float]:
 
 
 def _cell(path: Path, number: int, name: str, cell: str) -> float:
-    """Return the number in a cell, NaN in an empty one."""
+    """Return the number in a cell, NaN for an empty cell. Raises BadInputError for other text."""
     if not cell.strip():
         return math.nan
     try:
@@ -256,7 +273,10 @@ def _cell(path: Path, number: int, name: str, cell: str) -> float:
 
 
 def _numbers(record: str, name: str, values: Any) -> np.ndarray:
-    """Return a column as an array of numbers."""
+    """Return a column as an array (N,). Raises BadInputError if it is not a sequence of numbers.
+
+    record: name of the record in messages
+    """
     try:
         column = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -267,7 +287,7 @@ def _numbers(record: str, name: str, values: Any) -> np.ndarray:
 
 
 def _check_time(name: str, time: np.ndarray) -> None:
-    """Raise BadInputError unless time increases and has enough samples."""
+    """Raise BadInputError unless the times are finite, increasing and numerous enough."""
     if len(time) < FEWEST:
         raise BadInputError(f"{name} has {len(time)} samples; give at least {FEWEST}")
     if not np.isfinite(time).all():
@@ -282,7 +302,9 @@ def _check_time(name: str, time: np.ndarray) -> None:
 
 
 def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray]) -> None:
-    """Raise BadInputError where an input lacks a value: the commands must be complete."""
+    """Raise BadInputError if a sample of an input is missing, because inputs must be known at all
+    times.
+    """
     for each, values in zip(names, inputs, strict=True):
         gaps = np.flatnonzero(~np.isfinite(values))
         if len(gaps):
@@ -295,9 +317,10 @@ def _check_inputs(name: str, names: Sequence[str], inputs: Sequence[np.ndarray])
 def _check_measured(
     name: str, column: str, values: np.ndarray, others: Sequence[np.ndarray]
 ) -> None:
-    """Raise BadInputError where a sensor is infinite or did not move over the whole record.
+    """Raise BadInputError if a sensor is infinite, has too few values, or is frozen.
 
-    A sensor that repeats a value while another column moves is refused too.
+    A sensor is frozen if all its values are equal, or if it repeats a value many times while
+    another column moves.
     """
     if np.isinf(values).any():
         raise BadInputError(f"{name}: {column} is infinite; leave such samples empty")
@@ -328,7 +351,7 @@ def _check_measured(
 
 
 def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> None:
-    """Raise BadInputError where a column lies far beyond the limits of the model."""
+    """Raise BadInputError if a column is far beyond the limits of the model."""
     signal = model.signals[column]
     far = _far_beyond(signal, values)
     if far.any():
@@ -341,8 +364,8 @@ def _check_size(model: Model, name: str, column: str, values: np.ndarray) -> Non
 
 
 def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
-    """Return flags of values so far beyond the limits of a signal that their unit must be wrong,
-    (N,).
+    """Return a mask (N,) of values so far beyond a signal's limits that their unit must be
+    wrong.
     """
     half = 0.5 * (signal.max - signal.min)
     middle = 0.5 * (signal.max + signal.min)
@@ -352,14 +375,14 @@ def _far_beyond(signal: Signal, values: np.ndarray) -> np.ndarray:
 
 
 def is_near_limits(model: Model, record: Record) -> bool:
-    """Return whether no column of a record lies far beyond the limits of the model."""
+    """Return True if no column of a record is far beyond the limits of the model."""
     columns = columns_of(model, record)
     del columns["time"]
     return not any(_far_beyond(model.signals[name], each).any() for name, each in columns.items())
 
 
 def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
-    """Return the indices of the first and last value in the longest run of equal values."""
+    """Return the first and last index of the longest run of equal values."""
     changes = np.flatnonzero(np.diff(values) != 0.0)
     edges = np.concatenate([[-1], changes, [len(values) - 1]])
     longest = int(np.diff(edges).argmax())
@@ -367,6 +390,6 @@ def _longest_repeat(values: np.ndarray) -> tuple[int, int]:
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
-    """Return the values that are present, or a single 0 if there are none."""
+    """Return the finite values, or a single 0 if there are none."""
     seen = values[np.isfinite(values)]
     return seen if len(seen) else np.zeros(1)

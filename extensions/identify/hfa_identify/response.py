@@ -1,9 +1,9 @@
-"""The response of a model to the inputs of a record, with its exact sensitivities.
+"""Response of a model to the inputs of a record, with exact sensitivities.
 
-Between samples the inputs are linear in time, or held. The states advance by the classical
-Runge-Kutta method of fourth order: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀)
-follow from S⁺ = Φ_x S + Φ_θ. The derivatives of the rates are CasADi's, those of the step follow by
-the chain rule. θ holds parameters of the model and errors of sensors (`sensors.py`).
+Between samples the inputs are linear in time or constant. The classical fourth-order Runge-Kutta
+method advances the states: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) advance by
+S⁺ = Φ_x S + Φ_θ. CasADi differentiates the model. The chain rule yields Φ_x and Φ_θ. θ contains
+parameters of the model and errors of columns (`sensors.py`).
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ _FAR_TOO_LONG = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Simulation of a record by the model.
+    """Simulation of a record.
 
-    record: the record with the times and the inputs.
-    theta: (p,) the unknowns θ.
-    y: (N, k) the measured quantities.
-    at_samples: (N, n) states at the samples.
-    begins: (steps, n) states at the start of the integration steps.
-    inputs: (steps, m) at the start and at the end of the steps.
-    durations: (steps,) durations of the steps, s.
+    record: the record, with its times and inputs.
+    theta: unknowns θ, (p,).
+    y: simulated quantities, (N, k).
+    at_samples: states at the samples, (N, n).
+    begins: states at the start of the integration steps, (steps, n).
+    inputs: inputs at the start and at the end of the steps, (steps, m) each.
+    durations: durations of the steps, s, (steps,).
     count: number of steps between two samples.
     """
 
@@ -66,10 +66,10 @@ class Simulation:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """A simulated record with its sensitivities.
+    """Simulated quantities of a record with their sensitivities.
 
-    y: (N, k) the measured quantities
-    slopes: (N, k, p + n) dy/d(θ, x₀)
+    y: simulated quantities, (N, k)
+    slopes: dy/d(θ, x₀), (N, k, p + n)
     """
 
     y: np.ndarray
@@ -79,9 +79,9 @@ class Response:
 class Responses:
     """Simulation of a model with free parameters.
 
-    model: the model with the values of the other parameters.
-    free: names of the unknowns θ, parameters and errors of sensors.
-    measured: states and outputs in the records.
+    model: the model; its parameters that are not free keep their values.
+    free: names of the unknowns θ, which are parameters and column errors.
+    measured: names of the measured states and outputs.
     """
 
     #: Whether the slope of a late input is that about a sample, or that before it.
@@ -130,44 +130,45 @@ class Responses:
         self._seen_slopes = RowFunction(ca.Function("seen_slopes", arguments, [seen_slopes.T]))
 
     def compile(self) -> None:
-        """Turn rates and steps into machine code, where a C compiler exists."""
+        """Compile derivatives and integration steps, if a C compiler is available."""
         self._rates = RowFunction(machine_code(self._rates.function))
         self._step = machine_code(self._step)
         self._advances = {}
 
     @cached_property
     def sizes(self) -> tuple[int, int, int]:
-        """Numbers of states, free parameters and measured quantities."""
+        """Numbers (n, p, k) of states, unknowns and measured quantities."""
         return len(self.model.states), len(self.free), len(self.measured)
 
     @property
     def calm(self) -> Responses:
-        """Return the equations of calm air, with the unknowns other than turbulence."""
+        """Return the simulation in calm air, with the unknowns that do not describe turbulence."""
         return self
 
     @property
     def turbulent(self) -> int:
-        """Number of leading unknowns that are powers of turbulence and sensor noise."""
+        """Number of leading unknowns that describe turbulence and sensor noise."""
         return 0
 
     def wider(self, names: Sequence[str]) -> Responses:
-        """Return the equations with further unknowns, parameters or errors of sensors."""
+        """Return the simulation with additional unknowns, which are parameters or column errors."""
         return Responses(self.model, (*self.free, *names), self.measured)
 
     def has_error(self, error: SensorError) -> bool:
-        """Return whether an error of a sensor can be an unknown."""
+        """Return whether a column error can be an unknown, which is always the case here."""
         return True
 
     def variances(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the (k,) variances of the residuals and the (k, p) slopes of their logarithms.
+        """Return the variances of the residuals, (k,), and the derivatives of their logarithms, (k,
+        p).
 
-        The result is None if they are unknown.
+        The result is None if the variances are not functions of the unknowns.
         """
         return None
 
     @cached_property
     def signals(self) -> dict[str, Signal]:
-        """Unknown -> unit, limits, and the value at which a search begins."""
+        """Unknown -> its unit, limits and value at the start of the search."""
         signals = {}
         for name in self.free:
             if name in self._errors:
@@ -179,7 +180,7 @@ class Responses:
     # Errors of sensors.
 
     def _delays(self, columns: list[str]) -> dict[int, int]:
-        """Return index of a column -> index of its delay in θ."""
+        """Return index in `columns` -> index in θ, for each column whose delay is an unknown."""
         return {
             columns.index(error.column): self.free.index(name)
             for name, error in self._errors.items()
