@@ -1,1 +1,2 @@
-"""Inequalities on sets, proved by branch and bound over boxes: regions of networks, costs."""
+"""Proof by branch and bound over boxes: regions of attraction of policies, and lower cost bounds.
+"""

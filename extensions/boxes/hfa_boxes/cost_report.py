@@ -21,10 +21,12 @@ _NOT_COVERED = "disturbances"
 
 
 def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
-    """Return the report of a proved bound, with the share of the usual initial conditions at which
-    each piece's bound is below its level.
+    """Return the report of a proved bound.
 
-    starts: (N, n), deviations from the trim
+    For each piece it lists the share of the initial conditions at which the bound is below the
+    level.
+
+    starts: (N, n), initial conditions, deviations from the trim
     """
     statement = found.statement
     rows = []
@@ -46,7 +48,7 @@ def found_bound_report(found: CostBound, starts: np.ndarray) -> Report:
 def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Report:
     """Return the report of a checked certificate.
 
-    not_given: subjects that the user did not give
+    not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
     pairs = zip(statement.pieces, verified.boxes, strict=True)
@@ -68,7 +70,7 @@ def checked_bound_report(verified: VerifiedCost, not_given: Sequence[str]) -> Re
 
 
 def _title(statement: CostStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the claim, the subjects that the user did not give, and the effects left out."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered."""
     claim = f"{verdict}: lower bound of the cost of flights of {statement.plant.model.title}"
     return first_line(claim, not_given, _NOT_COVERED)
 

@@ -1,4 +1,4 @@
-"""Data of lower bounds of the cost that are proved on boxes."""
+"""Results about lower bounds of the cost, as written in JSON."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from hfa_support.reporting.results import Matrix, Result, Vector
 
 @dataclass(frozen=True, eq=False)
 class BoundPiece(Result):
-    """Lower bound of the cost by one polynomial W of the deviations z from the equilibrium.
+    """Lower bound of the cost by one polynomial W(M z), with z the deviation from the equilibrium.
 
-    A flight that begins with |(M z)_i| < 1 costs at least the smaller of W(M z) and c. A flight
-    that begins elsewhere costs at least c.
+    A flight that begins with |(M z)_i| < 1 for all i costs at least min(W(M z), c). A flight that
+    begins elsewhere costs at least c.
 
     c: level.
     M: (n, n).
     coefficients: coefficients of the monomials of W.
     powers: (terms, n), powers of each monomial.
-    boxes: number of boxes of the proof.
+    boxes: number of boxes that prove the piece.
     """
 
     c: float
@@ -36,10 +36,10 @@ class BoundPiece(Result):
 
 @dataclass(frozen=True, eq=False)
 class LowerBound(ProvedResult):
-    """Proved lower bound of the cost of every flight.
+    """Proved lower bound of the cost of every flight to the equilibrium.
 
     statement: the proved statement.
-    boxes: number of boxes of each piece.
+    boxes: number of boxes that prove each piece.
     """
 
     json_keys = "proved states state_units trim parameters equilibrium limits Q R pieces"
@@ -49,12 +49,12 @@ class LowerBound(ProvedResult):
 
     @property
     def subject(self) -> Plant:
-        """The aircraft."""
+        """The aircraft with its trim and limits."""
         return self.statement.plant
 
     @property
     def equilibrium(self) -> Mapping[str, float]:
-        """State or input -> value near which the equilibrium is enclosed."""
+        """State or input -> value at the equilibrium; the proved equilibrium is close to it."""
         return self.statement.equilibrium
 
     @property
@@ -69,7 +69,7 @@ class LowerBound(ProvedResult):
 
     @property
     def pieces(self) -> Sequence[BoundPiece]:
-        """Bounds by single polynomials; the largest of them holds."""
+        """Bounds by single polynomials. The cost is at least the largest of them."""
         found = []
         for piece, boxes in zip(self.statement.pieces, self.boxes, strict=True):
             values = np.array([value for value, _ in piece.W.terms])
@@ -80,10 +80,9 @@ class LowerBound(ProvedResult):
 
 @dataclass(frozen=True, eq=False)
 class FoundLowerBound(LowerBound):
-    """A bound that a search has found and proved.
+    """Lower bound that a search has found and proved.
 
-    stopped: why no larger level is proved, or "" if all initial conditions are below the last
-        level.
+    stopped: why no larger level is proved, or "" if every level that was tried is proved.
     """
 
     schema = "hfa.lower-bound/1"
@@ -95,10 +94,10 @@ class FoundLowerBound(LowerBound):
 
 @dataclass(frozen=True, eq=False)
 class CheckedLowerBound(LowerBound):
-    """Bound proved by a certificate.
+    """Lower bound that a certificate proves.
 
     written: version, command and date in the file, not verified.
-    not_given: parts of the subject that no option gave, so that they were not compared.
+    not_given: parts of the statement that were not compared, because no option gave them.
     """
 
     schema = "hfa.lower-bound-check/1"

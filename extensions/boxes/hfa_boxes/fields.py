@@ -1,4 +1,4 @@
-"""The fields of the statements that are proved on boxes, and the use of each."""
+"""Fields of the statements that are proved on boxes, and how each is checked."""
 
 from __future__ import annotations
 

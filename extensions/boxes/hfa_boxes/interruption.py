@@ -1,4 +1,4 @@
-"""Ctrl-C during long work: the result so far is reported."""
+"""Handling of Ctrl-C during long searches: the search stops and its result so far is reported."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from hfa_support.progress import Progress
 
 @contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets in the main thread.
+    """Yield an event that is set when Ctrl-C is pressed.
 
-    A second Ctrl-C has the effect that it had before the block. No exception is raised, because
-    CasADi drops one that arrives in IPOPT.
+    The handler is installed only in the main thread. A second Ctrl-C has its usual effect. The
+    event replaces an exception, because CasADi discards exceptions that are raised during IPOPT.
     """
     asked = threading.Event()
     before = signal.getsignal(signal.SIGINT)
@@ -37,7 +37,7 @@ def interruption() -> Iterator[threading.Event]:
 
 @contextmanager
 def interruptible(progress: Progress) -> Iterator[Progress]:
-    """Yield the progress of a search; after Ctrl-C its next call raises KeyboardInterrupt."""
+    """Yield a progress function that raises KeyboardInterrupt at its first call after Ctrl-C."""
     with interruption() as asked:
 
         def tell(done: float, total: float, what: str = "", /) -> None:

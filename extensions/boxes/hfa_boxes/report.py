@@ -34,11 +34,11 @@ def found_report(
     not_covered: str = NOT_COVERED,
     reason: str = "",
 ) -> Report:
-    """Return the report of a proved region and its bounds.
+    """Return the report of a proved region and of the obstacle to a larger one.
 
-    policy: its description
+    policy: description of the policy
     flight: outcome of a flight from the state with V' >= 0, or None
-    not_covered: effects on the loop that the title names as not covered
+    not_covered: effects that the proof neglects, for the title
     reason: why boxes were chosen; "" if the user chose them
     """
     statement = region.statement
@@ -79,9 +79,9 @@ def checked_report(
 ) -> Report:
     """Return the report of a checked certificate.
 
-    policy: its description
-    not_covered: effects on the loop that the title names as not covered
-    not_given: subjects that the user did not give
+    policy: description of the policy
+    not_covered: effects that the proof neglects, for the title
+    not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
     loop = statement.loop
@@ -110,7 +110,7 @@ def checked_report(
 def _title(
     statement: BoxStatement, verdict: str, not_covered: str, not_given: Sequence[str] = ()
 ) -> str:
-    """Return the claim, the subjects that the user did not give, and the effects left out."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered."""
     claim = f"{verdict}: region of attraction of {statement.loop.model.title}"
     return first_line(claim, not_given, not_covered)
 
@@ -130,7 +130,8 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
 
 
 def _extents(statement: BoxStatement) -> tuple[Table, str]:
-    """Return the extents of the set, which do not form a box."""
+    """Return a table of the extents of the set, and a note that the set is smaller than their box.
+    """
     model = statement.loop.model
     rows = []
     for name, (low, high) in statement.extents.items():
@@ -145,7 +146,7 @@ def _extents(statement: BoxStatement) -> tuple[Table, str]:
 
 
 def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
-    """Return V with all of its terms to six digits."""
+    """Return V as text and tables: the matrix P for degree 2, otherwise M and W(y)."""
     states = statement.loop.states
     P = quadratic_form(statement.piece)
     if P is None:
@@ -155,7 +156,9 @@ def _V(statement: BoxStatement) -> tuple[str | Table, ...]:
 
 
 def _coefficients(statement: BoxStatement) -> tuple[Table | str, ...]:
-    """Return K and the terms of a policy with coefficients, as text."""
+    """Return tables and text of the policy's coefficients, () if the statement stores only a
+    digest.
+    """
     if not isinstance(statement.policy, Gain):
         return ()
     loop = statement.loop

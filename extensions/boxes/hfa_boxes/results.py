@@ -1,4 +1,4 @@
-"""Data of regions that are proved on boxes."""
+"""Results about regions that are proved on boxes, as written in JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hfa_support.reporting.results import Matrix, Vector
 
 @dataclass(frozen=True, eq=False)
 class BoxSet(ProvedResult):
-    """A set that is proved.
+    """Set proved on boxes.
 
     statement: the proved statement.
     boxes: number of boxes on which V' < 0 is proved.
@@ -33,7 +33,7 @@ class BoxSet(ProvedResult):
 
     @property
     def subject(self) -> Loop:
-        """The model with its policy."""
+        """The closed loop: model, trim, limits and policy."""
         return self.statement.loop
 
     @property
@@ -53,13 +53,13 @@ class BoxSet(ProvedResult):
 
     @property
     def policy(self) -> str | Mapping[str, Any]:
-        """SHA-256 of the policy, or the coefficients K and terms of u0 - K z + q(z)."""
+        """SHA-256 of the policy, or the coefficients K and terms of the policy u0 - K z + q(z)."""
         stated = self.statement.policy
         return stated.content() if isinstance(stated, Gain) else stated
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the set's deviation from the equilibrium."""
+        """State -> upper bound of the absolute deviation from the equilibrium in the set."""
         return {name: max(-low, high) for name, (low, high) in self.statement.extents.items()}
 
     @property
@@ -69,7 +69,7 @@ class BoxSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) of V = z'P z, rounded to doubles, or None for a higher degree."""
+        """P (n, n) with V = z'P z, rounded to doubles; None if V has a degree above 2."""
         return quadratic_form(self.statement.piece)
 
     @property
@@ -89,7 +89,7 @@ class BoxSet(ProvedResult):
 
 
 def quadratic_form(piece: Piece) -> Matrix | None:
-    """Return P (n, n) with W(M z) = z'P z, rounded to doubles, or None for a higher degree."""
+    """Return P (n, n) with W(M z) = z'P z, rounded to doubles; None if W has a degree above 2."""
     M = piece.M
     S = np.zeros((len(M), len(M)))
     for value, powers in piece.W.terms:
@@ -103,11 +103,11 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 
 @dataclass(frozen=True, eq=False)
 class FoundBoxes(BoxSet):
-    """A set that a search has found and proved.
+    """Set that a search has found and proved.
 
-    origin: origin of V.
-    decrease_fails_at: the lowest level at which V' >= 0 was found, and the state deviation there,
-        or None.
+    origin: origin of V. decrease_fails_at: state -> deviation at the point of lowest V where V' >=
+    0 was found, or None if
+        no such point was found.
     stopped: why no larger level is proved.
     """
 
@@ -122,10 +122,10 @@ class FoundBoxes(BoxSet):
 
 @dataclass(frozen=True, eq=False)
 class CheckedBoxes(BoxSet):
-    """Set proved by a certificate.
+    """Set that a certificate proves.
 
     written: version, command and date in the file, not verified.
-    not_given: parts of the subject that no option gave, so that they were not compared.
+    not_given: parts of the statement that were not compared, because no option gave them.
     """
 
     schema = "hfa.region-boxes-check/1"

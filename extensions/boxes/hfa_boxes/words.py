@@ -1,4 +1,4 @@
-"""Polynomials of proved statements as text."""
+"""Text for the polynomials of proved statements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hfa_support.reporting.text import Table
 
 
 def piece_in_words(piece: Piece, states: Sequence[str]) -> tuple[Table, str]:
-    """Return the coordinates y = M z of a piece, and W(y), as text."""
+    """Return a table of M, and W(y) as text, with y = M z."""
     variables = [f"y{i + 1}" for i in range(len(states))]
     rows = [
         (name, *(f"{entry:.6g}" for entry in row))

@@ -1,5 +1,6 @@
-"""One quick forgery for each clause of the checker of regions on boxes. Each is refused by its
-clause.
+"""One quick forgery for each clause of the checker of regions on boxes.
+
+Each forgery is refused by the message of its clause.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Content = dict[str, Any]
 
 
 def _tank(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """A tank whose level rises unless the valve drains it, and whose heat decays."""
+    """Equations of a tank whose level rises unless the valve drains it, and whose heat decays."""
     rates = {"level": p.inflow * x.level + u.valve, "heat": -x.heat, "slope": 0.0 * x.slope}
     off = (x.level - 0.0625) ** 2 + (x.heat - 0.0625) ** 2
     return rates, {"load": x.level + x.heat, "peak": 1.0 - 40.0 * off}
@@ -49,7 +50,7 @@ TANK = Model(
 
 
 def tank() -> Content:
-    """Return the true certificate of level² + heat² <= 0.81."""
+    """Return a true certificate, of the region level² + heat² <= 0.81."""
     limits = {
         "slope": (-1.0, 1.0),
         "valve": (-1.0, 1.0),
@@ -93,7 +94,9 @@ def test_the_tank_is_proved() -> None:
 
 
 def test_other_policies_have_other_digests() -> None:
-    """Policies of other digits or states have other digests."""
+    """Policies that differ in the last digit of a coefficient, or in the state, have different
+    digests.
+    """
     z = ca.SX.sym("z", 2)
     commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
     policies = [ca.Function("u", [z], [command]) for command in commands]
@@ -101,10 +104,10 @@ def test_other_policies_have_other_digests() -> None:
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
-    """The hole, in which the Jacobian decides, is 0.25 wide, and a box that reaches 0.5 is not
-    proved by it.
+    """The hole, where the Jacobian proves V' < 0, has the half-width 0.25 and proves no box beyond
+    it.
 
-    The level increases above 0.4 by the sixth power of the command, and decreases below.
+    The command contains the sixth power of the level, so that the level increases above 0.4.
     """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
@@ -117,8 +120,9 @@ def test_the_hole_ends_where_the_jacobian_decides() -> None:
 
 
 def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
-    """In coordinates turned by 45 deg, the hole stays within 0.25, because the valve saturates at a
-    level of 0.5.
+    """In coordinates turned by 45 deg, the half-width of the hole stays 0.25.
+
+    The valve saturates at a level of 0.5, which the corners of the next larger hole exceed.
     """
     statement, witness = read_content(tank(), TANK, None)
     side = 0.5**0.5
@@ -129,8 +133,7 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
 
 
 def test_deviations_hold_those_of_the_exact_inverse() -> None:
-    """The deviations enclose the exact inverse of y = (3 z_1, 7 z_2), whose thirds and sevenths are
-    not doubles.
+    """The models of z contain z = M⁻¹ y for M = diag(3, 7), whose inverse is not exact in doubles.
     """
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
@@ -145,7 +148,9 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """V' < 0 from 0.25 to 0.5 about 0 is refused if the equilibrium is known only within 0.3."""
+    """A box from 0.25 to 0.5 is proved for an exact equilibrium, not for one known only within a
+    radius.
+    """
     statement, witness = read_content(tank(), TANK, None)
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
     found = _decrease(statement, witness, equilibrium)
@@ -154,8 +159,9 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """A stated equilibrium 2e-7 m off is refused if the nominal value is 0.01 m, because the limit
-    of 1e-6 is relative.
+    """A stated equilibrium with an error of 2e-7 m is refused if the nominal value is 0.01 m.
+
+    The tolerance is 1e-6 nominal values.
     """
     states = {**TANK.states, "level": Signal("m", 0.01)}
     content = tank()
@@ -166,8 +172,8 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
 def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
-    """Limits are checked about all equilibria within the radius 0.001, here for a level that moves
-    by 0.91.
+    """Limits at a distance of 0.91 hold for an exact equilibrium, not for one known only within
+    0.001.
     """
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
@@ -179,7 +185,11 @@ def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
 
 
 def _put(value: Any, *path: Any) -> Callable[[Content], None]:
-    """Return a change of an entry of the statement. A function changes its value."""
+    """Return a change that replaces an entry of the statement by a value.
+
+    value: the new value, or a function old value -> new value
+    path: keys of the entry
+    """
 
     def change(content: Content) -> None:
         holder: Any = content["statement"]
@@ -191,15 +201,17 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _through_the_faces(content: Content) -> None:
-    """Change a certificate to one whose V decreases in all of the cube and whose set leaves it."""
+    """Change the certificate so that its set extends beyond the cube, in all of which V decreases.
+    """
     content["statement"]["piece"]["c"] = 1.5
     content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}
     content["witness"]["multipliers"] = [[0.5, 0.5]] * 2
 
 
 def _about(level: float) -> Callable[[Content], None]:
-    """Return a change of a certificate to another level with more inflow, so that the valve
-    saturates on one side.
+    """Return a change to a trim at another level with more inflow.
+
+    The valve then saturates on one side.
     """
 
     def change(content: Content) -> None:

@@ -1,4 +1,4 @@
-"""Lower bounds of the cost: proved ones, slightly too large ones, and forged ones."""
+"""Lower bounds of the cost: proved ones, slightly too high ones, and forged ones."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ PENDULUM = Model(
 
 
 def cart_bound(coefficient: float) -> CostStatement:
-    """Return W = k y² for x' = u with Q = R = 1, whose least cost is y²."""
+    """Return the claim W = k y² for x' = u with Q = R = 1, where the least cost is y²."""
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     piece = Piece(ONE, Polynomial(1, ((coefficient, (2,)),)), 0.5)
     return CostStatement(plant, {"position": 0.0, "speed": 0.0}, ONE, ONE, (piece,))
@@ -53,8 +53,9 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A bound that fails or holds by 1e-13 is decided rightly. The equilibrium of the cart is
-    solved for in its input, because its position is free.
+    """A bound is proved if it is below the least cost by 1e-13 and refused if it is above by 1e-13.
+
+    The cart is in equilibrium at every position, so its input is the unknown of the equilibrium.
     """
     witness = CostWitness(("speed",), (1000,))
     assert check_cost(cart_bound(1.0 - margin), witness)[0] > 0
@@ -64,7 +65,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.fixture(scope="module")
 def proved() -> CostBound:
-    """Return the bound for a pendulum whose torque acts also by its cube."""
+    """Return the proved bound of a pendulum whose torque acts through a cubic polynomial."""
     limits = {"torque": (-0.7, 0.7), "rate": (-2.0, 2.0)}
     plant = Plant(PENDULUM, {}, {"angle": 0.0, "rate": 0.0}, {"torque": 0.0}, {}, limits)
     equilibrium = equilibrium_of(plant, np.zeros(3), (0, 1))
@@ -85,7 +86,10 @@ def test_the_checker_repeats_the_proof(proved: CostBound) -> None:
 
 
 def test_no_flight_costs_less(proved: CostBound) -> None:
-    """No flight with randomly varying inputs back to the trim costs less than the decrease of W."""
+    """No simulated flight that returns to the trim costs less than its bound, within 1 %.
+
+    The inputs of the flights are random gains.
+    """
     rng = np.random.default_rng(0)
     z = np.array([0.4, 0.8]) * rng.uniform(-1.0, 1.0, (400, 2))
     begin = proved.statement.bound(z)
@@ -135,7 +139,7 @@ def constant(s: Any, w: Any) -> None:
 
 
 def inexact(s: Any, w: Any) -> None:
-    """Set the coefficient of a cubic term to 0.1, whose product with 3 is rounded."""
+    """Set the coefficient of a cubic term to 0.1, whose product with 3 is not exact in doubles."""
     cubic = next(term for term in s["pieces"][0]["W"] if 3 in term[1])
     cubic[0] = 0.1
 
@@ -193,8 +197,9 @@ def test_a_forged_bound_is_refused(name: str, proved: CostBound) -> None:
 
 @pytest.mark.parametrize(("name", "weights"), [("Q", [[1.0, 1.5], [1.5, 1.0]]), ("R", [[-1.0]])])
 def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: CostBound) -> None:
-    """Indefinite weights are refused, because a flight that enters {W <= c} could have a negative
-    cost.
+    """Indefinite weights are refused.
+
+    With them, a flight could have a negative cost before it enters {W <= c}.
     """
     content = content_of(proved)
     content["statement"][name] = weights
@@ -203,9 +208,7 @@ def test_weights_are_positive_semidefinite(name: str, weights: Any, proved: Cost
 
 
 def test_a_limit_of_an_output_is_refused() -> None:
-    """A limit of an output is refused, because the envelope of flights has limits of states
-    only.
-    """
+    """A limit of an output is refused, because the envelope consists of state limits only."""
     outputs = {"load": Signal("m", 1.0, -1.0, 1.0)}
 
     def loaded(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -237,9 +240,10 @@ WAGON = Model(
 
 
 def test_no_inputs_lose_more_than_the_bound() -> None:
-    """The stated loss bounds the loss of guesses on every side of the best inputs.
+    """g at a guess minus `_loss` is at most the least g, for guesses on every side of the best
+    inputs.
 
-    Here g is 2 k y (a + b + .9 a b) + y² + a² + b².
+    Here g = 2 k y (a + b + 0.9 a b) + y² + a² + b².
     """
     limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
     plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
@@ -279,10 +283,10 @@ SLED = Model(
 
 @pytest.mark.parametrize("ends", [(-10.0, 0.1), (-0.1, 10.0)])
 def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -> None:
-    """A false bound is refused if the best input is far from the equilibrium.
+    """A false bound is refused if its inequality fails only at inputs far from the equilibrium.
 
-    g = y (u + u^3) + y^2 + u^2 is convex for small u. It is not for u = -10 and y > 0, nor for u =
-    10 and y < 0.
+    g = y (u + u³) + y² + u² is convex for small u. It is not convex for u = -10 and y > 0, nor for
+    u = 10 and y < 0.
     """
     low, high = ends
     ends_declared = {"speed": Signal("m/s", 1.0, low, high)}
@@ -301,8 +305,10 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """A stated equilibrium 2e-7 m off is refused if the nominal value is 0.01 m, because the limit
-    of 1e-6 is relative.
+    """An equilibrium that differs from the trim by 2e-7 m is refused if the nominal value is 0.01
+    m.
+
+    The tolerance is 1e-6 nominal values.
     """
     fine = replace(CART, states={"position": Signal("m", 0.01)})
     plant = Plant(fine, {}, {"position": 2e-7}, {"speed": 0.0}, {}, {})
@@ -321,8 +327,10 @@ def test_an_equilibrium_beyond_a_limit_is_refused(limits: tuple[float, float]) -
 
 
 def test_boxes_across_a_limit_are_in_the_envelope() -> None:
-    """A box across a limit is part of the envelope: W' = 1.8 y + 80 y^3 exceeds 2 |y|, the slope of
-    the least cost, only between 0.05 and the limits.
+    """A bound is refused if it fails only in boxes that a state limit crosses.
+
+    The slope of W, 1.8 y + 80 y³, exceeds the slope 2 y of the least cost only between 0.05 and the
+    limit 0.1.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.9, (2,)), (20.0, (4,)))), 0.02)
@@ -332,8 +340,9 @@ def test_boxes_across_a_limit_are_in_the_envelope() -> None:
 
 
 def test_the_inequality_holds_everywhere_about_the_equilibrium() -> None:
-    """The inequality must hold on both sides of the equilibrium: g = y (u + 2 y^2) + y^2 + u^2 is
-    convex for y > 0 and negative at y = -0.4, u = 0.2.
+    """A bound is refused if its inequality fails on one side of the equilibrium only.
+
+    g = y (u + 2 y²) + y² + u² is convex for y > 0 and negative at y = -0.4, u = 0.2.
     """
     hill = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed + 2 * x.position**2}, {})
@@ -354,8 +363,8 @@ def test_a_bound_with_slope_at_trim_is_refused() -> None:
 
 
 def test_the_loss_covers_guesses_that_vary_over_box() -> None:
-    """The loss covers a guess that varies from -0.3 to -0.1 over a box, with the best input at the
-    limit -0.3.
+    """The loss covers a guess that varies from -0.3 to -0.1 over a box; the best input is the limit
+    -0.3.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75
@@ -373,7 +382,7 @@ def test_the_loss_covers_guesses_that_vary_over_box() -> None:
 
 
 def test_an_input_without_slope_may_be_used() -> None:
-    """The radii of the best inputs include an input without slope at 0.
+    """The bounds of the best inputs include an input in which g has no slope at 0.
 
     x' = pull + 0.9 pull push, and the best push is 0.14.
     """
@@ -393,8 +402,10 @@ def test_an_input_without_slope_may_be_used() -> None:
 
 
 def test_curvature_of_three_inputs_bounds_all_directions() -> None:
-    """The bound on the curvature covers all directions, also (1, 1, 1), in which the second
-    derivative of x' = a + b + c + 0.4 (a b + b c + c a) is lowest for a negative slope of W.
+    """The bound on the curvature covers every direction of three inputs.
+
+    For x' = a + b + c + 0.4 (a b + b c + c a) and a negative slope of W, the second derivative is
+    lowest in the direction (1, 1, 1).
     """
     names = ("a", "b", "c")
 
@@ -418,8 +429,10 @@ def test_curvature_of_three_inputs_bounds_all_directions() -> None:
 def _on_a_line(
     model: Model, k: float, radius: float = 0.0, ends: tuple[float, float] = (-1.0, 1.0)
 ) -> CostInequality:
-    """Return the inequality of W = k y² about an equilibrium that is known to within a radius in
-    its input.
+    """Return the inequality of W = k y² for a model with one state and one input.
+
+    radius: error of the input at the equilibrium
+    ends: limits of the input
     """
     plant = Plant(model, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": ends})
     equilibrium = Equilibrium(np.zeros(2), np.array([0.0, radius]))
@@ -428,7 +441,8 @@ def _on_a_line(
 
 
 def test_inputs_reach_their_limits_from_all_equilibria() -> None:
-    """With an equilibrium known within 1e-3, the input deviations reach 0.101."""
+    """With limits of ±0.1 and an equilibrium known within 1e-3, the input deviations reach ±0.101.
+    """
     low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
     assert low <= -0.101
     assert high >= 0.101
@@ -442,16 +456,19 @@ def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """The error of the equilibrium counts: g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e
-    = 0, but not for all |e| <= 0.3.
+    """A box is proved for an exact equilibrium, and not for an equilibrium known only within 0.3.
+
+    g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, but not for all |e| <= 0.3.
     """
     box = Boxes(np.array([[0.5]]), np.array([[10]]))
     assert _on_a_line(CART, 0.75, radius).edges(box).tolist() == [0 if radius > 0.0 else -1]
 
 
 def test_the_envelope_is_met_from_all_equilibria() -> None:
-    """A box y from 0.1875 to 0.3125 meets the envelope |position| <= 0.1 about an equilibrium at
-    -0.2.
+    """The box 0.1875 <= y <= 0.3125 meets the envelope |position| <= 0.1 for some equilibria within
+    0.2.
+
+    It is outside the envelope for an equilibrium at exactly 0.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
@@ -463,7 +480,7 @@ def test_the_envelope_is_met_from_all_equilibria() -> None:
 
 
 def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> CostInequality:
-    """Return the inequality of y_1' = u, y_2' = -y_2, |u| <= 1, on {W <= c}."""
+    """Return the inequality on {W <= c} for y_1' = u, y_2' = -y_2, |u| <= 1."""
     model = Model(
         "two",
         {"position": Signal(), "other": Signal()},
@@ -478,8 +495,9 @@ def _of_two_states(W: Polynomial, c: float, Q: np.ndarray, R: np.ndarray) -> Cos
 
 
 def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
-    """The loss covers a guess that varies from -0.2 to 0.2 over a box in two states, with a slope
-    of g of 0.75.
+    """The loss covers a guess that varies from -0.2 to 0.2 over a box of two states.
+
+    The slope of g in the input is 0.75.
     """
     W = Polynomial(2, ((0.75, (2, 0)),))
     inequality = _of_two_states(W, 1.0, np.eye(2), np.zeros((1, 1)))
@@ -489,8 +507,9 @@ def test_the_loss_covers_guesses_varying_in_two_directions() -> None:
 
 
 def test_the_envelope_is_met_in_turned_coordinates() -> None:
-    """A box of y from 0.25 to 0.75 and from -0.25 to 0.25 meets the envelope, because it contains
-    z_1 = (y_1 - y_2) / 2 = 0.
+    """A large box meets the envelope |z_1| <= 0.1 in turned coordinates, and a small box does not.
+
+    The box 0.25 <= y_1 <= 0.75, |y_2| <= 0.25 contains points with z_1 = (y_1 - y_2) / 2 = 0.
     """
 
     def still(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -509,8 +528,9 @@ def test_the_envelope_is_met_in_turned_coordinates() -> None:
 
 
 def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
-    """Slopes of both signs bound the best inputs: for g = 2 k y u (1 - y) + y² + u² the best u is
-    0.75 k at y = -0.5 and -0.25 k at y = 0.5.
+    """The bounds of the best inputs cover slopes of both signs.
+
+    For g = 2 k y u (1 - y) + y² + u² the best u is 0.75 k at y = -0.5 and -0.25 k at y = 0.5.
     """
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 - x.position)}, {})
@@ -521,8 +541,9 @@ def test_slopes_of_either_sign_bound_the_best_inputs() -> None:
 
 
 def test_the_hessian_covers_all_inputs_within_radii() -> None:
-    """The Hessian covers all inputs in their radii: g = y (u + u³) + y² + u² is convex near u = 0
-    and not at u = 1.
+    """Convexity is proved within a small radius of the input and not within 1.
+
+    g = y (u + u³) + y² + u² is convex near u = 0 and not at u = 1.
     """
     inequality = _on_a_line(SLED, 0.5)
     box = Boxes(np.zeros((1, 1)), np.full((1, 1), 10))
@@ -531,8 +552,9 @@ def test_the_hessian_covers_all_inputs_within_radii() -> None:
 
 
 def test_the_hessian_covers_both_ends_of_entries() -> None:
-    """The Hessian covers both ends of its entries: the mixed derivative of g = 0.6 y u (1 + 3 y) +
-    y² + u² is 0.6 (1 + 6 y), from -1.2 to 2.4.
+    """Convexity is refused if the Hessian is indefinite at one end of the range of its entries.
+
+    The mixed derivative of g = 0.6 y u (1 + 3 y) + y² + u² is 0.6 (1 + 6 y), from -1.2 to 2.4.
     """
     uneven = replace(
         SLED, equations=lambda x, u, p, w: ({"position": u.speed * (1.0 + 3.0 * x.position)}, {})
@@ -542,9 +564,10 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 
 def test_the_edge_by_which_g_varies_most_is_halved() -> None:
-    """The edge along which g varies most is halved, and boxes at a face are halved along W.
+    """The edge along which g varies most is halved; for a box at a face, the edge along which W
+    does.
 
-    Here g = 1.5 y_1 u + y_1² + a y_2² + u² and W = 0.75 y_1².
+    Here g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².
     """
     W = Polynomial(2, ((0.75, (2, 0)), (0.0625, (0, 2))))
     boxes = Boxes(np.array([[0.375, 0.375], [0.5, 0.5]]), np.array([[3, 3], [1, 1]]))
@@ -558,7 +581,7 @@ def test_the_edge_by_which_g_varies_most_is_halved() -> None:
 
 
 def _still(inequality: CostInequality, boxes: Boxes) -> Any:
-    """Return the symbols on boxes with the input at its best value."""
+    """Return the Taylor models of the symbols on boxes, with the inputs at their best values."""
     v, slopes = inequality.best_inputs(boxes.centres)
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
 

@@ -1,4 +1,5 @@
-"""The set of a lower bound of the cost, and the hole of its proof."""
+"""The set {W <= c} of a lower bound of the cost, and the hole around the equilibrium in its proof.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +24,11 @@ def pair(x: Any, u: Any, p: Any, w: Any) -> Any:
 def inequality_of(
     W: Polynomial, M: np.ndarray, c: float, weights: tuple[float, float]
 ) -> CostInequality:
-    """Return the inequality of W <= c for two states of different rates, with R = 1."""
+    """Return the inequality on {W <= c} for two states with different rates, with R = 1.
+
+    M: (2, 2), y = M z
+    weights: diagonal of Q
+    """
     push = {"push": Signal("1", 1.0, -1.0, 1.0)}
     model = Model("pair", {"fast": Signal(), "slow": Signal()}, push, pair, trim={})
     plant = Plant(model, {}, {"fast": 0.0, "slow": 0.0}, {"push": 0.0}, {}, {"push": (-1.0, 1.0)})
@@ -32,8 +37,10 @@ def inequality_of(
 
 
 def test_a_set_at_a_face_is_refuted_there() -> None:
-    """A set that meets a face is refuted at a point of it: W = 0.5 at the centers of the faces y_1
-    = ±1, and the level is 0.6."""
+    """A set that meets a face of the cube is refuted at a point of this face.
+
+    W = 0.5 at the centers of the faces y_1 = ±1, and the level is 0.6.
+    """
     W = Polynomial(2, ((0.5, (2, 0)), (0.75, (0, 2))))
     inequality = inequality_of(W, np.eye(2), 0.6, (1.0, 1.0))
     with pytest.raises(RefutedError, match="face") as refuted:
@@ -44,7 +51,7 @@ def test_a_set_at_a_face_is_refuted_there() -> None:
 
 
 def test_skewed_coordinates_leave_the_hole_large() -> None:
-    """The Hessian about the equilibrium is enclosed near 1, so that large entries of M cancel."""
+    """The hole stays large for an M with large entries, which cancel in the scaled Hessian."""
     M = np.array([[1.0, 32.0], [0.0, 1.0]])
     # W = 0.25 fast² + 2 slow², with fast = y_1 - 32 y_2
     W = Polynomial(2, ((0.25, (2, 0)), (-16.0, (1, 1)), (258.0, (0, 2))))

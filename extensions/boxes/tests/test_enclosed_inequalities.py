@@ -1,4 +1,4 @@
-"""The functions of both checkers on boxes compared with their formulas in doubles at random
+"""Functions enclosed on boxes, in both checkers, compared with formulas in doubles at random
 points.
 """
 
@@ -50,8 +50,11 @@ K = np.array([[0.5, 0.25], [-0.25, 0.5]])
 
 
 class Places(NamedTuple):
-    """Points of boxes: s (N, 2) in each box, y and z there, and the error e (N, 4) of the
-    equilibrium.
+    """Random points of boxes.
+
+    s: (N, 2), position in the box, from -1 to 1
+    y, z: (N, 2), coordinates and deviations at these points
+    e: (N, 4), errors of the equilibrium
     """
 
     boxes: Boxes
@@ -79,7 +82,7 @@ def _equilibrium(radius: float, size: int) -> Equilibrium:
 
 
 def _gradient(y: np.ndarray) -> np.ndarray:
-    """Return the gradient of W in y."""
+    """Return the gradient of W (N, 2) at y (N, 2)."""
     first, second = y.T
     return np.column_stack(
         [
@@ -101,7 +104,7 @@ def _rates(x: np.ndarray, inputs: np.ndarray) -> np.ndarray:
 
 
 def _inequality(radius: float, share: float = 1.0) -> CostInequality:
-    """share: of W"""
+    """Return the cost inequality of share * W, for an equilibrium known within a radius."""
     plant = Plant(MODEL, {}, AT, INPUTS, {}, dict(ENDS))
     W = Polynomial(2, tuple((share * value, powers) for value, powers in TERMS))
     return CostInequality(plant, _equilibrium(radius, 4), PIECE._replace(W=W), Q, R)
@@ -115,7 +118,9 @@ def _g(places: Places, inputs: np.ndarray, share: float = 1.0) -> np.ndarray:
 
 
 def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
-    """Return the best inputs, or inputs near them that vary over the boxes."""
+    """Return a guess of the best inputs on boxes, with random errors of size `off` in values and
+    slopes.
+    """
     rng = np.random.default_rng(3)
     v, _ = inequality.best_inputs(boxes.centres @ np.linalg.inv(M).T)
     return Guess(v + off * rng.normal(size=v.shape), off * rng.normal(size=(*v.shape, 2)))
@@ -124,7 +129,9 @@ def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> None:
-    """g of a guess is above its bound, and g of any input is above this bound minus the loss."""
+    """g at a guess is at least its lower bound; g at any input is at least this bound minus the
+    loss.
+    """
     places = _places(radius, 5)
     inequality = _inequality(radius)
     guess = _guess(inequality, places.boxes, off)
@@ -182,8 +189,10 @@ def _decrease(radius: float) -> Decrease:
 
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
-    """-V', the distance to the limits of an output, and the distance to the extents in the set are
-    above their bounds.
+    """Each function of a region is at least its lower bound on the boxes.
+
+    The functions are -V', the distances of an output from its limits, and the distances of the
+    states from their extents.
     """
     places = _places(radius, 11)
     decrease = _decrease(radius)
@@ -206,7 +215,7 @@ def test_functions_of_a_region_are_above_their_bounds(radius: float) -> None:
 
 @pytest.mark.parametrize("share", [-1e-9, 1e-9])
 def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
-    """A very small box is beyond the set exactly if W exceeds its level there."""
+    """A very small box is outside the set exactly if W exceeds the level there."""
     place = np.array([0.5, 0.25])
     piece = PIECE._replace(c=float(PIECE.W.at(place[None])[0]) * (1.0 - share))
     small = Boxes(place[None], np.array([[40, 40]]))
@@ -215,7 +224,8 @@ def test_boxes_are_beyond_the_set_by_its_level(share: float) -> None:
 
 
 def test_a_vaguer_equilibrium_has_a_smaller_hole() -> None:
-    """A less exact equilibrium has a smaller hole, because the policy saturates at a distance from
-    the trim.
+    """The hole is smaller for an equilibrium with a larger error.
+
+    The policy saturates at a certain distance from the trim.
     """
     assert _decrease(0.0).hole < _decrease(0.2).hole

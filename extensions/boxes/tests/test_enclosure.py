@@ -1,4 +1,4 @@
-"""Enclosures contain every value, including rounding."""
+"""Enclosures contain every value of a function, including rounding errors."""
 
 from __future__ import annotations
 
@@ -56,8 +56,9 @@ def test_taylor_models_hold_every_operation(half_width: float) -> None:
 
 
 def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
-    """Enclosures of functions of y² contain the ends of boxes, although the linear part of y² is 0
-    at 0.
+    """The enclosure of exp(y²) contains its value at the end of a box about y = 0.
+
+    The linear part of y² is 0 there.
     """
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [ca.exp(y**2)]), "f"), 1)
@@ -67,8 +68,10 @@ def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
 def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
-    """Sharpened bounds contain every operation, even if the last input is known only within 0.01
-    half widths.
+    """Sharpened lower bounds are valid for every supported operation, and at least as high as
+    `lowest`.
+
+    The third input has an error of 1 % of its half-width.
     """
     generator = np.random.default_rng(0)
     function = every_operation()
@@ -93,8 +96,9 @@ def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
 
 
 def test_errors_of_two_paths_cancel() -> None:
-    """Errors of two paths cancel: max(k + 9, 0) - k is 9 for k >= -9, although the error of k
-    enters twice.
+    """Errors that reach the output on two paths cancel in the sharpened bound.
+
+    max(k + 9, 0) - k is 9 for k >= -9, although the error of k enters twice.
     """
     y = ca.SX.sym("y", 2)
     k = ca.fmax(y[0] + 0.1 * y[1], 0.0)
@@ -123,7 +127,7 @@ def _rounded(y: ca.SX) -> dict[str, ca.SX]:
 
 @pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
 def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
-    """Sharpened bounds contain rounding, even if rounding is the only error."""
+    """Sharpened bounds include rounding, also if rounding is the only error."""
     y = ca.SX.sym("y", 2)
     program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
     linear = np.zeros((2, 3, 1))
@@ -137,8 +141,9 @@ def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
 
 
 def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
-    """The edge that lowers the bound is y_0, across which |y_0| has its kink, for any slope along
-    y_1.
+    """The reduction of the bound is attributed to the edge y_0, across which |y_0| has its kink.
+
+    The slope along y_1 does not matter.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fabs(y[0]) + ca.fabs(0.01 * y[0] + y[1] - 9.0)])
@@ -154,8 +159,9 @@ def test_the_edge_that_crosses_a_kink_lowers_a_bound() -> None:
 
 
 def test_squared_squares_hold_the_ends_of_boxes() -> None:
-    """The enclosure of (y²)² contains the ends of boxes, although the linear part of y² is 0 at the
-    center of the first box.
+    """The enclosure of (y²)² contains its values at the ends of boxes.
+
+    The linear part of y² is 0 at the center of the first box.
     """
     y = ca.SX.sym("y", 1)
     program = TaylorProgram(Program(ca.Function("f", [y], [(y**2) ** 2]), "f"), 1)
@@ -196,7 +202,8 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
-    """Curves, lines and slopes enclose their function over narrow, wide and asymmetric ranges."""
+    """Parabolas, lines and slopes enclose their function over narrow, wide and asymmetric ranges.
+    """
     function, slope = FUNCTIONS[kind]
     generator = np.random.default_rng(3)
     is_positive = kind in ("inverse", "sqrt", "log")
@@ -237,7 +244,8 @@ def test_elementary_functions_are_as_near_as_stated() -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A margin of 1e-13 is decided rightly: (1 + y)² - 4 y + margin equals the margin at y = 1."""
+    """The sign of a value of ±1e-13 is proved: (1 + y)² - 4 y + margin equals the margin at y = 1.
+    """
     y = ca.SX.sym("y")
     function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
     models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
@@ -249,8 +257,10 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_folded_constants_are_the_function(margin: float) -> None:
-    """5 (0.2 y) - y + margin is decided rightly, although CasADi simplifies it and the double 0.2
-    times 5 is not 1.
+    """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not exactly
+    1.
+
+    CasADi simplifies the product to y.
     """
     y = ca.SX.sym("y")
     folded = 5 * (0.2 * y) - y + margin
@@ -263,7 +273,7 @@ def test_folded_constants_are_the_function(margin: float) -> None:
 
 
 def test_rounding_of_a_long_sum_is_covered() -> None:
-    """The radius of a long sum of 0.1 k y covers the digits that doubles lose."""
+    """The bounds of a long sum with canceling large terms contain its exact value."""
     y = ca.SX.sym("y", 2)
     total = sum(0.1 * k * y[0] + 1e8 * y[1] - 1e8 * y[1] * (1 + 2.0**-30) for k in range(50))
     models = TaylorProgram(Program(ca.Function("f", [y], [total]), "f"), 2).over(
@@ -288,7 +298,9 @@ def test_an_operation_without_enclosure_is_named() -> None:
 
 
 def test_doubles_are_values_of_the_program() -> None:
-    """Doubles equal the values of the program, also at more points than are evaluated together."""
+    """`values_at` equals the values of the function, also for more points than are evaluated
+    together.
+    """
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

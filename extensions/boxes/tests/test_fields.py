@@ -52,7 +52,7 @@ K = np.array([[1.25, 1.5]])
 
 @pytest.fixture(scope="module")
 def aircraft(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Return the text for --aircraft."""
+    """Return the argument of --aircraft, FILE:NAME."""
     file = tmp_path_factory.mktemp("fields") / "cart.py"
     file.write_text(CART)
     return f"{file}:CART"
@@ -64,7 +64,7 @@ def cart(aircraft: str) -> Model:
 
 
 def _first(change: Change) -> Change:
-    """Change the first number of nested lists or objects."""
+    """Return a change that applies `change` to the first number of nested lists or objects."""
 
     def changed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -131,7 +131,10 @@ def piece(degree: int) -> Piece:
 
 
 def region(cart: Model, degree: int) -> BoxStatement:
-    """Return an unproved claim."""
+    """Return the statement of a region that is not proved.
+
+    degree: degree of V
+    """
     linear = linearize(cart, find_operating_point(cart))
     gain = Gain(K, {"force": ((-0.1, (3, 0)),)})
     loop = loop_of(linear, ProvedPolicy.of_gain(gain, ("force",), "a gain", None))
@@ -146,7 +149,14 @@ def assert_walked(
     changes: dict[str, list[Change]],
     text_of: Callable[[dict[str, Any]], str],
 ) -> None:
-    """Assert that every change of every field differs from the input, is refused, or is printed."""
+    """Assert that every change of every field is detected, refused or printed.
+
+    content: the statement
+    table: fields of the statement
+    given: entry -> the user's value; a changed entry must differ from it
+    changes: field -> changes of its value
+    text_of: statement -> printed report
+    """
     assert set(changes) == {name for name, _ in entries_of(content, table)} == set(table)
     original = text_of(content)
     walked = [(name, change) for name in changes for change in changes[name]]
@@ -165,7 +175,7 @@ def assert_walked(
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_fields_of_regions_are_compared_or_shown(degree: int, aircraft: str, cart: Model) -> None:
-    """Each field of a region is compared or printed."""
+    """Each field of a region is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
         statement = BoxStatement.read(content, cart, None)
@@ -205,7 +215,7 @@ def test_the_digest_of_a_network_is_compared(cart: Model) -> None:
 
 
 def test_fields_of_bounds_are_compared_or_shown(cart: Model) -> None:
-    """Each field of a bound is compared or printed."""
+    """Each field of a cost bound is compared with the user's input or printed."""
 
     def text_of(content: dict[str, Any]) -> str:
         statement = CostStatement.read(content, cart)

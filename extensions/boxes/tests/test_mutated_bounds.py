@@ -1,4 +1,4 @@
-"""Certificates of a lower bound, changed at random. No false one is accepted."""
+"""Randomly changed certificates of a lower bound. No false bound is accepted."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ CART = Model("cart", {"position": Signal("m")}, {"speed": Signal("m/s")}, cart, 
 
 
 def content() -> dict[str, Any]:
-    """Return a certificate with two pieces for x' = u with Q = R = 1, whose least cost is x²."""
+    """Return a true certificate with two pieces for x' = u with Q = R = 1, where the least cost is
+    x².
+    """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {})
     pieces = (
         Piece(ONE, Polynomial(1, ((1.0 - 1e-13, (2,)),)), 0.5),
@@ -45,9 +47,9 @@ def content() -> dict[str, Any]:
 
 
 def is_true(statement: CostStatement) -> bool:
-    """Return whether no piece exceeds sqrt(Q R) z², the least cost, on a fine grid.
+    """Return whether the bound is at most the least cost sqrt(Q R) z² on a fine grid.
 
-    z are deviations from the stated equilibrium, which may be 1e-6 off the trim.
+    z are deviations from the stated equilibrium, which may differ from the trim by 1e-6.
     """
     z = np.linspace(-3.0, 3.0, 20_001)[:, None]
     least = np.sqrt(statement.Q[0, 0] * statement.R[0, 0]) * z[:, 0] ** 2
@@ -57,7 +59,10 @@ def is_true(statement: CostStatement) -> bool:
 
 @pytest.mark.slow
 def test_no_false_bound_of_1000_is_accepted() -> None:
-    """Every accepted claim is weaker, and true by the least known cost."""
+    """Every changed certificate that is accepted states a bound below the least cost.
+
+    Less than a third of the changed certificates are accepted.
+    """
     rng = np.random.default_rng(0)
     original = content()
     check_cost(*read_cost(copy.deepcopy(original), CART))

@@ -1,4 +1,4 @@
-"""Certificates of regions on boxes, changed at random. No false one is accepted."""
+"""Randomly changed certificates of regions on boxes. No false region is accepted."""
 
 from __future__ import annotations
 
@@ -25,20 +25,22 @@ WEIGHTS = np.array([[1.5, -0.75], [-1.0, 2.0]])
 
 
 def network(z: Any, tanh: Callable[[Any], Any]) -> Any:
-    """Return the command of two hidden units at a deviation."""
+    """Return the command of a network with two hidden units at the deviation z."""
     return sum(out * tanh(weight * z) for weight, out in zip(*WEIGHTS.tolist(), strict=True))
 
 
 def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
-    """Return the command of a deployment at a deviation.
+    """Return the command of a deployed policy at the deviation z, relative to its command at the
+    trim.
 
-    level: that of the trim, which is also observed
+    level: level at the trim, which the policy observes
+    clip: saturation
     """
     return 1.5 * clip(1.25 * (z + level)) - 1.5 * clip(1.25 * level)
 
 
 def policy_of(kind: str) -> ca.Function | None:
-    """Return the user's policy, or None for a gain, which the certificate contains."""
+    """Return the user's policy of this kind, or None for a gain, which the certificate contains."""
     z = ca.SX.sym("z")
     trim = ca.SX.sym("trim", 4)
     if kind == "network":
@@ -50,7 +52,7 @@ def policy_of(kind: str) -> ca.Function | None:
 
 
 def content(kind: str) -> dict[str, Any]:
-    """Return the true certificate of a kind: |level| <= 0.9."""
+    """Return a true certificate of this kind, of the region |level| <= 0.9."""
     W, c = (QUARTIC, 0.81 + 0.25 * 0.6561) if kind == "quartic" else (SQUARE, 0.81)
     policy = policy_of(kind)
     gain = Gain(np.array([[2.0]]), {"valve": ((-0.25, (3,)),)})
@@ -80,7 +82,7 @@ def command(statement: BoxStatement, kind: str, z: np.ndarray) -> np.ndarray:
 
 
 def is_true(statement: BoxStatement, kind: str) -> bool:
-    """Return whether the claim holds on a fine grid of the cube, except within 1e-4 of 0."""
+    """Return whether the claim is true on a fine grid of the cube, except within 1e-4 of 0."""
     loop = statement.loop
     y = np.linspace(-1.0, 1.0, 20_001)
     values = statement.piece.W.at(y[:, None])
@@ -103,7 +105,7 @@ def is_true(statement: BoxStatement, kind: str) -> bool:
 @pytest.mark.parametrize("count", [25, pytest.param(250, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["quadratic", "quartic", "network", "deployment"])
 def test_no_false_region_is_accepted(kind: str, count: int) -> None:
-    """Every accepted changed claim is true, for example one with a lower level or wider extents."""
+    """Every changed certificate that is accepted is true, for example one with a lower level."""
     rng = np.random.default_rng(0)
     original = content(kind)
     policy = policy_of(kind)

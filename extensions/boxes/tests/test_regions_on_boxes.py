@@ -1,4 +1,4 @@
-"""Regions of networks: proved, checked, forged, and refused."""
+"""Regions of networks: proved, checked, forged and refused."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ K = np.array([[1.97725, 0.97624]])
 
 @dataclass(frozen=True, eq=False)
 class Positive(Question):
-    """Functions of y that are positive in the cube, the first one except for |y_i| <= 2^-hole."""
+    """Property that functions of y are positive in the cube.
+
+    The first function need not be positive for |y_i| <= 2^-hole.
+    """
 
     taylor: TaylorProgram
     hole: int | None
@@ -101,8 +104,9 @@ def test_what_may_be_zero_is_not_positive() -> None:
 
 
 def test_no_edge_is_halved_below_the_doubles() -> None:
-    """No edge is halved below the spacing of doubles, where a zero at 0.3 halves the first edge
-    repeatedly.
+    """No edge is halved more than 53 times.
+
+    The function is 0 at y_0 = 0.3, so that the first edge is halved repeatedly.
     """
     depths = []
 
@@ -122,7 +126,8 @@ def test_no_edge_is_halved_below_the_doubles() -> None:
 def proved(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[dict[str, Any], ca.Function, list[str]]:
-    """Return the content of a certificate, and the arguments of its check."""
+    """Return the content of a proved certificate, and the arguments of the command that checks it.
+    """
     folder = tmp_path_factory.mktemp("boxes")
     network = imitation(folder / "network.npz", K, np.array([1.0, 4.0]), hidden=(8,))
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
@@ -179,7 +184,7 @@ def test_the_checker_needs_the_users_network(proved: Any) -> None:
 
 
 def statement_of(policy: ca.Function, rho: float = 0.05) -> tuple[BoxStatement, BoxWitness]:
-    """Return the statement V = z'P z <= `rho` of the pendulum, and its witness."""
+    """Return the statement that {z'P z <= rho} is a region of the pendulum, and its witness."""
     P = np.array([[2.0, 0.3], [0.3, 0.1]])
     names = ("angle", "rate")
     shape = Shape.of_matrix(P / rho, -np.eye(2), 2).in_cube()
@@ -213,7 +218,10 @@ def test_another_digest_of_the_policy_is_refused(proved: Any) -> None:
 
 
 def _same_policy(proved: Any) -> ca.Function:
-    """Return the policy as the command reads it, because the digest covers its instructions."""
+    """Return the policy as the command reads it from the network's file.
+
+    The digest of the certificate covers its instructions.
+    """
     from controller.critic.critic_file import Reading, critic_in
     from controller.game.zero_sum import Game
 
@@ -231,14 +239,16 @@ def test_a_level_that_is_unstable_is_refused() -> None:
 
 
 def test_rest_at_no_decrease_is_refused() -> None:
-    """An undamped loop, whose V' is 0 everywhere, is refused."""
+    """An undamped loop, for which V' = 0 everywhere, is refused."""
     x = ca.SX.sym("x", 2)
     with pytest.raises(OpenBoxError):
         cover(inequality(-(x[0] * x[1] - x[1] * x[0]), x, hole=3), 10**4)
 
 
 def test_the_hole_is_one_of_first_function_alone() -> None:
-    """The hole applies to the first function only."""
+    """The hole applies to the first function only: a second function that is negative there is
+    refused.
+    """
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.05) ** 2 + y[1] ** 2
     assert cover(inequality(ca.vertcat(ca.sumsqr(y), bump + 1e-4), y, hole=2), 10**5) > 1
@@ -251,8 +261,8 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
 def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
-    """A set is proved up to a limit and not beyond, and prover and checker decide it at the same
-    level.
+    """A set whose extent reaches 0.6 is proved for a limit above 0.6, and refused for a lower
+    limit.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.25)
@@ -269,7 +279,9 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """For x' = -x a set {y² + a y⁴ <= 1} in the cube is proved unless it meets a face."""
+    """The set {y² + a y⁴ <= 1} of x' = -x is proved for a > 0. Otherwise it meets a face and is
+    refused.
+    """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)), (quartic, (4,)))), 1.0)
@@ -284,7 +296,7 @@ def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
-    """A margin of 1e-13 is decided rightly for a network.
+    """A region of a network is proved if the margin of V' is 1e-13, and refused if it is -1e-13.
 
     For x' = -x (x - 1/2)² + u with u = -margin x, V' at x = 1/2 consists of the margin alone.
     """
@@ -310,7 +322,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
 
 
 def test_an_interruption_keeps_what_is_proved() -> None:
-    """Ctrl-C ends the search at its next step and keeps the proved set."""
+    """Ctrl-C ends the search at its next step, and the region proved so far is returned."""
     saved = []
     before = signal.getsignal(signal.SIGINT)
 
@@ -329,7 +341,7 @@ def test_an_interruption_keeps_what_is_proved() -> None:
 
 
 def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
-    """No equilibrium of x² + 1 is enclosed, and one of x² - 1 is."""
+    """The zero of x² - 1 is enclosed. x² + 1, which has no zero, is refused."""
     x = ca.SX.sym("x")
     for constant in (1.0, -1.0):
         program = Program(ca.Function("f", [x], [x**2 + constant]), "f")
@@ -342,7 +354,7 @@ def test_no_equilibrium_is_enclosed_where_there_is_none() -> None:
 
 
 def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
-    """No equilibrium of (x - 1, y² + 1) is enclosed, although its first entry has a zero."""
+    """(x - 1, y² + 1) has no zero and is refused, although its first entry has one."""
     x = ca.SX.sym("x", 2)
     program = Program(ca.Function("f", [x], [ca.vertcat(x[0] - 1, x[1] ** 2 + 1)]), "f")
     with pytest.raises(NoSolutionError, match="no equilibrium is enclosed"):
@@ -350,8 +362,9 @@ def test_every_coordinate_of_an_equilibrium_is_enclosed() -> None:
 
 
 def test_a_hole_is_proved_everywhere_in_it() -> None:
-    """A hole is refused if V increases in a part of it: x' = -x (x² - 0.04) (x² - 0.16) increases
-    |x| between 0.2 and 0.4.
+    """A region is refused if V increases in a part of the hole around the equilibrium.
+
+    x' = -x (x² - 0.04) (x² - 0.16) increases |x| between 0.2 and 0.4.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -373,8 +386,9 @@ def test_a_hole_is_proved_everywhere_in_it() -> None:
 
 
 def test_a_kink_at_the_equilibrium_is_named() -> None:
-    """A kink at the equilibrium is named if it rules out a quadratic V, here a negative damping on
-    one side.
+    """The error names a kink at the equilibrium that rules out a quadratic V.
+
+    The damping is negative on one side of the kink.
     """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -389,7 +403,8 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
 
 
 def test_a_set_beyond_a_limit_is_made_smaller() -> None:
-    """The search reduces a set that goes beyond a limit to the part that reaches it."""
+    """The search scales a set that extends beyond a limit, so that it just stays within the limit.
+    """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
     search = RegionSearch(loop, "", [], seconds=1.0)
@@ -401,8 +416,10 @@ def test_a_set_beyond_a_limit_is_made_smaller() -> None:
 
 
 def test_an_obstacle_in_a_slow_direction_is_found() -> None:
-    """An increase of V = |x|² beyond |a| = 0.5 is found, although it occurs only where the fast
-    states are below 0.01.
+    """An increase of V = |x|² at |a| > 0.5 is found, although it occurs only where b, c and d are
+    small.
+
+    The fast states b, c and d must be below 0.01.
     """
     rates = {"a": -0.05, "b": -300.0, "c": -1000.0, "d": -3000.0}
 
@@ -420,8 +437,7 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
 
 
 def test_coinciding_modes_have_a_positive_decay() -> None:
-    """Coinciding modes have a positive decay matrix. For the distinct modes of diag(-1, -4) and a
-    unit ball it is diag(1, 4).
+    """The decay matrix is positive definite for coinciding modes, and diag(1, 4) for diag(-1, -4).
     """
     ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
     assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)
@@ -431,7 +447,9 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
 def test_a_set_grows_alike_from_any_v(weight: float) -> None:
-    """Within a limit, V of a linear loop grows to one size, whatever the decay of the initial V."""
+    """The set of a linear loop within limits grows to the same size from initial V of different
+    decay.
+    """
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}
@@ -454,9 +472,7 @@ def test_a_set_grows_alike_from_any_v(weight: float) -> None:
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_a_grown_v_is_proved_in_its_own_coordinates(degree: int) -> None:
-    """A grown V is proved in the coordinates in which it is |y|² and V' is a sum of squares to
-    second order.
-    """
+    """`diagonal` keeps V and makes it |y|² and V' a sum of squares, both to second order."""
     generator = np.random.default_rng(0)
     J = np.array([[-0.1, 3.0, 0.0], [0.0, -2.0, 1.0], [0.5, 0.0, -30.0]])
     first = Shape.of_matrix(solve_continuous_lyapunov(J.T, -np.eye(3)), J, degree)
@@ -478,7 +494,10 @@ def test_a_v_that_is_not_positive_keeps_its_coordinates() -> None:
 
 
 def test_a_place_beyond_the_crest_of_v_bounds_the_level_by_it() -> None:
-    """V = x² - 0.3 x⁴ has the crest 0.83 and is negative beyond the limit 2 of x."""
+    """The crest of V between the origin and an obstacle bounds the level.
+
+    V = x² - 0.3 x⁴ has the crest 0.83 and is negative at the obstacle, the limit 2 of x.
+    """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-2.0, 2.0)}, none)
     search = RegionSearch(loop, "", [], seconds=1.0)

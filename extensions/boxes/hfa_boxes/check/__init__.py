@@ -1,1 +1,3 @@
-"""The checker of an inequality on boxes: it uses only numbers of the search."""
+"""Checkers of certificates proved on boxes. They repeat the proof and trust no result of the
+search.
+"""

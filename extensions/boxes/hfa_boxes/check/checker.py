@@ -1,15 +1,19 @@
-"""Checker of a region, which reads the statement and proves it by repeating the subdivision.
+"""Checker of a region of attraction: it reads the statement and repeats the subdivision into boxes.
 
-The theorem. S = {V <= rho} in the cube |y_i| <= 1, y = M z, meets no face of it. In S, V' < 0
-except at the equilibrium: near it by the enclosed Jacobian, elsewhere on boxes that cover the cube.
-All limits hold in S. A trajectory exists while it is in S, V decreases along it, and it never
-leaves S. It converges to the only point of S where V' = 0 (LaSalle). Where the equations switch,
-trajectories are those of Filippov. The search is not trusted: the checker uses only its multipliers
-of extents and the number of boxes after which it gives up.
+Theorem. Let z be the deviation from the equilibrium, y = M z, and S = {V <= rho} within the cube
+|y_i| <= 1. Suppose that S meets no face of the cube, that V' < 0 in S except at the equilibrium,
+and that all limits hold in S. Then every trajectory that begins in S exists for all time, stays in
+S and converges to the equilibrium (LaSalle). Near the equilibrium V' < 0 is proved from an enclosed
+Jacobian, elsewhere on boxes that cover the cube. Where the equations switch, trajectories are
+Filippov solutions.
+
+The search is not trusted. The checker uses only its multipliers of the extents and the number of
+boxes after which the checker stops.
 
     loop.py       equilibrium, V', the hole     cover.py    branch and bound
     piece.py      V and its set                 statement.py  the claim
-    ../enclosure/  Taylor models"""
+    ../enclosure/  Taylor models
+"""
 
 from __future__ import annotations
 
@@ -36,10 +40,10 @@ _MOST_BOXES = 100_000_000
 
 @dataclass(frozen=True, eq=False)
 class BoxWitness:
-    """Evidence for a region, which is not part of the claim.
+    """Evidence for a region. It is not part of the claim.
 
-    multipliers: (n, 2), factors of c - V in the proofs of the lower and upper extents
-    boxes: number of boxes after which the checker ends
+    multipliers: (n, 2), factors of rho - V in the proofs of the lowest and highest z
+    boxes: number of boxes after which the checker stops
     """
 
     multipliers: np.ndarray
@@ -48,9 +52,9 @@ class BoxWitness:
 
 @dataclass(frozen=True, eq=False)
 class VerifiedBoxes:
-    """A region that is proved.
+    """A region of attraction that the checker has proved.
 
-    statement: the proved statement, every field of which the checker has interpreted
+    statement: the proved statement; the checker has interpreted every field of it
     boxes: number of boxes on which V' < 0 is proved
     written: version, command and date in the file, not verified
     """
@@ -63,7 +67,12 @@ class VerifiedBoxes:
 def check_region(
     statement: BoxStatement, witness: BoxWitness, progress: Progress | None = None
 ) -> int:
-    """Return the number of boxes that prove the statement, or raise Rejected."""
+    """Return the number of boxes that prove the statement.
+
+    progress: called with the number of boxes
+
+    Raises Rejected if the statement is not proved.
+    """
     loop = statement.loop
     stated = np.array(list(statement.equilibrium.values()))
     equilibrium = equilibrium_near(loop, stated)
@@ -79,16 +88,16 @@ def check_certificate(
     progress: Progress | None = None,
     model: Model | None = None,
 ) -> VerifiedBoxes:
-    """Return the region that a file proves for a policy.
+    """Return the region of attraction that a certificate proves.
 
     path: the certificate
     policy: the user's policy, state deviations -> input deviations; None if the certificate stores
-        its coefficients
+        the coefficients of the policy
     progress: called with the number of boxes
-    model: the user's aircraft, for a certificate about it
+    model: the user's aircraft, or None if the certificate concerns a built-in model
 
-    Raises BadInputError when the file is not a certificate, was edited, or is about another model
-    or policy. Raises Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another model or
+    policy. Raises Rejected if an entry is not understood or the statement is not proved.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -100,9 +109,13 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None, policy: ca.Function | None
 ) -> tuple[BoxStatement, BoxWitness]:
-    """Return statement and witness of a certificate's content.
+    """Return the statement and the witness of a certificate.
 
-    Raises a Malformed, which names an invalid entry.
+    content: the entries of the file
+    model: the user's aircraft, if the certificate concerns one
+    policy: the user's policy, or None if the certificate stores its coefficients
+
+    Raises Malformed, which names the invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -120,6 +133,9 @@ def read_content(
 def write_certificate(
     path: Path, statement: BoxStatement, witness: BoxWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. Its digest does not cover `origin`."""
+    """Write a certificate.
+
+    origin: version, command and date; the digest of the file does not cover them
+    """
     evidence = {"multipliers": witness.multipliers.tolist(), "boxes": witness.boxes}
     write_sealed(path, KIND, statement.content(), evidence, origin)

@@ -1,14 +1,14 @@
-"""A lower bound W of the cost of every flight to the trim: its inequality, decided box by box.
+"""Lower bound W on the cost of every flight to the trim, proved box by box.
 
 Let z and v be the deviations of states and inputs from the equilibrium, y = M z, and W(y) a
 polynomial without terms of degree 0 and 1. Let D be the set where W <= c within the envelope and
-the cube |y_i| <= 1. The inequality is
+the cube |y_i| <= 1. Two properties are proved. D meets no face of the cube, and
 
-    g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits,
+    g(y, v) = grad W · M f(x* + z, u* + v) + z'Q z + v'R v >= 0 in D, for all v within the limits.
 
-and D meets no face of the cube. Consider a flight within the envelope that ends at the equilibrium.
-If it begins in D, it costs at least W. If it begins elsewhere, it costs at least c: W = c where it
-enters D for the last time.
+Consider a flight within the envelope that ends at the equilibrium. If it begins in D, it costs at
+least W. If it begins elsewhere, it costs at least c, because W = c where it enters D for the last
+time.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CostInequality(OnPiece):
-    """The inequality of a lower bound, as a property that `cover` proves.
+    """Inequality g >= 0 of a lower bound of the cost, as a property that `cover` proves.
 
     plant: the aircraft; its state limits are the envelope
     equilibrium: enclosure of the equilibrium states and inputs
-    piece: W and its level
-    Q: (n, n), symmetric
-    R: (m, m), symmetric
+    piece: W and its level c
+    Q: (n, n), symmetric, weight of the states
+    R: (m, m), symmetric, weight of the inputs
     """
 
     Q: np.ndarray
@@ -68,8 +68,10 @@ class CostInequality(OnPiece):
 
     @cached_property
     def ends(self) -> np.ndarray:
-        """(m, 2), lowest and highest v, rounded outward. Raises Rejected unless 0 is between
-        them."""
+        """Lowest and highest input deviations v, (m, 2), rounded outward.
+
+        Raises Rejected if an input at the equilibrium is outside its limits.
+        """
         names = tuple(self.plant.inputs)
         at = self.equilibrium.x[self.n :, None]
         radius = self.equilibrium.radius[self.n :, None]
@@ -84,7 +86,7 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _margin(self) -> ca.SX:
-        """The margin g(y, v) of the inequality."""
+        """Expression of g(y, v), the left side of the inequality g >= 0."""
         y, z, v, e = self.symbols
         at = ca.DM(self.equilibrium.x)
         rates, _ = self.plant.rates_at(
@@ -96,19 +98,21 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _values(self) -> TaylorProgram:
-        """Taylor models of g."""
+        """Program that computes Taylor models of g."""
         return self.taylor([self._margin])
 
     @cached_property
     def _slopes(self) -> TaylorProgram:
-        """Taylor models of the gradient of g in v."""
+        """Program that computes Taylor models of the gradient of g in v."""
         return self.taylor([ca.gradient(self._margin, self.symbols.v)])
 
     @cached_property
     def _bent(self) -> tuple[TaylorProgram, np.ndarray]:
-        """Return the second derivatives of g in v, (m m,), and flags of the v on which they depend.
+        """Return a program of the second derivatives of g in v, (m m,), and a mask (m,) of the
+        inputs.
 
-        Raises BadInputError if one of these v is unlimited.
+        The mask marks the inputs v_i on which the second derivatives depend. Raises BadInputError
+        if one of them has no limits.
         """
         v = self.symbols.v
         second = ca.hessian(self._margin, v)[0]
@@ -123,8 +127,9 @@ class CostInequality(OnPiece):
 
     @cached_property
     def _centre(self) -> RowFunction:
-        """Function (z, v) -> gradient and Hessian of g in v, and the gradient's slope in z, in
-        doubles."""
+        """Function (z, v) -> gradient of g in v, its Jacobian in v and its Jacobian in z, in
+        doubles.
+        """
         g = self._margin
         y, z, v, e = self.symbols
         here = ca.substitute(g, ca.vertcat(y, e), ca.vertcat(ca.DM(self.piece.M) @ z, 0 * e))
@@ -133,9 +138,10 @@ class CostInequality(OnPiece):
         return RowFunction(ca.Function("centre", [z, v], [ca.densify(each) for each in outputs]))
 
     def best_inputs(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return inputs (N, m) that nearly minimize g at z (N, n), and their slopes (N, m, n) in z.
+        """Return inputs (N, m) that nearly minimize g at z (N, n), and their Jacobians (N, m, n) in
+        z.
 
-        The slope of an input at its limit is 0. No proof depends on these inputs.
+        The derivatives of a saturated input are 0. No proof depends on these inputs.
         """
         count = len(z)
         n, m = self.n, self.m
@@ -169,14 +175,14 @@ class CostInequality(OnPiece):
         return b, H.reshape(shape), by_column
 
     def check_limits(self) -> None:
-        """Raise Rejected unless the equilibrium is within the envelope."""
+        """Raise Rejected unless the equilibrium is within the state limits."""
         low, high = self.plant.ends(self.plant.states).T
         at = self.equilibrium.x[: self.n]
         if not np.all((low <= at) & (at <= high)):
             raise Rejected("the equilibrium is outside the limits")
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes that do not meet the envelope."""
+        """Return the mask (N,) of the boxes that have no point in the envelope."""
         N, off = self.inverse
         centres = boxes.centres @ N.T
         reach = (
@@ -190,7 +196,8 @@ class CostInequality(OnPiece):
         return np.asarray(beyond.any(axis=1))
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return for each undecided box the edge to halve, and -1 for decided boxes, (N,).
+        """Return the index of the edge to halve for each undecided box, and -1 for decided boxes,
+        (N,).
 
         Raises RefutedError where g < 0 or the set meets a face of the cube.
         """
@@ -202,11 +209,11 @@ class CostInequality(OnPiece):
         return edges
 
     def _edges_inside(self, boxes: Boxes) -> np.ndarray:
-        """Return `edges` of boxes that are not outside the set, (N,).
+        """Return `edges` for boxes that may contain points of the set, (N,).
 
-        A box is decided in the hole about the equilibrium. Any other box is decided where it meets
-        no face of the cube and the lowest g at guessed inputs exceeds the possible gain of other
-        inputs.
+        A box within the hole around the equilibrium is decided. Any other box is decided if it
+        meets no face of the cube and g > 0 for all inputs: the lowest g at the guessed inputs
+        exceeds the largest decrease of g by other inputs.
         """
         N = self.inverse[0]
         v, slopes = self.best_inputs(boxes.centres @ N.T)
@@ -227,8 +234,11 @@ class CostInequality(OnPiece):
         return np.where(is_positive | in_hole, -1, edges)
 
     def _refute_faces(self, boxes: Boxes) -> None:
-        """Raise RefutedError at a point of a face of the cube in the set: the nearest to the center
-        of a box that meets the face."""
+        """Raise RefutedError if the set contains a point of a face of the cube.
+
+        One point is tested for each box that meets a face: the point of this face nearest to the
+        center of the box.
+        """
         nearest = np.argmax(np.abs(boxes.centres) + boxes.half_widths, axis=1)[:, None]
         points = boxes.centres.copy()
         ends = np.copysign(1.0, np.take_along_axis(points, nearest, axis=1))
@@ -238,7 +248,9 @@ class CostInequality(OnPiece):
             raise RefutedError("the set meets a face of the cube", in_set[0])
 
     def _inputs(self, boxes: Boxes, guess: Guess) -> tuple[np.ndarray, np.ndarray]:
-        """Return Taylor models of y, z, v and the equilibrium error on boxes."""
+        """Return Taylor models of y, z, v and the equilibrium error on boxes: coefficients and
+        radii.
+        """
         linear, radius = self.symbols_on(boxes)
         linear[self._of_inputs, 0] = guess.value.T
         linear[self._of_inputs, 1:] = guess.slopes.transpose(1, 2, 0)
@@ -246,16 +258,16 @@ class CostInequality(OnPiece):
 
     @property
     def _of_inputs(self) -> slice:
-        """Indices of v in the symbols."""
+        """Positions of v in the symbols (y, z, v, e)."""
         return slice(2 * self.n, 2 * self.n + self.m)
 
     def _loss(self, boxes: Boxes, guess: Guess) -> np.ndarray:
-        """Return a bound of the difference of g between the guess and the best inputs, (boxes,).
+        """Return an upper bound (boxes,) of g(guess) - min g(v) over all v within the limits.
 
             g(guess + d) >= g(guess) + Σ (b_i d_i + λ_i d_i² / 2)
 
-        b are the slopes at the guess. λ is below the curvature between the guess and all inputs
-        within the limits.
+        b is the gradient of g in v at the guess. λ_i are lower bounds of the curvature between the
+        guess and all inputs within the limits.
         """
         m = self.m
         if not m or not len(boxes.centres):
@@ -275,10 +287,11 @@ class CostInequality(OnPiece):
         return np.asarray(loss * (1.0 + ROUNDING) + _TINY)
 
     def _curvature(self, boxes: Boxes, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return Gershgorin's λ, (boxes, m).
+        """Return Gershgorin bounds λ, (boxes, m), with Σ λ_i d_i² <= d'H d for every d.
 
-        Σ λ_i d_i² is at most the second derivative of g in every direction d, for all v from least
-        to most (boxes, m).
+        H is the Hessian of g in v.
+
+        least, most: (boxes, m), range of v
         """
         program, taken = self._bent
         n, m = self.n, self.m
@@ -317,8 +330,11 @@ class CostInequality(OnPiece):
         )
 
     def _best_inputs_within(self, box: Boxes) -> np.ndarray | None:
-        """Return bounds (m,) of the minimizing |v_i| on a box about the equilibrium, or None if g
-        is not proved convex in v."""
+        """Return upper bounds (m,) of |v_i| at the minimizing inputs, on a box about the
+        equilibrium.
+
+        The result is None if g is not proved convex in v.
+        """
         if not self.m:
             return np.zeros(0)
         curvature = self._curvature(box, self.ends[None, :, 0], self.ends[None, :, 1])[0]
@@ -329,11 +345,12 @@ class CostInequality(OnPiece):
         return np.asarray(np.sqrt(np.sum(b**2 / curvature) / curvature) * (1.0 + 1e-9))
 
     def _is_convex(self, box: Boxes, radii: np.ndarray) -> bool:
-        """Return whether the Hessian H of g in (z, v) is positive definite on a box with |v_i| <=
-        radii.
+        """Return whether the Hessian H of g in (z, v) is proved positive definite.
 
-        J'H J is enclosed in place of H, with J such that it is near 1 at the equilibrium, by Taylor
-        models in y and v, so that terms of its entries cancel."""
+        The proof covers the box and |v_i| <= radii_i, (m,). It encloses J'H J instead of H, with J
+        chosen such that J'H J is near 1 at the equilibrium. Taylor models in y and v let terms of
+        the entries cancel.
+        """
         n, m = self.n, self.m
         size = 2 * n + m
         linear, radius = self.symbols_on(box)
@@ -374,8 +391,10 @@ class CostInequality(OnPiece):
 
 
 def _least(b: np.ndarray, curvature: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return a lower bound of b d + curvature d² / 2 for all low <= d <= high, 0 <= low, or 0 if no
-    such d exists."""
+    """Return a lower bound of b d + curvature d² / 2 over low <= d <= high, with 0 <= low.
+
+    The result is 0 if high < low.
+    """
     is_convex = curvature > 0.0
     vertex = np.clip(-b / np.where(is_convex, curvature, 1.0), low, high)
     at_ends = np.minimum(_parabola(b, curvature, low), _parabola(b, curvature, high))
@@ -390,10 +409,13 @@ def _parabola(b: np.ndarray, curvature: np.ndarray, d: np.ndarray) -> np.ndarray
 
 
 def solved_for(H: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return H⁻¹ right for the free entries, and 0 for the others.
+    """Return x with H x = right in the free entries, and x = 0 in the others.
 
     H: (N, m, m)
     right: (N, m, k)
+    free: (N, m), mask
+
+    A singular H is replaced by the identity.
     """
     m = H.shape[1]
     both = free[:, :, None] & free[:, None, :]

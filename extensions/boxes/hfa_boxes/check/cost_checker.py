@@ -1,7 +1,9 @@
-"""Checker of a lower bound of the cost, which reads the statement and repeats the subdivision.
+"""Checker of a lower bound of the cost: it reads the statement and repeats the subdivision into
+boxes.
 
-The theorem is in `cost.py`. The search is not trusted: the checker uses only its choice of unknown
-states and inputs at the equilibrium, and the number of boxes after which it gives up."""
+`cost.py` states the theorem. The search is not trusted. The checker uses only its choice of the
+unknown states and inputs at the equilibrium, and the number of boxes after which the checker stops.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,11 @@ _MOST_BOXES = 1_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class CostWitness:
-    """Evidence for a lower bound, which is not part of the claim.
+    """Evidence for a lower bound. It is not part of the claim.
 
-    solved: indices of the unknown states and inputs at the equilibrium; the others have their trim
+    solved: names of the unknown states and inputs at the equilibrium; the others have their trim
         values
-    boxes: number of boxes of each piece after which the checker ends
+    boxes: number of boxes of each piece after which the checker stops
     """
 
     solved: tuple[str, ...]
@@ -42,11 +44,11 @@ class CostWitness:
 
 @dataclass(frozen=True, eq=False)
 class VerifiedCost:
-    """A lower bound that is proved.
+    """A lower bound of the cost that the checker has proved.
 
-    statement: the proved statement, every field of which the checker has interpreted
-    witness: the evidence that proves it
-    boxes: number of boxes of each piece
+    statement: the proved statement; the checker has interpreted every field of it
+    witness: the evidence in the file
+    boxes: number of boxes that prove each piece
     written: version, command and date in the file, not verified
     """
 
@@ -57,10 +59,11 @@ class VerifiedCost:
 
 
 def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equilibrium:
-    """Return the equilibrium states and inputs near x (n + m,), proved to exist. Raises Rejected
-    otherwise.
+    """Return an enclosure of the equilibrium states and inputs near x (n + m,).
 
     solved: indices of the unknown entries, as many as there are states
+
+    Raises Rejected if no equilibrium is proved.
     """
     return zero_near(open_rates(plant), x, plant.nominal, solved)
 
@@ -68,7 +71,9 @@ def equilibrium_of(plant: Plant, x: np.ndarray, solved: tuple[int, ...]) -> Equi
 def check_cost(
     statement: CostStatement, witness: CostWitness, progress: Progress | None = None
 ) -> tuple[int, ...]:
-    """Return the number of boxes that prove each piece. Raises Rejected if one is not proved."""
+    """Return the number of boxes that prove each piece. Raises Rejected if the statement is not
+    proved.
+    """
     plant = statement.plant
     names = (*plant.states, *plant.inputs)
     stated = np.array([statement.equilibrium[name] for name in names])
@@ -92,15 +97,15 @@ def check_cost_certificate(
     model: Model | None = None,
     agrees: Callable[[CostStatement], object] | None = None,
 ) -> VerifiedCost:
-    """Return the lower bound that a file proves.
+    """Return the lower bound that a certificate proves.
 
     path: the certificate
     progress: called with the number of boxes
-    model: the user's aircraft, for a certificate about it
-    agrees: called before the proof; raises where the statement is about other data than the user's
+    model: the user's aircraft, or None if the certificate concerns a built-in model
+    agrees: called with the statement before the proof; raises if it differs from the user's data
 
-    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
-    Raises Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
+    Raises Rejected if an entry is not understood or the statement is not proved.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -113,9 +118,12 @@ def check_cost_certificate(
 
 
 def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStatement, CostWitness]:
-    """Return statement and witness of a certificate's content.
+    """Return the statement and the witness of a certificate.
 
-    Raises a Malformed, which names an invalid entry.
+    content: the entries of the file
+    model: the user's aircraft, if the certificate concerns one
+
+    Raises Malformed, which names the invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -137,7 +145,10 @@ def read_cost(content: dict[str, Any], model: Model | None) -> tuple[CostStateme
 def write_cost_certificate(
     path: Path, statement: CostStatement, witness: CostWitness, origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. Its digest does not cover `origin`."""
+    """Write a certificate.
+
+    origin: version, command and date; the digest of the file does not cover them
+    """
     evidence = {
         "solved": list(witness.solved),
         "boxes": list(witness.boxes),

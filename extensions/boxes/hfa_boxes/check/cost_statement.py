@@ -1,7 +1,6 @@
-"""The statement about a lower bound of the cost.
+"""Statement of a certificate about a lower bound of the cost.
 
-The checker interprets or refuses every field. The digest covers all fields, and a report shows
-them.
+The checker interprets or refuses every field. The digest covers all fields, and reports show them.
 """
 
 from __future__ import annotations
@@ -21,16 +20,17 @@ from hfa_proof.checker.reading import Fields, require
 
 @dataclass(frozen=True, eq=False)
 class CostStatement:
-    """Statement that the cost of a flight is at least the largest bound of the pieces.
+    """Claim: the cost of a flight is at least the largest of the bounds by the pieces.
 
-    It holds for every flight within the limits that ends at the equilibrium. The cost is ∫ z'Qz +
-    v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
+    The claim covers every flight within the limits that ends at the equilibrium. The cost is
+    ∫ z'Qz + v'Rv dt, with z and v the deviations of states and inputs from the equilibrium.
 
     plant: the model; its state limits are the envelope
-    equilibrium: moving state or input -> value, within `SAME_TRIM` nominal values
+    equilibrium: moving state or input -> value; it differs from the trim by at most `SAME_TRIM`
+        nominal values
     Q: (n, n), symmetric, positive semidefinite
     R: (m, m), symmetric, positive semidefinite
-    pieces: each proved separately
+    pieces: polynomials W with levels, each proved separately
     """
 
     plant: Plant
@@ -46,7 +46,8 @@ class CostStatement:
         content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
 
-        Raises Malformed for the first wrong entry, and BadInputError for another model.
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -63,7 +64,7 @@ class CostStatement:
         return cls(plant, equilibrium, Q, R, pieces)
 
     def content(self) -> dict[str, Any]:
-        """Return the statement as stored in a file, which `read` reads."""
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
         return {
             **self.plant.content(),
             "equilibrium": dict(self.equilibrium),
@@ -74,19 +75,21 @@ class CostStatement:
 
     @property
     def level(self) -> float:
-        """The largest level of the pieces, which is the bound where their W are larger."""
+        """Largest level c of the pieces. No bound of the statement exceeds it."""
         return max(piece.c for piece in self.pieces)
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return lower bounds (N,) of the cost from the deviations z (N, n) from the trim, in
-        doubles."""
+        """Return the lower bounds (N,) of the cost from deviations z (N, n) from the trim.
+
+        They are computed in doubles without outward rounding.
+        """
         plant = self.plant
         offset = np.array([self.equilibrium[name] - plant.trim[name] for name in plant.states])
         return np.asarray(np.max([piece.bound(z - offset) for piece in self.pieces], axis=0))
 
 
 def _check_limits(plant: Plant) -> None:
-    """Raise Malformed if an input limit differs from the model's, or an output is limited."""
+    """Raise Malformed if an input limit differs from the model's, or an output has a limit."""
     for name, signal in plant.model.inputs.items():
         stated = plant.limits.get(name, (-np.inf, np.inf))
         require(stated == (signal.min, signal.max), f"limits: {name} not the model's", stated)

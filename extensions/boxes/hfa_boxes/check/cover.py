@@ -1,9 +1,10 @@
 """Branch and bound: proof that functions are positive on a set within a cube.
 
-The cube |y_i| <= 1 is halved again and again, across the edge that `Question.edges` chooses, until
-on each box every function is bounded from below by a positive number or the box is outside the set.
-Centers and half widths are dyadic, so that they are doubles without rounding. The order is fixed,
-so that the proof is repeated without a stored tree."""
+The cube |y_i| <= 1 is subdivided. A box is decided if it is outside the set, or if every function
+has a positive lower bound on it. An undecided box is halved across the edge that `Question.edges`
+returns. Centers and half-widths are dyadic numbers, which doubles represent exactly. The order is
+fixed, so the proof can be repeated without a stored tree.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ _TOLD = 4
 
 
 class Boxes(NamedTuple):
-    """Boxes by their centers (N, n) and the number of times each edge was halved (N, n)."""
+    """Boxes with centers (N, n) and half-widths 2^-depths; depths (N, n) count the halvings of each
+    edge.
+    """
 
     centres: np.ndarray
     depths: np.ndarray
@@ -44,8 +47,10 @@ class Boxes(NamedTuple):
         return Boxes(self.centres[which], self.depths[which])
 
     def halves(self, across: np.ndarray) -> Boxes:
-        """Return the lower halves of all boxes, then the upper ones; across: (N,), the edges that
-        are halved."""
+        """Return the lower halves of all boxes, followed by their upper halves.
+
+        across: (N,), index of the edge that is halved
+        """
         rows = np.arange(len(self.centres))
         depths = self.depths.copy()
         depths[rows, across] += 1
@@ -63,9 +68,9 @@ def cube(n: int) -> Boxes:
 
 
 class OpenBoxError(Rejected):
-    """Error of a box that is not decided.
+    """Raised if a box is not decided.
 
-    place: its center (n,)
+    place: center of the box, (n,)
     """
 
     def __init__(self, text: str, place: np.ndarray) -> None:
@@ -74,15 +79,15 @@ class OpenBoxError(Rejected):
 
 
 class RefutedError(OpenBoxError):
-    """Error of a function that is not positive at a point of the set, computed in doubles."""
+    """Raised if a function, computed in doubles, is not positive at a point of the set."""
 
 
 class SmallestBoxError(OpenBoxError):
-    """Error of an undecided box that is too small to be halved."""
+    """Raised if an undecided box is too small to be halved."""
 
 
 class Question(Protocol):
-    """A property to decide on every box of the cube |y_i| <= 1."""
+    """Property that is decided box by box on the cube |y_i| <= 1."""
 
     @property
     def n(self) -> int:
@@ -93,10 +98,11 @@ class Question(Protocol):
         """Number of boxes that are evaluated in one batch."""
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes that do not meet the set."""
+        """Return the mask (N,) of the boxes that contain no point of the set."""
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return for each undecided box the edge to halve, and -1 for decided boxes, (N,).
+        """Return the index of the edge to halve for each undecided box, and -1 for decided boxes,
+        (N,).
 
         Raises RefutedError at a point where the property does not hold.
         """
@@ -105,11 +111,13 @@ class Question(Protocol):
 def refute(
     centres: np.ndarray, values: np.ndarray, within: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    """Raise RefutedError at the point of the set with the lowest negative value.
+    """Raise RefutedError if a value at a point of the set is negative.
+
+    The error stores the point with the lowest value.
 
     centres: (N, n), the points
     values: (N,)
-    within: points (N, n) -> mask of those in the set
+    within: points (N, n) -> mask (N,) of the points in the set
     """
     negative = np.flatnonzero(values < 0.0)
     refuted = negative[within(centres[negative])]
@@ -119,12 +127,14 @@ def refute(
 
 
 def cover(question: Question, most: int, progress: Progress | None = None) -> int:
-    """Prove a property on the set and return the number of boxes.
+    """Prove a property on a set and return the number of boxes.
 
-    most: number of boxes after which the proof ends
+    most: number of boxes after which the proof stops
+    progress: called with the decided share of the volume and the number of boxes
 
-    Raises RefutedError at a point where the property fails, and OpenBoxError at a point where it is
-    not decided. The reported progress is the decided share of the volume."""
+    Raises RefutedError at a point where the property fails. Raises OpenBoxError, with the center of
+    an undecided box, if `most` boxes do not suffice or the box is too small to be halved.
+    """
     n = question.n
     waiting = cube(n)
     done = 0.0
@@ -163,7 +173,7 @@ def cover(question: Question, most: int, progress: Progress | None = None) -> in
 
 
 def _volume(boxes: Boxes) -> float:
-    """Return the share of the cube's volume that the boxes fill."""
+    """Return the sum of the volumes of boxes, relative to the volume of the cube."""
     return float(np.sum(np.ldexp(1.0, -boxes.depths.sum(axis=1))))
 
 

@@ -24,7 +24,9 @@ _DOUBLINGS = 30
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Enclosure of an equilibrium: exactly one lies within radius (n,) of x (n,)."""
+    """Enclosure of an equilibrium: exactly one equilibrium differs from x (n,) by at most radius
+    (n,).
+    """
 
     x: np.ndarray
     radius: np.ndarray
@@ -36,10 +38,11 @@ def zero_near(
     """Return an enclosure of the zero of a program F that Newton's method finds from x.
 
     x: (k,), the inputs of the program
-    nominal: (k,), their sizes
-    solved: indices of the unknown inputs, as many as the program has outputs; the others stay fixed
+    nominal: (k,), nominal values of the inputs
+    solved: indices of the unknown inputs, as many as the program has outputs; the other inputs are
+        constant
 
-    Raises Rejected if the zero is not proved by |C F(x)| + |1 - C F'| r < r, with C near the
+    Raises Rejected unless |C F(x)| + |1 - C F'| r < r is proved for a radius r, with C near the
     inverse of F' (Krawczyk 1969).
     """
     point = np.array(x, dtype=float)
@@ -83,14 +86,17 @@ def _moved(C: np.ndarray, residual: Intervals) -> np.ndarray:
 
 def check_near(at: Equilibrium, stated: np.ndarray, nominal: np.ndarray, what: str) -> None:
     """Raise Rejected unless an equilibrium is within `SAME_TRIM` nominal values of the stated
-    one."""
+    values.
+
+    what: name of the stated values, for the message
+    """
     distance = np.abs(at.x - stated) + at.radius
     if not np.all(distance <= SAME_TRIM * nominal):
         raise Rejected(f"the equilibrium differs from {what}")
 
 
 def open_rates(plant: Plant) -> Program:
-    """Return the function (x, u) -> rates of the moving states."""
+    """Return the program (x, u) -> rates of the moving states."""
     n = len(plant.states)
     both = ca.SX.sym("x", n + len(plant.inputs))
     rates, _ = plant.rates_at(both[:n], both[n:])

@@ -1,6 +1,7 @@
-"""Closed loop of any policy with saturated inputs, its enclosed equilibrium, and V' near it.
+"""Closed loop of any policy with saturated inputs: enclosed equilibrium, and decrease of V.
 
-V is the polynomial W of a `Piece`, in coordinates y = M z."""
+V is the polynomial W of a `Piece`, in coordinates y = M z.
+"""
 
 from __future__ import annotations
 
@@ -28,18 +29,18 @@ _SMALLEST_HOLE = 30
 class Loop(Plant):
     """Closed loop x' = f(x, u), u = min(max(u0 + policy(x - x0), low), high).
 
-    policy: state deviations (n,) -> input deviations (m,); an optional second argument is the trim:
-        all states, inputs and parameters
+    policy: state deviations (n,) -> input deviations (m,); an optional second argument is the trim,
+        which lists all states, inputs and parameters
     """
 
     policy: ca.Function
 
     def rates(self, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Rates of the moving states at x (n,), and the limited outputs."""
+        """Return the rates of the moving states at x (n,), and the limited outputs."""
         return self.rates_at(x, self.commands(x))
 
     def commands(self, x: ca.SX) -> ca.SX:
-        """Return the inputs at x, saturated."""
+        """Return the saturated inputs (m,) at the states x (n,)."""
         u0 = ca.DM(list(self.inputs.values()))
         if not self.inputs:
             return ca.SX(0, 1)
@@ -52,8 +53,7 @@ class Loop(Plant):
         return ca.vertcat(*saturated)
 
     def deviations(self, z: ca.SX) -> ca.SX:
-        """Return the deviation of the inputs from the trim that the policy commands at the
-        deviation z."""
+        """Return the input deviations (m,) that the policy commands at state deviations z (n,)."""
         if self.policy.n_in() == 1:
             return self.policy(z)
         at_trim = {**self.trim, **self.held}
@@ -62,26 +62,26 @@ class Loop(Plant):
 
     @cached_property
     def closed(self) -> Program:
-        """Function x -> rates of the closed loop."""
+        """Program x -> rates of the closed loop."""
         x = ca.SX.sym("x", len(self.states))
         return Program(ca.Function("rates", [x], [self.rates(x)[0]]), self.model.name)
 
 
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
-    """Return the equilibrium of the loop near x (n,), proved to exist. Raises Rejected
-    otherwise."""
+    """Return an enclosure of the loop's equilibrium near x (n,). Raises Rejected if none is proved.
+    """
     n = len(loop.states)
     return zero_near(loop.closed, x, loop.nominal[:n], range(n))
 
 
 @dataclass(frozen=True, eq=False)
 class Decrease(OnPiece):
-    """Property that `cover` proves: -W' > 0 on the set except at the equilibrium, and limits and
+    """Property that `cover` proves: in the set, W' < 0 except at the equilibrium, and limits and
     extents hold.
 
     plant: the loop
     extents: (n, 2), lowest and highest z in the set
-    multipliers: (n, 2), at least 0, factors of c - W in the proofs of the extents
+    multipliers: (n, 2), nonnegative factors of c - W in the proofs of the extents
     """
 
     plant: Loop
@@ -94,7 +94,7 @@ class Decrease(OnPiece):
         return self._functions.at_once
 
     def check_limits(self) -> None:
-        """Raise Rejected unless every state within its extents is within its limits."""
+        """Raise Rejected unless all state values within the extents are within the state limits."""
         at = self.equilibrium
         limits = self.plant.ends(self.plant.states)
         for i, name in enumerate(self.plant.states):
@@ -106,7 +106,8 @@ class Decrease(OnPiece):
                 raise Rejected(f"{name} may leave its limits in the set")
 
     def edges(self, boxes: Boxes) -> np.ndarray:
-        """Return for each unproved box the edge to halve, and -1 for the others, (N,).
+        """Return the index of the edge to halve for each unproved box, and -1 for proved boxes,
+        (N,).
 
         Raises RefutedError at a point where a function is negative.
         """
@@ -132,9 +133,11 @@ class Decrease(OnPiece):
 
     @cached_property
     def _functions(self) -> TaylorProgram:
-        """-W', then the functions that are positive where limits and extents hold.
+        """Program of -W' and of the functions that are positive where limits and extents hold.
 
-        An extent h of z_i holds in the set where h - z_i > k (c - W), k >= 0."""
+        The upper extent h of z_i holds in the set {W <= c} if h - z_i > k (c - W) with k >= 0. The
+        lower extent is proved in the same way.
+        """
         rates, outputs = self._rates
         W, slopes = self.piece.W.expressions(self.symbols.y)
         functions = [-ca.dot(slopes, ca.DM(self.piece.M) @ rates)]
@@ -152,10 +155,11 @@ class Decrease(OnPiece):
 
     @cached_property
     def hole(self) -> int:
-        """Exponent k: W' < 0 is proved where 0 < |y_i| <= 2^-k. Raises Rejected if no k is found.
+        """Exponent k: W' < 0 is proved where 0 < |y_i| <= 2^-k.
 
-        The slopes of W are G y and the rates J z, G and J in the enclosures, so that
-        W' = y'(S + S') y / 2 with S = G'M J M⁻¹."""
+        The gradient of W is G y and the rates are J z, with G and J within their enclosures. Hence
+        W' = y'(S + S') y / 2 with S = G'M J M⁻¹. Raises Rejected if no k is found.
+        """
         n = self.n
         slopes = self.program([self.piece.W.expressions(self.symbols.y)[1], self._rates[0]])
         M = matrix(self.piece.M)

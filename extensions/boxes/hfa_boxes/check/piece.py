@@ -1,7 +1,9 @@
-"""A polynomial W about an equilibrium, and the set where it is at most c, on boxes.
+"""Polynomial W about an equilibrium, and the set where W is at most c.
 
-With z the deviations of the states from the equilibrium and y = M z the set is {W(y) <= c} in the
-cube |y_i| <= 1, which it does not leave: W > c on every box that meets a face of the cube."""
+With z the deviations of the states from the equilibrium and y = M z, the set is {W(y) <= c} within
+the cube |y_i| <= 1. The set does not meet the faces of the cube: W > c on every box that meets a
+face.
+"""
 
 from __future__ import annotations
 
@@ -33,17 +35,19 @@ _FLATTEST = 4
 
 
 class Polynomial(NamedTuple):
-    """Polynomial W(y) = Σ coefficient Π y_i^power.
+    """Polynomial W(y) = Σ coefficient Π y_i^power_i.
 
     n: number of variables y
-    terms: pairs of coefficient and powers
+    terms: pairs of a coefficient and its powers (n,)
     """
 
     n: int
     terms: Terms
 
     def expressions(self, y: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return expressions of W and its gradient (n,); coefficients times powers are exact."""
+        """Return expressions of W and its gradient (n,). Products of coefficients and powers are
+        exact.
+        """
         known: dict[tuple[int, ...], ca.SX] = {(0,) * self.n: ca.SX(1)}
 
         def monomial(powers: tuple[int, ...]) -> ca.SX:
@@ -63,7 +67,7 @@ class Polynomial(NamedTuple):
         return ca.dot(ca.vertcat(*parts), y), ca.vertcat(*slopes)
 
     def at(self, y: np.ndarray) -> np.ndarray:
-        """Return W (N,) at y (N, n), in doubles."""
+        """Return W (N,) at points y (N, n), in doubles."""
         total = np.zeros(len(y))
         for coefficient, powers in self.terms:
             total += coefficient * np.prod(y ** np.array(powers), axis=1)
@@ -71,20 +75,21 @@ class Polynomial(NamedTuple):
 
 
 def lowered(powers: tuple[int, ...], index: int) -> tuple[int, ...]:
-    """Return the powers of a monomial divided by its variable `index`."""
+    """Return the powers of a monomial divided by the variable `index`."""
     return (*powers[:index], powers[index] - 1, *powers[index + 1 :])
 
 
 def is_exact(coefficient: float, powers: Sequence[int]) -> bool:
-    """Return whether each product of a coefficient with a power is a double without rounding."""
+    """Return whether each product of the coefficient and a power is exact in doubles."""
     return all(Fraction(power) * Fraction(coefficient) == power * coefficient for power in powers)
 
 
 class Piece(NamedTuple):
     """The set {W(y) <= c} with y = M z.
 
-    M: (n, n)
-    W: polynomial of y without terms of degree 0 and 1, whose coefficients times powers are doubles
+    M: (n, n) W: polynomial in y without terms of degree 0 and 1; products of coefficients and
+    powers are exact
+        in doubles
     c: level
     """
 
@@ -104,7 +109,7 @@ class Piece(NamedTuple):
         return cls(M, Polynomial(n, terms), c)
 
     def content(self) -> dict[str, Any]:
-        """Return the piece as stored in a file, which `read` reads."""
+        """Return the piece as stored in a file, in the form that `read` accepts."""
         return {"M": self.M.tolist(), "W": rows_of(self.W.terms), "c": self.c}
 
     def contains(self, z: np.ndarray) -> np.ndarray:
@@ -113,7 +118,7 @@ class Piece(NamedTuple):
         return np.asarray(np.all(np.abs(y) < 1.0, axis=1) & (self.W.at(y) <= self.c))
 
     def bound(self, z: np.ndarray) -> np.ndarray:
-        """Return the smaller of W and c at deviations z (N, n) in the cube, and c outside, (N,), in
+        """Return min(W, c) at deviations z (N, n) within the cube, and c outside the cube, (N,), in
         doubles.
         """
         y = z @ self.M.T
@@ -122,7 +127,7 @@ class Piece(NamedTuple):
 
 
 class Symbols(NamedTuple):
-    """Symbols y and z (n,), input deviations v (m,), and the equilibrium error (n + m,)."""
+    """Symbols y and z (n,), input deviations v (m,), and equilibrium error e (n + m,)."""
 
     y: ca.SX
     z: ca.SX
@@ -132,10 +137,10 @@ class Symbols(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnPiece(Question):
-    """Property of an aircraft on the set of a piece, decided on boxes.
+    """Property of an aircraft on the set of a piece, decided box by box.
 
     plant: the aircraft with its limits
-    equilibrium: enclosure of the equilibrium states, or states and inputs
+    equilibrium: enclosure of the equilibrium states, or of states and inputs
     piece: the set
     """
 
@@ -150,17 +155,18 @@ class OnPiece(Question):
 
     @property
     def m(self) -> int:
-        """Number of inputs that are variables: 0 for a closed loop."""
+        """Number of inputs that are free variables; 0 for a closed loop."""
         return len(self.equilibrium.x) - self.n
 
     @abstractmethod
     def check_limits(self) -> None:
-        """Raise Rejected if a limit that is checked without boxes does not hold."""
+        """Raise Rejected if a limit that is checked without boxes is exceeded."""
 
     def proved(self, most: int, progress: Progress | None = None) -> int:
         """Return the number of boxes that prove the property. Raises Rejected if it is not proved.
 
-        most, progress: as in `cover`
+        most: number of boxes after which the proof stops
+        progress: called with the decided share of the volume and the number of boxes
         """
         self.plant.check_held()
         self.check_limits()
@@ -168,8 +174,10 @@ class OnPiece(Question):
 
     @cached_property
     def inverse(self) -> tuple[np.ndarray, np.ndarray]:
-        """Approximate inverse of M and a bound of its error, (n, n) each. Raises Rejected if M is
-        singular."""
+        """Approximate inverse of M and a bound of its error, (n, n) each.
+
+        Raises Rejected if M is singular.
+        """
         try:
             exact = matrix(self.piece.M).inv()
         except ZeroDivisionError as error:
@@ -180,26 +188,30 @@ class OnPiece(Question):
         return N, (radius + 1e-15 * np.abs(N)) * (1.0 + ROUNDING)
 
     def within(self, places: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the points y (N, n) in the set and within the state limits, in
-        doubles."""
+        """Return the mask (N,) of the points y (N, n) that are in the set and within the state
+        limits.
+
+        The test is done in doubles.
+        """
         low, high = self.plant.ends(self.plant.states).T
         x = self.equilibrium.x[: self.n] + places @ self.inverse[0].T
         is_allowed = np.all((low <= x) & (x <= high), axis=1)
         return np.asarray(is_allowed & (self.piece.W.at(places) <= self.piece.c))
 
     def is_outside(self, boxes: Boxes) -> np.ndarray:
-        """Return the mask of the boxes on which W > c everywhere."""
+        """Return the mask (N,) of the boxes on which W > c is proved."""
         level = self._level.over(boxes.centres, boxes.half_widths)
         return np.asarray(lowest(level, self.n)[0] > self.piece.c)
 
     def decisive_edges(self, boxes: Boxes, lowered_by: np.ndarray) -> np.ndarray:
-        """Return for each box the edge to halve, (N,).
+        """Return the index of the edge to halve for each box, (N,).
 
-        It is the edge that lowers the bound of a function most, or that of W where a box meets a
-        face of the cube. For a box about the equilibrium it is the widest. No edge is halved much
-        more often than another.
+        In general it is the edge that reduces the lower bound of the function most. For a box that
+        meets a face of the cube, it is the edge that reduces the lower bound of W most. For a box
+        about the equilibrium, it is the longest edge. An edge that was halved much more often than
+        another is excluded.
 
-        lowered_by: (N, n), the amount by which each edge lowers the bound
+        lowered_by: (N, n), reduction of the lower bound of the function that each edge causes
         """
         half_widths = boxes.half_widths
         sizes = np.where(np.isfinite(lowered_by), lowered_by, half_widths)
@@ -215,7 +227,7 @@ class OnPiece(Question):
 
     @cached_property
     def _level(self) -> TaylorProgram:
-        """Function y -> W."""
+        """Program y -> W."""
         y = ca.SX.sym("y", self.n)
         function = ca.Function("W", [y], [self.piece.W.expressions(y)[0]])
         return TaylorProgram(Program(function, self.plant.model.name), self.n)
@@ -227,19 +239,19 @@ class OnPiece(Question):
         return Symbols(*(ca.SX.sym(name, size) for name, size in zip("yzve", sizes, strict=True)))
 
     def program(self, outputs: Sequence[ca.SX]) -> Program:
-        """Return the program of expressions in the symbols."""
+        """Return the program that evaluates expressions in the symbols."""
         inputs = ca.vertcat(*self.symbols)
         function = ca.Function("f", [inputs], [ca.densify(ca.vertcat(*outputs))])
         return Program(function, self.plant.model.name)
 
     def taylor(self, outputs: Sequence[ca.SX]) -> TaylorProgram:
-        """Return the Taylor program of expressions in the symbols, over boxes of y."""
+        """Return the program for Taylor models of expressions in the symbols, over boxes of y."""
         return TaylorProgram(self.program(outputs), self.n)
 
     def symbols_on(self, boxes: Boxes) -> tuple[np.ndarray, np.ndarray]:
-        """Return the symbols on boxes with v = 0, as coefficients and radii.
+        """Return linear models of the symbols on boxes, with v = 0.
 
-        The coefficients are (symbols, 1 + n, boxes), the radii (symbols, boxes).
+        The models are coefficients (symbols, 1 + n, boxes) and radii (symbols, boxes).
         """
         n = self.n
         N, off = self.inverse

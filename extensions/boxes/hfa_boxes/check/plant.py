@@ -1,4 +1,4 @@
-"""An aircraft about a trim: its equations and limits, read from a certificate."""
+"""Equations and limits of an aircraft about a trim, read from a certificate."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """Plant x' = f(x, u) with inputs between their limits.
+    """Plant x' = f(x, u) with inputs within their limits.
 
     model: the equations; the states of its linear model are the moving states
     parameters: every parameter of the model -> value
-    trim: moving state -> value, x0
-    inputs: input -> value, u0
-    held: each other state -> its constant value
+    trim: moving state -> trim value, x0
+    inputs: input -> trim value, u0
+    held: every other state -> its constant value
     limits: signal -> lowest and highest value
     """
 
@@ -38,16 +38,16 @@ class Plant:
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The moving states, in order."""
+        """Names of the moving states, in the model's order."""
         return tuple(self.model.linear)
 
     @property
     def limited_outputs(self) -> tuple[str, ...]:
-        """Outputs that have limits."""
+        """Names of the outputs that have limits."""
         return tuple(name for name in self.model.outputs if name in self.limits)
 
     def content(self) -> dict[str, Any]:
-        """Return the entries of a statement, which `read_plant` reads."""
+        """Return the entries of a statement, in the form that `read_plant` accepts."""
         return {
             **facts(self.model),
             "parameters": dict(self.parameters),
@@ -64,24 +64,25 @@ class Plant:
         return np.array([signals[name].nominal for name in (*self.states, *self.inputs)])
 
     def ends(self, names: Sequence[str]) -> np.ndarray:
-        """Return the lowest and highest values of signals, (len(names), 2), infinite without a
-        limit."""
+        """Return the lowest and highest values of signals, (len(names), 2); a missing limit is
+        infinite.
+        """
         pairs = [self.limits.get(name, (-np.inf, np.inf)) for name in names]
         return np.array(pairs, dtype=float).reshape(-1, 2)
 
     def check_held(self) -> None:
-        """Raise Rejected where a state that does not move is beyond its limits."""
+        """Raise Rejected if a constant state is outside its limits."""
         for name, value in self.held.items():
             ((low, high),) = self.ends((name,))
             if not low <= value <= high:
                 raise Rejected(f"{name} is held beyond its limits")
 
     def rates_at(self, x: ca.SX, u: ca.SX, w: Sequence[Any] | None = None) -> tuple[ca.SX, ca.SX]:
-        """Return the rates of the moving states, and the limited outputs.
+        """Return the rates of the moving states and the limited outputs.
 
         x: (n,), the moving states
         u: (m,), the inputs
-        w: every disturbance, or None for 0
+        w: all disturbances, or None for 0
         """
         values = dict(self.held) | dict(zip(self.states, ca.vertsplit(x), strict=True))
         vectors: list[Any] = [
@@ -95,9 +96,10 @@ class Plant:
 
 
 def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
-    """Return the model about a trim and its limits. Raises Malformed for the first wrong entry.
+    """Return the plant stored in a certificate. Raises Malformed for the first wrong entry.
 
-    content: content of the entries
+    entries: reader of the certificate's entry `statement`
+    content: the same entry as data
     own: the user's model, if the statement concerns one
     """
     model = model_of(content.get("dynamics"), content.get("source"), own)
@@ -116,7 +118,9 @@ def read_plant(entries: Fields, content: Any, own: Model | None) -> Plant:
 
 
 def _read_limits(entries: Fields, model: Model) -> Limits:
-    """Read the limits by signal; a missing limit is null."""
+    """Return signal -> (lowest, highest) from the entry `limits`; null in the file becomes
+    infinite.
+    """
     stated = entries.value("limits", lambda value: isinstance(value, dict))
     limits = {}
     for name, pair in stated.items():
@@ -132,7 +136,12 @@ def _read_limits(entries: Fields, model: Model) -> Limits:
 
 
 def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> dict[str, Terms]:
-    """Read the terms of the polynomials of some inputs, up to the degree `highest`."""
+    """Return input -> terms of its polynomial, from the entry `name`.
+
+    An input without an entry is omitted.
+
+    highest: highest degree that is accepted
+    """
     rows = entries.fields(name)
     terms = {}
     for each in plant.inputs:
@@ -143,7 +152,10 @@ def terms_by_input(entries: Fields, name: str, plant: Plant, highest: int) -> di
 
 
 def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read the lowest and highest deviation of each state, on either side of 0."""
+    """Return state -> lowest and highest deviation, from the entry `extents`.
+
+    Raises Malformed unless the lowest is negative and the highest positive.
+    """
     listed = entries.fields("extents")
     extents = {name: listed.pair(name) for name in states}
     listed.close()
@@ -152,7 +164,9 @@ def read_extents(entries: Fields, states: Sequence[str]) -> dict[str, tuple[floa
 
 
 def check_limits_of_model(plant: Plant) -> None:
-    """Raise Malformed if a limit of the model is missing or widened, or an input limit differs."""
+    """Raise Malformed if a stated limit is wider than the model's, or an input limit differs from
+    it.
+    """
     states = {**plant.trim, **plant.held}
     own = model_limits(plant.model, states, plant.parameters)
     wrong = limits_hold(plant.limits, own, plant.inputs)
@@ -160,11 +174,14 @@ def check_limits_of_model(plant: Plant) -> None:
 
 
 def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | None:
-    """Return the first signal whose stated limits do not agree with the model's own, or None if all
-    do.
+    """Return the first signal whose stated limits are not admissible, or None if all are.
 
-    Input limits define the saturation and must equal the model's. Limits of states and outputs may
-    be narrower."""
+    The limits of an input define its saturation and must equal the model's. The limits of a state
+    or output must not be wider than the model's.
+
+    stated, own: signal -> lowest and highest value, in the certificate and in the model
+    inputs: names of the inputs
+    """
     unlimited = (-np.inf, np.inf)
     for name in (*inputs, *own):
         low, high = stated.get(name, unlimited)
@@ -178,12 +195,13 @@ def limits_hold(stated: Limits, own: Limits, inputs: Collection[str]) -> str | N
 def model_limits(
     model: Model, states: Mapping[str, float], parameters: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Return the lowest and highest value of every limited state, input and output.
+    """Return signal -> lowest and highest value, for every limited state, input and output.
 
-    They are min and max of the declaration, and the model's envelope about this trim.
+    The limits are the declared min and max, replaced by the model's envelope at this trim if it has
+    one.
 
-    states: all of them, at the trim
-    parameters: name -> value
+    states: state -> value at the trim, for all states
+    parameters: parameter -> value
     """
     limits = {}
     for name in (*model.states, *model.inputs, *model.outputs):
@@ -197,7 +215,8 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return the model's identity, the order of its states and inputs, and the units."""
+    """Return entries that identify a model: name, source, and names and units of states and inputs.
+    """
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],
@@ -208,5 +227,5 @@ def facts(model: Model) -> dict[str, Any]:
 
 
 def pair_of(limits: tuple[float, float]) -> list[float | None]:
-    """Return the limits as stored in a file, where an infinite one is None."""
+    """Return the limits as stored in a file; an infinite limit becomes None."""
     return [end if np.isfinite(end) else None for end in limits]

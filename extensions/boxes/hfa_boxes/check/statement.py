@@ -1,7 +1,6 @@
-"""The statement about a region whose policy is a function.
+"""Statement of a certificate about the region of attraction of a policy, proved on boxes.
 
-The checker interprets or refuses every field. The digest covers all fields, and a report shows
-them.
+The checker interprets or refuses every field. The digest covers all fields, and reports show them.
 """
 
 from __future__ import annotations
@@ -35,10 +34,10 @@ HIGHEST_POLICY = 12
 
 
 class Gain(NamedTuple):
-    """The unsaturated policy u0 - K z + q(z), with z the deviations from the trim.
+    """Policy u0 - K z + q(z) before saturation, with z the deviations from the trim.
 
     K: (m, n)
-    terms: input -> the terms of q of degree 2 and more; other inputs have q = 0
+    terms: input -> terms of q of degree 2 and more; q = 0 for an input without an entry
     """
 
     K: np.ndarray
@@ -61,31 +60,32 @@ class Gain(NamedTuple):
 
     @classmethod
     def read(cls, entries: Fields, plant: Plant) -> Gain:
-        """Return the policy of a certificate."""
+        """Return the policy stored in a certificate. Raises Malformed for the first wrong entry."""
         K = entries.array("K", len(plant.inputs), len(plant.states))
         terms = terms_by_input(entries, "terms", plant, HIGHEST_POLICY)
         entries.close()
         return cls(K, terms)
 
     def content(self) -> dict[str, Any]:
-        """Return the policy as stored in a file."""
+        """Return the policy as stored in a file, in the form that `read` accepts."""
         rows = {name: rows_of(terms) for name, terms in self.terms.items()}
         return {"K": self.K.tolist(), "terms": rows}
 
 
 @dataclass(frozen=True, eq=False)
 class BoxStatement:
-    """Statement that trajectories from the set of the piece converge to the equilibrium.
+    """Claim: trajectories from the set of the piece converge to the equilibrium.
 
-    Every trajectory of the loop that begins in the set exists for all time, and stays there and
-    within all limits. z are deviations from the equilibrium. For V of degree 2 the set is {V <=
-    rho}, because V > rho outside the cube too.
+    Every trajectory of the loop that begins in the set exists for all time and stays in the set and
+    within all limits. z are deviations from the equilibrium. For V of degree 2 the set is
+    {V <= rho} without the condition |y_i| <= 1, because V > rho outside the cube.
 
-    loop: the model with its policy and saturated inputs
-    policy: the SHA-256 of its instructions, or its coefficients
-    equilibrium: moving state -> value, within `SAME_TRIM` nominal values
+    loop: the model with its policy and saturated inputs policy: SHA-256 of the policy's
+    instructions, or its coefficients equilibrium: moving state -> value; the proved equilibrium
+    differs by at most `SAME_TRIM` nominal
+        values
     piece: V and its level, in coordinates y = M z
-    extents: moving state -> lowest and highest deviation in the set, or beyond
+    extents: moving state -> bounds of its deviation in the set
     """
 
     loop: Loop
@@ -108,12 +108,13 @@ class BoxStatement:
     def read(cls, content: Any, own: Model | None, policy: ca.Function | None) -> BoxStatement:
         """Return the statement of a certificate.
 
-        content: the certificate's entry `statement`
-        own: the user's model, if the statement concerns one
-        policy: the user's policy, state deviations -> input deviations; None if the certificate
-            stores its coefficients
+        content: the certificate's entry `statement` own: the user's model, if the statement
+        concerns one policy: the user's policy, state deviations -> input deviations; None if the
+        certificate stores
+            its coefficients
 
-        Raises Malformed for the first wrong entry, and BadInputError for another model or policy.
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model or policy.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -137,7 +138,7 @@ class BoxStatement:
         return cls(loop, stated, equilibrium, piece, extents)
 
     def content(self) -> dict[str, Any]:
-        """Return the statement as stored in a file, which `read` reads."""
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
         policy = self.policy.content() if isinstance(self.policy, Gain) else self.policy
         return {
             **self.loop.content(),
@@ -149,9 +150,10 @@ class BoxStatement:
 
 
 def digest_of(policy: ca.Function) -> str:
-    """Return the SHA-256 of a policy's instructions and all digits of its numbers.
+    """Return the SHA-256 of a policy's instructions and of all digits of its constants.
 
-    Raises BadInputError if the policy has too many operations."""
+    Raises BadInputError if the policy has more than `LARGEST` operations.
+    """
     function = policy.expand() if policy.is_a("MXFunction") else policy
     if function.n_instructions() > LARGEST:
         raise BadInputError(

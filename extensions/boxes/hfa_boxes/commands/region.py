@@ -1,5 +1,4 @@
-"""`hfa prove region` for a policy given as a function: proof on boxes, or check of a
-certificate."""
+"""`hfa prove region` on boxes: proof of a region for any policy, and check of a certificate."""
 
 from __future__ import annotations
 
@@ -36,9 +35,9 @@ class ProvedPolicy:
 
     function: the policy, as in `Loop.policy`
     words: its description
-    gain: its coefficients if it is a polynomial
-    known: candidates for V, by description
-    not_covered: effects that the proof leaves out, for the title
+    gain: its coefficients, if it is a polynomial
+    known: pairs of a description and a matrix P, candidates V = z'P z
+    not_covered: effects that the proof neglects, for the title
     """
 
     function: ca.Function
@@ -51,10 +50,10 @@ class ProvedPolicy:
     def of_gain(
         cls, gain: Gain, inputs: tuple[str, ...], words: str, P: np.ndarray | None
     ) -> ProvedPolicy:
-        """Return a policy with these coefficients.
+        """Return the policy with these coefficients.
 
-        inputs: names, in order
-        words: its description
+        inputs: names of the inputs, in order
+        words: description of the policy
         P: (n, n), matrix of the game or critic, or None
         """
         known = [] if P is None else [("P of the game", P)]
@@ -62,7 +61,7 @@ class ProvedPolicy:
 
 
 def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
-    """Return the loop of a policy about the trim of a linear model."""
+    """Return the closed loop of a policy about the trim of a linear model."""
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -78,8 +77,10 @@ def loop_of(linear: LinearModel, policy: ProvedPolicy) -> Loop:
 
 
 def scalars(policy: ca.Function) -> ca.Function:
-    """Return a policy as a function of scalars, whose instructions can be read. Raises
-    BadInputError for unsupported operations."""
+    """Return a policy as a function of scalar operations, whose instructions can be read.
+
+    Raises BadInputError if the policy is computed iteratively.
+    """
     if not policy.is_a("MXFunction"):
         return policy
     try:
@@ -94,9 +95,9 @@ def scalars(policy: ca.Function) -> ca.Function:
 class SearchSettings:
     """Settings of a search.
 
-    seconds: processor time
+    seconds: limit of the processor time
     degree: highest degree of V
-    resume: whether to continue the earlier run whose certificate -o names
+    resume: whether to continue the earlier run that wrote the certificate given by -o
     reason: why boxes were chosen, for the report; "" if the user chose them
     """
 
@@ -109,8 +110,10 @@ class SearchSettings:
 def prove(
     request: OutputOptions, linear: LinearModel, policy: ProvedPolicy, settings: SearchSettings
 ) -> int:
-    """Prove the largest region found, write its certificate to -o, print it, and return the exit
-    code."""
+    """Prove a region that is as large as possible, print a report and return the exit code.
+
+    If -o is given, the certificate is written to it, and again for each larger region.
+    """
     loop = loop_of(linear, policy)
     stated = policy.gain or digest_of(loop.policy)
 
@@ -145,8 +148,10 @@ def prove(
 
 
 def _earlier(path: Path, loop: Loop, policy: str | Gain) -> BoxStatement:
-    """Return the verified statement of an earlier run. Raises BadInputError if it is about another
-    loop."""
+    """Return the verified statement of an earlier run.
+
+    Raises BadInputError if the statement concerns another loop.
+    """
     statement = check_certificate(path, loop.policy, ProgressLine("check"), loop.model).statement
     forget_read(path)
     if _subject(statement.loop, statement.policy) != _subject(loop, policy):
@@ -167,7 +172,10 @@ def check(
     policy: ProvedPolicy,
     own: Model | None,
 ) -> int:
-    """Verify a certificate against the user's policy and return the exit code."""
+    """Verify a certificate for the user's policy, print a report and return the exit code.
+
+    own: the user's model, if the certificate concerns one
+    """
     verified = check_certificate(path, scalars(policy.function), ProgressLine("check"), own)
     content = verified.statement.content()
     compare(content, FIELDS, _given(loop_of(linear, policy), "the user"))
@@ -176,7 +184,10 @@ def check(
 
 
 def _given(loop: Loop, option: str) -> dict[str, Given]:
-    """Return entry path -> the user's value, for every entry that is not a claim."""
+    """Return entry path -> the user's value, for every entry that is not part of the claim.
+
+    option: the option that gave the loop, for messages
+    """
     widths = {name: 1e-6 * signal.nominal for name, signal in loop.model.signals.items()}
     limits = {name: pair_of(ends) for name, ends in loop.limits.items()}
     given = {name: Given(fact, option) for name, fact in facts(loop.model).items()}

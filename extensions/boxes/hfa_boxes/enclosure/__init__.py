@@ -1,1 +1,1 @@
-"""Enclosures of functions over many boxes at once, in doubles, rounding included."""
+"""Enclosures of functions over many boxes at once, in doubles with rounding errors included."""

@@ -1,7 +1,8 @@
-"""Elementary functions within proved distances, of operations that IEEE 754 rounds correctly.
+"""Elementary functions with proved error bounds, from operations that IEEE 754 rounds correctly.
 
-The error of each function is at most its constant or returned bound. Arguments that are too large
-give nan, for which nothing is claimed. u = 2⁻⁵³."""
+The error of each function is at most its constant, or the bound that it returns. Arguments outside
+the stated range give nan. u = 2⁻⁵³.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ ROUNDING = 1e-15
 
 
 def exp(t: np.ndarray) -> np.ndarray:
-    """Return e^t to the relative error `EXP_ERROR`; nan beyond |t| = 40."""
+    """Return e^t with a relative error of at most `EXP_ERROR`; nan for |t| > 40."""
     r = t / 64.0
     value = np.ones_like(r)
     for k in range(16, 0, -1):
@@ -35,14 +36,14 @@ def exp(t: np.ndarray) -> np.ndarray:
 
 
 def tanh(t: np.ndarray) -> np.ndarray:
-    """Return tanh t to the absolute error `TANH_ERROR`."""
+    """Return tanh t with an absolute error of at most `TANH_ERROR`."""
     power = exp(-2.0 * np.minimum(np.abs(t), _SATURATED))
     value = np.copysign((1.0 - power) / (1.0 + power), t)
     return np.asarray(np.where(np.isnan(t), np.nan, value))
 
 
 def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return sin t and cos t to the absolute error `SIN_ERROR`; nan beyond |t| = 16."""
+    """Return sin t and cos t with absolute errors of at most `SIN_ERROR`; nan for |t| > 16."""
     r = t / 8.0
     square = r * r
     sine = np.ones_like(r)
@@ -58,18 +59,22 @@ def sin_cos(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a value y near log t and a bound of its error, computed from e^y; nan unless t > 0.
+    """Return an approximation y of log t and a bound of its error; nan unless t > 0.
 
-    log t = y + log(t e^-y), and |log(1 + e)| <= |e| / (1 - |e|)."""
+    The error follows from e^y: log t = y + log(1 + e) with e = t e^-y - 1, and
+    |log(1 + e)| <= |e| / (1 - |e|).
+    """
     y = np.log(np.where(t > 0.0, t, np.nan))
     e = np.abs(t * exp(-y) - 1.0) + 2.0 * EXP_ERROR
     return y, np.where(e < 0.5, e / (1.0 - e), np.nan) * (1.0 + 4.0 * ROUNDING)
 
 
 def atan(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a value y near atan t and a bound of its error, computed from tan y.
+    """Return an approximation y of atan t and a bound of its error.
 
-    tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y), and |atan e| <= |e|."""
+    The error follows from tan(atan t - y) = (t cos y - sin y) / (cos y + t sin y) and |atan e| <=
+    |e|.
+    """
     y = np.arctan(t)
     sine, cosine = sin_cos(y)
     size = 1.0 + np.abs(t)

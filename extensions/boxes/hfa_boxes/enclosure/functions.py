@@ -1,9 +1,9 @@
-"""Enclosures of functions of one variable over a range by parabolas or lines.
+"""Enclosures of functions of one variable over a range, by parabolas or lines.
 
-Over [low, high] about a center t0 in it: f(t0 + d) = a + b d + c d² ± rest. `curve` is Taylor's
-polynomial of degree 2 with the third derivative enclosed over the range. `line` has c = 0 and holds
-over wide ranges. Every remainder includes the rounding of its coefficients. The rest of a function
-that is not defined on a range is inf or nan.
+For a range [low, high] that contains t0, f(t0 + d) = a + b d + c d² ± rest. `curve` is the Taylor
+polynomial of degree 2, with the third derivative enclosed over the range. `line` has c = 0 and is
+meant for wide ranges. Every remainder includes the rounding of its coefficients. The remainder is
+inf or nan if the function is not defined on the range.
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ class Parabola(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Lowest and highest slope over a range, in the sense of Clarke."""
+    """Lowest and highest slope over a range, including all generalized gradients (Clarke) at kinks.
+    """
 
     low: np.ndarray
     high: np.ndarray
 
 
 class Enclosed(NamedTuple):
-    """Enclosures of one kind of node: curve, line or both, and slopes."""
+    """Enclosures of one kind of node: by a parabola, by a line, or both, and of its slopes."""
 
     curve: Callable[[Ranges], Parabola] | None
     line: Callable[[Ranges], Parabola] | None
@@ -67,10 +68,11 @@ def _parabola(
     errors: tuple[np.ndarray | float, np.ndarray | float, np.ndarray | float],
     reach: np.ndarray,
 ) -> Parabola:
-    """Return Taylor's polynomial of degree 2.
+    """Return the Taylor polynomial of degree 2 with its remainder.
 
-    third: bound of |f'''| / 6
+    third: upper bound of |f'''| / 6 over the range
     errors: errors of value, slope and bend
+    reach: largest |d|
     """
     of_value, of_slope, of_bend = errors
     rest = of_value + reach * (of_slope + reach * (of_bend + reach * third))
@@ -80,7 +82,13 @@ def _parabola(
 def _by_slopes(
     value: np.ndarray, error: np.ndarray | float, slopes: Slopes, reach: np.ndarray
 ) -> Parabola:
-    """Return the line of the mean value theorem, f(t0 + d) = f(t0) + m d ± w |d|."""
+    """Return the line f(t0 + d) = f(t0) + m d ± w |d| by the mean value theorem.
+
+    m and w are the center and half-width of the range of slopes.
+
+    value, error: f(t0) and its error
+    reach: largest |d|
+    """
     middle = 0.5 * (slopes.low + slopes.high)
     width = np.maximum(slopes.high - middle, middle - slopes.low) * (1.0 + 4.0 * ROUNDING)
     return Parabola(value, middle, np.zeros_like(middle), error + width * reach)
@@ -117,7 +125,7 @@ def _tanh_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _tanh_line(ranges: Ranges) -> Parabola:
-    """Return a line parallel to the chord."""
+    """Return an enclosure of tanh by a line parallel to the chord."""
     centre, low, high = ranges
     at_low = tanh(low)
     at_high = tanh(high)
@@ -135,13 +143,12 @@ def _tanh_line(ranges: Ranges) -> Parabola:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """Return an upper bound of g(t) = tanh t - slope t over [low, high], except for the rounding of
-    g.
+    """Return an upper bound of g(t) = tanh t - slope t over [low, high], without the rounding of g.
 
     at_ends: the larger of g(low) and g(high)
 
     For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
-    below its tangent at any p. p is the computed point where the slopes are equal.
+    below its tangent at any p. The tangent is taken at the computed p where g' is nearly 0.
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)
@@ -161,9 +168,9 @@ def _highest_above(
 
 
 def _relu_line(ranges: Ranges) -> Parabola:
-    """Return a line parallel to the chord of max(t, 0).
+    """Return an enclosure of max(t, 0) by a line parallel to the chord.
 
-    max(t, 0) - slope t is highest at an end, and lowest, 0, at t = 0.
+    The difference max(t, 0) - slope t is highest at an end of the range, and lowest, 0, at t = 0.
     """
     centre, low, high = ranges
     crosses = (low < 0.0) & (high > 0.0)
@@ -180,7 +187,10 @@ def _relu_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _step_line(ranges: Ranges) -> Parabola:
-    """Return 1 for t > 0, 0 for t < 0, and [0, 1] where the range contains 0."""
+    """Return an enclosure of the unit step by a constant.
+
+    The step is 1 for t > 0 and 0 for t < 0. If the range contains 0, the enclosure is [0, 1].
+    """
     _, low, high = ranges
     is_open = (low <= 0.0) & (high >= 0.0)
     value = np.where(is_open, 0.5, low > 0.0)
@@ -268,7 +278,7 @@ def _log_slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
 
 
 def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclosed:
-    """Return the enclosure of an f with f'' = -f and |f'| <= 1.
+    """Return the enclosures of a function f with f'' = -f and |f'| <= 1.
 
     pair: t -> f and f', within `SIN_ERROR`
     """
@@ -284,7 +294,8 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
         return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
 
     def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-        """Return the range of f' from f'(m) ± |t - m|, with m the middle."""
+        """Return the range of f', which is within f'(m) ± |t - m|, with m the center of the range.
+        """
         middle = 0.5 * (low + high)
         _, slope = pair(middle)
         width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR
@@ -294,7 +305,7 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
 
 
 def _cos_sin(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return cos t and its slope."""
+    """Return cos t and its derivative -sin t."""
     sine, cosine = sin_cos(t)
     return cosine, -sine
 

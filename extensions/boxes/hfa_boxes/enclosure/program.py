@@ -1,11 +1,12 @@
-"""A CasADi function as affine rows between nodes that are not affine.
+"""A CasADi function as nonlinear nodes and affine rows between them.
 
-A row is a sum of coefficients, rational and therefore without rounding, times variables. Variable 0
-is the constant 1, then come the inputs and the nodes. Layers of a network become rows, which are
-evaluated by products of matrices.
+A row is a sum of coefficients times variables. The coefficients are rational numbers, so that they
+are not rounded. Variable 0 is the constant 1, followed by the inputs and the nodes. Layers of a
+network become rows, which are evaluated as matrix products.
 
 CasADi folds constants of an expression in doubles: it stores 5 (0.2 x) as x. The proof covers the
-folded function, which is also the one that is evaluated."""
+folded function, which is also the one that is evaluated.
+"""
 
 from __future__ import annotations
 
@@ -52,12 +53,11 @@ _SPARSE = 0.5
 
 
 class Node(NamedTuple):
-    """A node that is not affine.
+    """A nonlinear node.
 
-    kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of
-        one variable.
-    rows: rows of its one or two arguments.
-    level: 1 above the highest level of the nodes in its rows.
+    kind: "product", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), or a function of one
+    variable. rows: rows of its one or two arguments. level: 1 above the highest level of the nodes
+    in its rows.
     """
 
     kind: str
@@ -66,10 +66,10 @@ class Node(NamedTuple):
 
 
 class Argument(NamedTuple):
-    """Rows of the nodes of a group, in doubles.
+    """Rows of one argument of all nodes of a group, in doubles.
 
-    blocks: earlier group -> coefficients (rows, variables of the group); sparse where most are 0.
-    sizes: their magnitudes
+    blocks: earlier group -> coefficients (rows, variables of the group), sparse if most are 0.
+    sizes: earlier group -> absolute values of the coefficients
     """
 
     blocks: Mapping[int, Any]
@@ -77,7 +77,7 @@ class Argument(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Nodes of one kind and level, with the rows of each argument."""
+    """Nodes of the same kind and level, with the rows of each argument."""
 
     kind: str
     arguments: tuple[Argument, ...]
@@ -88,10 +88,10 @@ class Program:
 
     function: SX or MX function of one vector.
 
-    Group 0 contains the constant 1 and the inputs. A coefficient is the double nearest to a
-    rational number, with a relative error of at most 2⁻⁵³.
+    Group 0 contains the constant 1 and the inputs. Each coefficient is the double nearest to a
+    rational number; its relative error is at most 2⁻⁵³.
 
-    Raises BadInputError for an operation that cannot be enclosed, and for too large a function.
+    Raises BadInputError if an operation cannot be enclosed or the function is too large.
     """
 
     def __init__(self, function: ca.Function, name: str) -> None:
@@ -133,12 +133,14 @@ class Program:
 
 
 def _stored(block: np.ndarray) -> Any:
-    """Return a matrix in the layout that is multiplied the fastest."""
+    """Return the matrix in sparse form if few of its entries are nonzero, else unchanged."""
     return csr_array(block) if np.count_nonzero(block) < _SPARSE * block.size else block
 
 
 class _Reader:
-    """Reader of a function, which builds rows for affine operations and nodes for the others."""
+    """Reader of a CasADi function. Affine operations become rows, nonlinear operations become
+    nodes.
+    """
 
     def __init__(self, inputs: int, name: str) -> None:
         self.nodes: list[Node] = []
@@ -147,7 +149,7 @@ class _Reader:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def read(self, function: ca.Function) -> list[Row]:
-        """Read the function; return the row of each output."""
+        """Return the row of each output of the function."""
         work: dict[int, Row] = {}
         outputs: dict[int, Row] = {}
         for index in range(function.n_instructions()):
@@ -198,9 +200,9 @@ class _Reader:
         return _plus(_plus({}, first, -_ONE), self._relu(first), Fraction(2))
 
     def _relu(self, row: Row) -> Row:
-        """Return max(t, 0).
+        """Return the row of max(t, 0).
 
-        If max(-t, 0) is already a node, the result is t + max(-t, 0).
+        If max(-t, 0) is already a node, the row is t + max(-t, 0).
         """
         opposite = self._known.get(_key("relu", (_plus({}, row, -_ONE),)))
         if opposite is not None:
@@ -234,7 +236,10 @@ class _Reader:
         return self._quotient(self._node("sin", first), self._node("cos", first))
 
     def _angle(self, first: Row, last: Row) -> Row:
-        """Return atan2(b, a) as 2 atan(b / (sqrt(a² + b²) + a)), undefined where b = 0 >= a."""
+        """Return the row of atan2(b, a) = 2 atan(b / (sqrt(a² + b²) + a)).
+
+        It is undefined for b = 0 and a <= 0. Raises BadInputError if b is the constant 0.
+        """
         if not first:
             raise BadInputError(f"{self._name}: uses atan2 of 0, which is not supported")
         squares = _plus(self._product(first, first), self._product(last, last))
@@ -247,7 +252,8 @@ class _Reader:
         return self._node("atan", self._quotient(first, below))
 
     def _less(self, first: Row, last: Row) -> Row:
-        """Return 1 where a < b and 0 where a > b; either value is allowed where a = b."""
+        """Return the row of a < b: 1 for a < b, 0 for a > b, and [0, 1] where the two may be equal.
+        """
         return self._node("step", _plus(last, first, -_ONE))
 
     def _not(self, first: Row, _: Row) -> Row:
@@ -262,7 +268,11 @@ class _Reader:
         return self._node("log", _plus(first, {0: _ONE}))
 
     def _node(self, kind: str, *rows: Row) -> Row:
-        """Return the row of a new or known node, or of a constant where that is exact."""
+        """Return the row of a node, or an empty row if the function of the constant 0 is 0.
+
+        A node with the same kind and rows is reused. Raises BadInputError beyond `MOST_NODES`
+        nodes.
+        """
         if all(not row for row in rows) and kind in ("sin", "tanh", "atan", "relu"):
             return {}
         key = _key(kind, rows)

@@ -1,8 +1,9 @@
-"""Ranges and Jacobians of a program over one box: intervals, by the chain rule.
+"""Ranges and Jacobians of a program over one box, from intervals and the chain rule.
 
-Where a node has a kink in the box its slopes are those of Clarke's generalized gradient, so that
-F(y) - F(w) = J (y - w) for a J in the enclosure, for every y and w in the box (Clarke, Optimization
-and Nonsmooth Analysis, 1983, Proposition 2.6.5)."""
+At a kink, the slopes of a node include Clarke's generalized gradient. Hence, for all y and w in the
+box, F(y) - F(w) = J (y - w) for some J in the enclosure (Clarke, Optimization and Nonsmooth
+Analysis, 1983, Proposition 2.6.5).
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ _TINY = 1e-290
 
 
 class Intervals(NamedTuple):
-    """Intervals middle ± radius, two arrays of one shape."""
+    """Intervals middle ± radius, with both arrays of the same shape."""
 
     middle: np.ndarray
     radius: np.ndarray
@@ -38,35 +39,35 @@ class Intervals(NamedTuple):
         return self.middle + self.radius * _UPWARD + 4.0 * _U * np.abs(self.middle)
 
     def times(self, other: Intervals) -> Intervals:
-        """Return the products, entry by entry."""
+        """Return enclosures of the products, entry by entry."""
         middle = self.middle * other.middle
         radius = np.abs(self.middle) * other.radius + np.abs(other.middle) * self.radius
         radius = radius + self.radius * other.radius + 4.0 * _U * np.abs(middle)
         return Intervals(middle, radius * _UPWARD + _TINY)
 
     def plus(self, other: Intervals) -> Intervals:
-        """Return the sums, entry by entry."""
+        """Return enclosures of the sums, entry by entry."""
         middle = self.middle + other.middle
         radius = self.radius + other.radius + 2.0 * _U * np.abs(middle)
         return Intervals(middle, radius * _UPWARD)
 
 
 class Jacobian(NamedTuple):
-    """Enclosures of the outputs (k,) of a program and their slopes (k, inputs)."""
+    """Enclosures of the outputs (k,) of a program and of their Jacobian (k, inputs)."""
 
     values: Intervals
     slopes: Intervals
 
 
 def between(low: np.ndarray, high: np.ndarray) -> Intervals:
-    """Return the interval between two ends."""
+    """Return intervals that contain [low, high], entry by entry."""
     middle = 0.5 * (low + high)
     radius = np.maximum(high - middle, middle - low) * _UPWARD
     return Intervals(middle, radius + 2.0 * _U * np.abs(middle))
 
 
 def jacobian(program: Program, box: Intervals) -> Jacobian:
-    """Return an enclosure of the Jacobian over a box of the inputs."""
+    """Return enclosures of the outputs and of their Jacobian over a box of the inputs."""
     n = program.inputs
     with np.errstate(all="ignore"):
         values = Intervals(np.append(1.0, box.middle), np.append(0.0, box.radius))
@@ -118,6 +119,6 @@ def _result(kind: str, arguments: list[Jacobian]) -> Jacobian:
 
 
 def _scaled(slopes: Intervals, factors: Intervals) -> Intervals:
-    """Return rows of slopes, each times its factor."""
+    """Return the rows of slopes (k, inputs), each multiplied by its factor (k,)."""
     columns = Intervals(factors.middle[:, None], factors.radius[:, None])
     return slopes.times(columns)

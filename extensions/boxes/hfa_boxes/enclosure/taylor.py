@@ -1,13 +1,17 @@
-"""Taylor models of degree 2 over many boxes at once, rounding included.
+"""Taylor models of degree 2 over many boxes at once, with rounding errors included.
 
 Over the box center + half_width s, |s_i| <= 1, each value is c_0 + Σ c_i s_i + Σ c_ij s_i s_j
 (i <= j) ± radius. Arrays of coefficients have the shape (values, 1 + n + n (n + 1) / 2, boxes).
 
-Rounding. A product or a sum of k terms in doubles is off by at most (k + 1) u / (1 - (k + 1) u)
-times the sum of their sizes, u = 2⁻⁵³ (Higham, Accuracy and Stability of Numerical Algorithms,
-Section 3.1). `size`, the sum of all |c| and the radius, bounds the terms; a multiple of it is added
-to the radius. A radius itself is rounded upward by a factor. Sources: Makino and Berz, Taylor
-models and other validated functional inclusion methods, IJPAM 4 (2003)."""
+Rounding: the error of a product or a sum of k terms in doubles is at most
+(k + 1) u / (1 - (k + 1) u) times the sum of the absolute values of the terms, u = 2⁻⁵³ (Higham,
+Accuracy and Stability of Numerical Algorithms, Section 3.1). This sum is at most `size`, the sum of
+all |c| and the radius. A multiple of `size` is added to the radius, and the radius is rounded
+upward by a factor.
+
+Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
+(2003).
+"""
 
 from __future__ import annotations
 
@@ -39,7 +43,7 @@ class Pairs(NamedTuple):
     """Indices of the coefficients of s_i s_j, i <= j.
 
     first, second: i and j of each product
-    factor: 2 for i < j, else 1, as a column
+    factor: (pairs, 1), 2 for i < j, else 1
     """
 
     first: np.ndarray
@@ -49,7 +53,7 @@ class Pairs(NamedTuple):
 
 @lru_cache(maxsize=16)
 def pairs_of(n: int) -> Pairs:
-    """Return the pairs in the order (0, 0), (0, 1), .., (1, 1), .."""
+    """Return the index pairs in the order (0, 0), (0, 1), .., (1, 1), .."""
     first, second = np.triu_indices(n)
     return Pairs(first, second, np.where(first < second, 2.0, 1.0)[:, None])
 
@@ -59,7 +63,8 @@ class Models(NamedTuple):
 
     c: (values, 1 + n + n (n + 1) / 2, boxes), coefficients
     radius: (values, boxes), radii
-    own: (values, boxes), the part of each radius that no multiple of an earlier error causes
+    own: (values, boxes), the part of each radius that the last operation adds; the other part is
+        carried over from the radii of its arguments
     """
 
     c: np.ndarray
@@ -68,12 +73,14 @@ class Models(NamedTuple):
 
     @property
     def value(self) -> np.ndarray:
-        """Value at the center, without the radius."""
+        """Values at the centers of the boxes, without the radii."""
         return self.c[:, 0]
 
     def part(self, values: np.ndarray, boxes: np.ndarray) -> Models:
-        """Return one model that contains, for each index in `boxes`, the value with the index in
-        `values` on that box."""
+        """Return models of one value on each of the selected boxes.
+
+        values, boxes: (N,), index of the value and index of the box
+        """
         of_radius = (each[values, boxes][None] for each in (self.radius, self.own))
         return Models(self.c[values, :, boxes].T[None], *of_radius)
 
@@ -81,9 +88,8 @@ class Models(NamedTuple):
 class Step(NamedTuple):
     """Models of the nodes of a group.
 
-    arguments: models of the rows of each argument
-    factors: for each argument (values, boxes), the multiple of its error in the error of the nodes
-    nodes: models of the nodes
+    arguments: models of the rows of each argument factors: for each argument, (values, boxes), the
+    factor by which its error enters the nodes' error nodes: models of the nodes
     """
 
     arguments: Sequence[Models]
@@ -103,7 +109,7 @@ class Sharpened(NamedTuple):
     """Lower bounds of one output on each box.
 
     lowest: (boxes,)
-    lowered_by: (boxes, n), the amount by which each s_i lowers it, approximately
+    lowered_by: (boxes, n), the amount by which each s_i reduces the bound, approximately
     """
 
     lowest: np.ndarray
@@ -111,7 +117,7 @@ class Sharpened(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the whole value."""
+    """Upper bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the absolute value of the model."""
 
     linear: np.ndarray
     square: np.ndarray
@@ -129,6 +135,7 @@ def _sizes(models: Models, n: int) -> _Sizes:
 class TaylorProgram:
     """Evaluation of a program on boxes by Taylor models.
 
+    program: the program
     n: dimension of the boxes
     """
 
@@ -143,8 +150,8 @@ class TaylorProgram:
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
-        """Return models of the outputs over the input boxes centres ± half_widths, (boxes, n)
-        each."""
+        """Return models of the outputs over the input boxes centres ± half_widths, each (boxes, n).
+        """
         n = self.n
         linear = np.zeros((n, 1 + n, len(centres)))
         linear[:, 0] = centres.T
@@ -162,7 +169,7 @@ class TaylorProgram:
         return self.traced(linear, radius).outputs
 
     def traced(self, linear: np.ndarray, radius: np.ndarray) -> Traced:
-        """Return `of` with the models of all nodes."""
+        """Return models of the outputs as `of` does, and models of all nodes."""
         with np.errstate(all="ignore"):
             return self._traced(linear, radius)
 
@@ -190,12 +197,14 @@ class TaylorProgram:
         return self._function(group.kind, arguments[0])
 
     def sharpened(self, traced: Traced, which: np.ndarray, boxes: np.ndarray) -> Sharpened:
-        """Return bounds at least those of `lowest`, of one output on each box.
+        """Return lower bounds of one output on each box, at least as high as those of `lowest`.
 
-        which: (N,), indices of outputs; boxes: (N,), indices of boxes
+        which: (N,), index of the output for each box
+        boxes: (N,), indices of boxes
 
-        The error of an output is the sum of the own errors of all nodes, each times its weight: the
-        sum of the products of factors along all paths from the node to the output, with signs.
+        The error of an output is the sum over all nodes of the node's own error times its weight.
+        The weight is the sum, over all paths from the node to the output, of the signed products of
+        factors.
         """
         n = self.n
         with np.errstate(all="ignore"):
@@ -209,9 +218,9 @@ class TaylorProgram:
     def _errors(
         self, traced: Traced, which: np.ndarray, boxes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sum of the own errors times the sizes of their weights, (N,).
+        """Return the sums (N,) of the own errors times the absolute values of their weights.
 
-        The second array is the part that each s_i causes, approximately, (n, N).
+        The second array, (n, N), is the approximate part of each sum that each s_i causes.
         """
         total = traced.outputs.own[which, boxes]
         causes = np.zeros((self.n, len(boxes)))
@@ -240,7 +249,11 @@ class TaylorProgram:
     def _rows(
         self, argument: Argument, known: Sequence[Models], sizes: Sequence[np.ndarray]
     ) -> Models:
-        """Return models of the rows of an argument: sums of coefficients times known models."""
+        """Return models of the rows of an argument, which are sums of coefficients times known
+        models.
+
+        sizes: for each group, (variables, boxes), sums of all |c| and the radius
+        """
         c: np.ndarray | float = 0.0
         radius: np.ndarray | float = 0.0
         size: np.ndarray | float = 0.0
@@ -280,8 +293,10 @@ class TaylorProgram:
         return Step((a, b), (b.value, a.value), Models(c, radius, own))
 
     def _function(self, kind: str, a: Models) -> Step:
-        """Return a function of one variable: its curve or its line, whichever has the smaller
-        remainder."""
+        """Return models of a function of one variable, by its parabola or its line.
+
+        On each box the enclosure with the smaller remainder is chosen.
+        """
         n = self.n
         sizes = _sizes(a, n)
         centre = a.value
@@ -328,7 +343,7 @@ def _dense(block: Any) -> np.ndarray:
 def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
     """Return the part of the sum of errors that each s_i causes, (n, boxes).
 
-    It is in proportion to the coefficient of s_i in the argument.
+    The part is proportional to the absolute value of the coefficient of s_i in the argument.
 
     errors: (values, boxes)
     linear: (values, n, boxes), coefficients of the arguments
@@ -339,16 +354,20 @@ def _caused(errors: np.ndarray, linear: np.ndarray) -> np.ndarray:
 
 
 def _nearer(curve: Parabola, line: Parabola, of_square: np.ndarray) -> Parabola:
-    """Return the line where the remainder of the curve is larger or nan."""
+    """Return the curve where its remainder is at most that of the line, and the line elsewhere.
+
+    of_square: bound of the part of d² that the models omit
+    """
     is_curve = curve.rest + np.abs(curve.bend) * of_square <= line.rest
     return Parabola(*(np.where(is_curve, a, b) for a, b in zip(curve, line, strict=True)))
 
 
 def lowest(models: Models, n: int) -> np.ndarray:
-    """Return a lower bound on each box, (values, boxes): the larger of two bounds of the parabola.
+    """Return lower bounds of the values on the boxes, (values, boxes).
 
-    One bounds each product s_i s_j, i < j, by ±1, the other by ±(s_i² + s_j²) / 2. The remainder is
-    a parabola in each s_i, whose lowest value is known.
+    Each bound is the larger of two. The first bounds each product s_i s_j, i < j, by ±1, the second
+    by ±(s_i² + s_j²) / 2. The remaining terms are a parabola in each s_i, which is minimized
+    exactly.
     """
     i, j, _ = pairs_of(n)
     c = models.c
@@ -363,28 +382,29 @@ def lowest(models: Models, n: int) -> np.ndarray:
 
 
 def highest(models: Models, n: int) -> np.ndarray:
-    """Return upper bounds on the boxes, (values, boxes)."""
+    """Return upper bounds of the values on the boxes, (values, boxes)."""
     return -lowest(models._replace(c=-models.c), n)
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Return the lowest b_i s + c_i s² over |s| <= 1 for each i, with b_i = -linear."""
+    """Return the minimum of squares_i s² - linear_i s over |s| <= 1 for each i, with linear_i >= 0.
+    """
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))
     return np.asarray(np.where(inside, at_vertex, squares - linear))
 
 
 def amounts_by_edge(models: Models, n: int) -> np.ndarray:
-    """Return the amounts by which each s_i lowers the second bound of `lowest`, (values, n, boxes).
+    """Return the amount by which each s_i reduces the second bound of `lowest`, (values, n, boxes).
 
-    No proof depends on them.
+    No proof depends on these amounts.
     """
     linear, squares, shares = _parabolas(models, n)
     return -_lowest_parabolas(linear, squares - shares)
 
 
 def _parabolas(models: Models, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return |c_i|, c_ii and Σ |c_ij| / 2 over j != i, (values, n, boxes) each."""
+    """Return |c_i|, c_ii, and half the sum of |c_ij| over j != i, each (values, n, boxes)."""
     i, j, _ = pairs_of(n)
     is_square = i == j
     second = models.c[:, n + 1 :]

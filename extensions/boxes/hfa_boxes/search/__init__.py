@@ -1,1 +1,1 @@
-"""The search for regions and bounds that the checker proves."""
+"""Search for regions and cost bounds that the checker proves."""

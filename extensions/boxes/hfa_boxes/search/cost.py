@@ -1,7 +1,8 @@
 """Search for a lower bound W of the cost: polynomials from linear programs, proved on boxes.
 
-Pieces of growing level are proved one after the other. Each is fitted to be large where the earlier
-ones are far below the cost of a flight."""
+Pieces with growing levels are proved one after the other. The fit of each piece favors initial
+conditions at which the earlier bounds are far below the cost of a flight.
+"""
 
 from __future__ import annotations
 
@@ -72,10 +73,10 @@ class CostBound:
     """A proved lower bound, with the effort of its search.
 
     statement: the proved statement
-    witness: its evidence
-    boxes: number of boxes of each piece
+    witness: evidence for the checker
+    boxes: number of boxes that prove each piece
     seconds: processor time of the fit and of the proof of each piece
-    stopped: why a further level is not proved, or "" if all tried levels are proved
+    stopped: why a further level is not proved, or "" if every level that was tried is proved
     """
 
     statement: CostStatement
@@ -86,7 +87,7 @@ class CostBound:
 
 
 class _Proved(NamedTuple):
-    """A piece, the number of its boxes, and the processor time of its fit and proof."""
+    """A proved piece, its number of boxes, and the processor times (s) of its fit and its proof."""
 
     piece: Piece
     boxes: int
@@ -94,16 +95,18 @@ class _Proved(NamedTuple):
 
 
 def _reached(proved: Sequence[_Proved], level: float) -> bool:
-    """Return whether the proved pieces nearly reach a level."""
+    """Return whether the level of a proved piece is at least `level`, within a relative error of
+    1e-6.
+    """
     return any(each.piece.c >= level * (1.0 - 1e-6) for each in proved)
 
 
 class CostSearch:
-    """Search for lower bounds on growing sets.
+    """Search for lower bounds of the cost on growing sets.
 
     plant: the aircraft; its state limits are the envelope
-    equilibrium: equilibrium of states and inputs
-    solved: indices of its unknowns
+    equilibrium: enclosure of the equilibrium states and inputs
+    solved: indices of the unknowns of the equilibrium
     weights: Q, R and P of the linear quadratic problem
     half: (n,), half-widths of the initial-condition box
     """
@@ -134,11 +137,12 @@ class CostSearch:
         self._save = save
 
     def found(self, earlier: VerifiedCost | None = None) -> CostBound:
-        """Return the bounds on growing sets. Raises NoSolutionError where none is proved.
+        """Return the proved bound. Raises NoSolutionError if no piece is proved.
 
-        earlier: proved in an earlier run, which this one continues
+        earlier: bound of an earlier run, to which pieces are added
 
-        An interruption keeps the proved bound."""
+        After an interruption or the time limit, the pieces proved so far are returned.
+        """
         proved: list[_Proved] = []
         if earlier is not None:
             for known in zip(earlier.statement.pieces, earlier.boxes, strict=True):
@@ -168,17 +172,22 @@ class CostSearch:
 
     @cached_property
     def _flights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return initial conditions, among them those of highest cost, and the costs of flights."""
+        """Return initial conditions (N, n) and the costs (N,) of flights from them.
+
+        They include the initial conditions of highest linear quadratic cost.
+        """
         dearest = np.argsort(-self._problem.linear_cost(self.starts[_FLOWN:]))[:_DEAREST]
         z = np.concatenate([self.starts[:_FLOWN], self.starts[_FLOWN + dearest]])
         return z, self._problem.flown(z)
 
     def _levels(self, proved: Sequence[_Proved]) -> Iterator[tuple[float, float]]:
-        """Yield levels, each with the least cost of the flights it concerns.
+        """Yield pairs of a level to prove and the lowest cost of the flights that its fit
+        considers.
 
-        The levels grow until one is not proved, or decrease if the first fails. Further levels are
-        just below the cost of the initial conditions with the poorest bounds. Where W reaches the
-        level, the level is the bound, so the set need not contain these initial conditions.
+        The levels grow until one is not proved. If the first is not proved, lower levels follow,
+        which then grow again. Further levels are just below the cost of the initial conditions with
+        the poorest bounds. Where W exceeds the level, the level is the bound, so the set need not
+        contain these initial conditions.
         """
         _, costs = self._flights
         linear = self._problem.linear_cost(self.starts)
@@ -212,8 +221,10 @@ class CostSearch:
             tried |= (costs >= _NEAR * cost) & (costs <= cost)
 
     def _wanted(self, proved: Sequence[_Proved], c: float, least: float) -> Wanted:
-        """Return the initial conditions of flights that cost `least` to about c and have no tight
-        bound yet."""
+        """Return the flights that the fit of level c considers.
+
+        They cost at least `least` and at most about c, and their proved bound is not tight yet.
+        """
         z, costs = self._flights
         is_near = (1.0 - self._problem.margin) * costs <= c * (1.0 + 1e-9)
         is_near &= costs >= least
@@ -226,7 +237,9 @@ class CostSearch:
         return 1.0 - _GOOD * self._problem.margin
 
     def _bounds(self, proved: Sequence[_Proved]) -> np.ndarray:
-        """Return the bounds (N,) at the initial conditions of the flights."""
+        """Return the proved bounds (N,) at the initial conditions of the flights; 0 if none is
+        proved.
+        """
         z, _ = self._flights
         if not proved:
             return np.zeros(len(z))
@@ -253,7 +266,12 @@ class CostSearch:
             self._progress(done, whole, text)
 
     def _proved(self, c: float, wanted: Wanted) -> _Proved:
-        """Return the proved bound of one level."""
+        """Return a proved piece of level c.
+
+        wanted: flights at which W is to be large
+
+        Raises OpenBoxError, Rejected or OutOfTimeError if no piece is proved.
+        """
         begin = time.process_time()
         fit, W = self._fitted(c, wanted)
         for _ in range(_REFUTED):
@@ -269,8 +287,10 @@ class CostSearch:
         raise OpenBoxError(f"{_REFUTED} polynomials were refuted", np.zeros(len(fit.M)))
 
     def _fitted(self, c: float, wanted: Wanted) -> tuple[Fit, Polynomial]:
-        """Return the fit of one level and its first polynomial, on the smallest set with a
-        solution."""
+        """Return the fit of a level and its first polynomial.
+
+        The sampled set is enlarged until the linear program has a solution.
+        """
 
         def tell(programs: int) -> None:
             self._tell(0.0, 1.0, f"{programs} linear programs")
@@ -286,7 +306,10 @@ class CostSearch:
                 beyond *= _FURTHER
 
     def _beyond(self, c: float) -> float:
-        """Return the factor by which z'P z may exceed the level, larger where flights cost less."""
+        """Return the factor by which z'P z of samples may exceed the level c.
+
+        It is larger where flights cost less than z'P z.
+        """
         z, costs = self._flights
         near = (costs > 0.3 * c) & (costs <= c)
         ratios = self._problem.linear_cost(z[near]) / costs[near]

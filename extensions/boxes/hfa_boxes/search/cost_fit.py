@@ -1,9 +1,9 @@
-"""Linear programs for polynomials W whose inequality holds on samples.
+"""Linear programs for polynomials W that satisfy the inequality of the bound at samples.
 
-W = s (1 - margin) z'P z, s <= 1, and terms of higher degree. W is as large as the inequality grad W
-· f + x'Qx + u'Ru >= 0 permits on samples, with a part of the margin to spare. The best inputs at a
-sample depend on W. Rows for the best inputs of the present W are added until none is violated
-(cutting planes).
+W = s (1 - margin) z'P z plus terms of higher degree, s <= 1. W is as large as the inequality
+grad W · f + z'Q z + v'R v >= 0 permits at the samples, where a part of the margin is kept in
+reserve. The best inputs at a sample depend on W. Rows for the best inputs of the present W are
+therefore added until none is violated (cutting planes).
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ _LARGEST = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class CostProblem:
-    """Flights whose cost is to be bounded from below.
+    """Linear quadratic problem whose cost is to be bounded from below.
 
     plant: the aircraft; its state limits are the envelope
-    equilibrium: equilibrium of states and inputs
+    equilibrium: enclosure of the equilibrium states and inputs
     Q: (n, n)
     R: (m, m)
     P: (n, n), solution of the linear quadratic problem
     degree: degree of W
-    margin: relative slack of W below the cost
+    margin: relative distance of W below the cost
     """
 
     plant: Plant
@@ -73,23 +73,24 @@ class CostProblem:
 
     @cached_property
     def inputs(self) -> Inputs:
-        """Minimizing inputs for the gradient of a cost."""
+        """Inputs that minimize the Hamiltonian of a given cost gradient."""
         return Inputs(self.plant, self.equilibrium, self.R)
 
     def linear_cost(self, z: np.ndarray) -> np.ndarray:
-        """Return z'P z, (N,)."""
+        """Return z'P z at deviations z (N, n), (N,)."""
         return np.asarray(np.einsum("ki,ij,kj->k", z, self.P, z))
 
     def in_envelope(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) within the limits of states."""
+        """Return the mask (N,) of the deviations z (N, n) within the state limits."""
         low, high = self.plant.ends(self.plant.states).T
         x = z + self.equilibrium.x[: z.shape[1]]
         return np.asarray(np.all((low <= x) & (x <= high), axis=1))
 
     def flown(self, z: np.ndarray) -> np.ndarray:
-        """Return the costs of flights by the saturated linear quadratic policy, (N,).
+        """Return the costs (N,) of flights from z (N, n) with the saturated linear quadratic
+        policy.
 
-        The cost is inf for a flight that does not converge within the envelope.
+        The cost is inf for a flight that leaves the envelope or does not converge.
         """
         return flown_costs(
             self.inputs,
@@ -104,8 +105,9 @@ class Wanted(NamedTuple):
     """Flights whose cost W is to approach from below.
 
     z: (N, n), initial conditions
-    costs: (N,), of the flights
-    of_least: weight of the least ratio of W to a cost; the mean of W over samples has weight 1"""
+    costs: (N,), costs of the flights
+    of_least: weight of the lowest ratio of W to a cost, relative to the mean of W over samples
+    """
 
     z: np.ndarray
     costs: np.ndarray
@@ -115,13 +117,12 @@ class Wanted(NamedTuple):
 class Fit:
     """Linear programs for one level, in coordinates y = M z.
 
-    In these coordinates z'P z = beyond c is the unit sphere, turned and stretched to the envelope.
+    In these coordinates the set z'P z <= beyond c becomes the unit ball, turned and stretched to
+    the envelope.
 
-    problem: the flights whose cost is bounded
-    c: level
-    wanted: flights at which W is to be large
-    beyond: the largest z'P z of samples, as a multiple of the level; W > c is required beyond it
-    tell: called before each linear program; may raise
+    problem: the problem whose cost is bounded c: level wanted: flights at which W is to be large
+    beyond: largest z'P z of samples as a multiple of the level; W > c is required where it is
+    larger tell: called with the number of programs before each linear program; may raise
     """
 
     def __init__(
@@ -153,8 +154,8 @@ class Fit:
     def fitted(self) -> Polynomial:
         """Return the polynomial of the last linear program.
 
-        Each program adds the rows that samples violated in the one before. Raises OpenBoxError if
-        no polynomial exists.
+        Each program adds the rows that samples violated in the previous one. Raises OpenBoxError if
+        a program has no solution.
         """
         if not self._rows:
             z = self._ball(_FIRST)
@@ -172,8 +173,10 @@ class Fit:
         return self._basis.polynomial(self._coefficients)
 
     def _violated(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of the linear program that new samples of the set violate most, (k, K),
-        and their right sides, (k,)."""
+        """Return the rows (k, K) that new samples violate most, and their right sides (k,).
+
+        The samples are drawn in the present set.
+        """
         z = self._ball(_SAMPLES)
         z = z[self._values(z @ self.M.T) <= _NEAR_SET * self.c]
         rows, sides = self._row(z, self._best_inputs(z))
@@ -183,8 +186,10 @@ class Fit:
         return rows[worst], sides[worst]
 
     def refuted(self, y: np.ndarray) -> None:
-        """Add rows at and near a point where g < 0, or W >= 1.02 c at and near a point of a face of
-        the cube."""
+        """Add rows at and near a point y (n,) at which a proof failed.
+
+        At a face of the cube the rows require W >= 1.02 c, elsewhere g >= 0.
+        """
         on_face = np.abs(y) == 1.0
         if np.any(on_face):
             near = np.clip(y + 0.05 * self._random.normal(size=(30, len(y))), -1.0, 1.0)
@@ -210,8 +215,10 @@ class Fit:
         return np.asarray((L @ turn / reach).T)
 
     def _ball(self, count: int) -> np.ndarray:
-        """Return deviations z (count, n) with z'P z <= beyond c within the envelope, denser near 0
-        than a uniform sample."""
+        """Return random deviations z (count, n) with z'P z <= beyond c within the envelope.
+
+        They are denser near 0 than a uniform sample.
+        """
         P = self._problem.P
         n = len(P)
         L = np.linalg.cholesky(P)
@@ -239,8 +246,11 @@ class Fit:
         return found
 
     def _solve(self) -> None:
-        """Compute the coefficients of the largest W, measured by its mean over samples and the
-        least ratio t of W to the wanted costs."""
+        """Compute the coefficients that maximize a measure of W.
+
+        The measure is the mean of W over samples plus the weighted lowest ratio t of W to the
+        wanted costs. Raises OpenBoxError if the program has no solution.
+        """
         rows = np.concatenate(self._rows)
         sides = np.concatenate(self._sides)
         y = self._ball(4000) @ self.M.T
@@ -280,8 +290,11 @@ class Fit:
         return np.asarray(self._basis.at(y) @ self._coefficients)
 
     def _row(self, z: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows and right sides of grad W · f + (1 - kept margin) cost >= 0, in units of the
-        cost.
+        """Return rows (N, K) and right sides (N,) of the inequality at z (N, n) with inputs v (N,
+        m).
+
+        The inequality is grad W · f + (1 - kept margin) (z'Q z + v'R v) >= 0, divided by the
+        running cost.
         """
         problem = self._problem
         f = problem.inputs.rates(z, v) @ self.M.T
@@ -295,9 +308,11 @@ class Fit:
         self._sides.append(sides)
 
     def _add_walls(self, count: int, *, every: bool) -> bool:
-        """Add rows W >= 1.02 c where z'P z > beyond c in the cube, all or only violated ones.
+        """Add rows W >= 1.02 c at random points of the cube with z'P z > beyond c or on a face.
 
-        Return whether any was added.
+        Return whether W was below 1.01 c at any of them.
+
+        every: whether rows are added at all points or only where W < 1.01 c
         """
         inner = self._random.uniform(-1.0, 1.0, (4 * count, len(self.M)))
         # W is least near the centers of the faces, where few uniform points are

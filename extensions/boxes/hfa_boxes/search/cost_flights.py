@@ -1,6 +1,7 @@
-"""Flights whose cost is an upper estimate of any lower bound.
+"""Simulated flights whose costs are upper bounds of the least cost.
 
-Nothing that is proved depends on them."""
+No proof depends on them.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ _CONVERGED = 0.02
 class Inputs:
     """Inputs that minimize p · f(z, v) + v'R v within their limits, with p the gradient of a cost.
 
-    plant, equilibrium: of states and inputs
+    plant: the aircraft with its input limits
+    equilibrium: enclosure of the equilibrium states and inputs
     R: (m, m)
     """
 
@@ -66,8 +68,10 @@ class Inputs:
     def best(
         self, z: np.ndarray, p: np.ndarray, guess: np.ndarray | None = None, steps: int = _NEWTON
     ) -> np.ndarray:
-        """Return the inputs (N, m) at z (N, n) with gradients p (N, n), by Newton's method from a
-        guess or 0."""
+        """Return the minimizing inputs (N, m) at z (N, n) with cost gradients p (N, n).
+
+        They are computed by Newton's method from the guess, or from 0.
+        """
         v = np.zeros((len(z), self.m)) if guess is None else guess
         if not self.m:
             return v
@@ -93,13 +97,14 @@ def flown_costs(
     in_envelope: Callable[[np.ndarray], np.ndarray],
     z: np.ndarray,
 ) -> np.ndarray:
-    """Return the costs of flights from z (N, n) by the Runge-Kutta method, (N,).
+    """Return the costs (N,) of flights from z (N, n), integrated by the Runge-Kutta method.
 
-    The cost is inf for a flight that leaves the envelope or has not converged.
+    The cost is inf for a flight that leaves the envelope or does not converge.
 
+    inputs: minimizing inputs for a cost gradient
     weights: Q, R and P of the linear quadratic problem
-    gradient: z (N, n) -> gradients (N, n) of a cost, for which the inputs are optimal
-    in_envelope: z (N, n) -> mask of those within the state limits
+    gradient: z (N, n) -> gradients (N, n) of the cost that the inputs minimize
+    in_envelope: z (N, n) -> mask (N,) of the points within the state limits
     """
     Q, R, P = weights
     n = len(Q)

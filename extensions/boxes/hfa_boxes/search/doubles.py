@@ -1,4 +1,4 @@
-"""Evaluation of a program at many points in doubles; no proof depends on it."""
+"""Evaluation of a program at many points in doubles. No proof depends on it."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ _TOGETHER = 4000
 
 
 def values_at(program: Program, points: np.ndarray) -> np.ndarray:
-    """Return the outputs (N, outputs) of a program at points (N, inputs), inf or nan where
-    undefined."""
+    """Return the outputs (N, outputs) of a program at points (N, inputs).
+
+    An output is inf or nan where it is undefined.
+    """
     with np.errstate(all="ignore"):
         parts = [
             _values_at(program, points[first : first + _TOGETHER])
@@ -46,7 +48,10 @@ def _values_at(program: Program, points: np.ndarray) -> np.ndarray:
 
 
 def _rows(argument: Argument, known: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the rows (rows, N) of an argument: sums of coefficients times values."""
+    """Return the values (rows, N) of the rows of an argument.
+
+    known: values (variables, N) of each earlier group
+    """
     total = np.zeros((1, known[0].shape[1]))
     for group, block in argument.blocks.items():
         total = total + block @ known[group]

@@ -1,4 +1,4 @@
-"""Refusal of loops whose linearization is unstable."""
+"""Test that the linearization of a loop is stable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Description of kinks of the rates at an equilibrium."""
+"""Description of a kink of the rates at an equilibrium."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ _CHANGE = 1e-5
 
 
 def kink_at(plant: Plant, program: Program, equilibrium: Equilibrium) -> str:
-    """Return the rate and the signal whose slope changes most at the equilibrium, as text.
+    """Return a sentence on the largest kink of the rates at the equilibrium, or "" if there is
+    none.
 
-    The text includes the value of the signal there. It is "" where the rates have no kink.
+    It names the rate and the signal in which its slope jumps, and the value of the signal.
 
     program: states, or states and inputs -> rates of the states
     """

@@ -1,4 +1,4 @@
-"""The end of the processor time of a search on boxes."""
+"""Error for a search that exceeds its processor time."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from hfa_support.errors import NoSolutionError
 
 
 class OutOfTimeError(NoSolutionError):
-    """Error of a proof or fit that exceeds its processor time."""
+    """Raised if a proof or fit exceeds its processor time."""
 
     def __init__(self, what: str, step: str, done: float) -> None:
-        """Store the message.
+        """Compose the message.
 
-        what: clause on the time, such as "the time limit was reached"
+        what: clause about the time, such as "the time limit was reached"
         step: description of the last step
         done: decided share of the cube, 0 in a fit
         """

@@ -1,7 +1,7 @@
-"""The largest set {V <= c} found for a loop of any policy, proved on boxes.
+"""Search for a large set {V <= c} of a closed loop, proved on boxes.
 
-V is quadratic first and then of higher degree. Its set grows by linear programs on samples
-(`shape.py`). A point at which a proof is refuted becomes a row of the next program.
+V is quadratic first and then of higher degree. Linear programs on samples enlarge its set
+(`shape.py`). A point at which a proof fails becomes a row of the next program.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ class BoxRegion:
     """A proved region, with the obstacle to a larger one.
 
     statement: the proved statement
-    witness: its evidence
-    boxes: number of boxes on which V' < 0
+    witness: evidence for the checker
+    boxes: number of boxes on which V' < 0 is proved
     origin: description of V
-    bound: the first obstacle found at a larger level; the set has level 1
-    stopped: the reason why no larger set is proved
+    bound: the first obstacle found beyond the set, with the level of V there relative to the set's
+    stopped: why no larger set is proved
     """
 
     statement: BoxStatement
@@ -77,15 +77,15 @@ class BoxRegion:
 
 
 class RegionSearch:
-    """Search for a region in a given time.
+    """Search for a region within a limit of the processor time.
 
-    loop: with its policy
+    loop: the closed loop
     policy: the policy's entry in the statement
-    known: candidates for V, by description
+    known: pairs of a description and a matrix P, candidates V = z'P z
     seconds: processor time
     degree: highest degree of V
     progress: called with the current step
-    save: called with every larger region that is proved
+    save: called with each larger region that is proved
     """
 
     def __init__(
@@ -116,11 +116,12 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, earlier: BoxStatement | None = None) -> BoxRegion:
-        """Return the largest region. Raises NoSolutionError where none is proved.
+        """Return the largest proved region. Raises NoSolutionError if none is proved.
 
-        earlier: proved in an earlier run, which this one continues
+        earlier: statement of an earlier run, from whose V the search begins
 
-        An interruption keeps the proved region."""
+        After an interruption or the time limit, the largest region proved so far is returned.
+        """
         refuse_unstable(self.J)
         try:
             self._search(earlier)
@@ -135,8 +136,10 @@ class RegionSearch:
         return replace(region, bound=bound, stopped=self._stopped)
 
     def _search(self, earlier: BoxStatement | None) -> None:
-        """Prove growing sets of one V after another, each grown from another first V, until the
-        time is over."""
+        """Prove growing sets from each initial V in turn, until the time is over.
+
+        earlier: statement of an earlier run, proved first
+        """
         firsts = self._first_shapes()
         if earlier is not None:
             origin = "V of the certificate"
@@ -152,7 +155,7 @@ class RegionSearch:
                 return
 
     def _enlarge(self, growth: Growth) -> None:
-        """Prove larger sets of a V that grows, up to the highest degree."""
+        """Prove larger sets while V grows, first with degree 2 and then with the highest degree."""
         for degree in sorted({2, self._degree}):
             if degree < growth.shape.basis.degree:
                 continue
@@ -163,8 +166,10 @@ class RegionSearch:
                 self._grow(growth, degree)
 
     def _first_levels(self, growth: Growth, origin: str) -> None:
-        """Prove rising shares of the set of a V; if the first is not proved, halve it until one
-        is."""
+        """Prove the set of a V, scaled by a rising share of its length.
+
+        If the first share is not proved, it is halved until one is proved.
+        """
         share = _RISING[0]
         while not self._is_proved(growth, share, origin, _OF_FIRST):
             share /= 2.0
@@ -176,9 +181,11 @@ class RegionSearch:
                     return
 
     def _later_level(self, growth: Growth, origin: str) -> bool:
-        """Prove a share of the set of a V, and return True, or False where it is not proved.
+        """Prove the set of a V, scaled by falling shares of its length. Return whether to continue.
 
-        A set no larger than the earlier ones needs no proof."""
+        The result is True if a share is proved, or if the full set is hardly larger than the
+        largest proved set, in which case no proof is needed. It is False otherwise.
+        """
         if self._best is None:
             self._first_levels(growth, origin)
             return self._best is not None
@@ -192,7 +199,7 @@ class RegionSearch:
         return False
 
     def _grow(self, growth: Growth, degree: int) -> None:
-        """Let the set of a V of a degree grow, up to the obstacle that samples find."""
+        """Enlarge the set of a V of this degree up to the first obstacle that samples find."""
         growth.of_degree(degree)
         self._deadline = time.process_time() + _OF_GROWTH * self._left()
         try:
@@ -204,11 +211,13 @@ class RegionSearch:
         growth.shape = growth.shape.of_level(min(level, _HIGHEST))
 
     def _is_proved(self, growth: Growth, share: float, origin: str, time_share: float) -> bool:
-        """Prove a share of the set of a V, and return whether it is proved.
+        """Prove a share of the set of a V and return whether it is proved.
 
-        V is changed at points that refute it.
+        V is changed at points where its proof fails.
 
-        time_share: share of the remaining time for one V
+        share: factor on the lengths of the set
+        origin: description of V
+        time_share: largest share of the remaining time for the proof of one V
         """
         try:
             for _ in range(_REFUTED):
@@ -232,7 +241,9 @@ class RegionSearch:
         return False
 
     def _part(self, shape: Shape, share: float) -> Shape:
-        """Return the set of a V scaled by a share of its length, within the state limits."""
+        """Return the set of a V scaled in length by a share, and further so that it is within state
+        limits.
+        """
         part = shape.of_level(share**2).diagonal(self.J).in_cube()
         limits = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         beyond = float(np.max(part.extents().ends / limits))
@@ -244,8 +255,10 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _prove(self, shape: Shape, origin: str) -> None:
-        """Prove a set and keep it if it is the largest so far. Raises Rejected or OutOfTimeError if
-        it is not proved."""
+        """Prove a set and keep it if it is the largest so far.
+
+        Raises Rejected or OutOfTimeError if it is not proved.
+        """
         extents = shape.extents()
         decrease = Decrease(
             self.loop, self.equilibrium, shape.piece(), extents.ends, extents.multipliers
@@ -278,8 +291,11 @@ class RegionSearch:
             self._progress(done, whole, text)
 
     def _first_shapes(self) -> list[tuple[str, Shape]]:
-        """Return quadratic V, scaled to their sampled sets, with descriptions, the largest set
-        first."""
+        """Return pairs of a description and a quadratic V, the largest set first.
+
+        Each V is scaled to the largest set that samples allow. Raises NoSolutionError if no
+        candidate decreases near the equilibrium.
+        """
         sampled: list[tuple[str, Shape]] = []
         end = time.process_time() + _OF_GROWTH * self._left()
         for origin, P in self._candidates():
@@ -305,7 +321,10 @@ class RegionSearch:
         return sorted(firsts, key=lambda each: -each[1].size())
 
     def _good(self, shape: Shape, *, quick: bool) -> Shape:
-        """Return the shape with its largest set that samples allow."""
+        """Return V scaled to the largest set that samples allow.
+
+        quick: with fewer samples
+        """
         return shape.of_level(min(shape.bound(self.samples, 1.0, quick=quick).level, 1.0))
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
@@ -325,7 +344,10 @@ class RegionSearch:
 
     @property
     def _room(self) -> np.ndarray:
-        """Return (n,), the distance to the nearer limit of each state."""
+        """Distance from the equilibrium to the nearer limit of each state, (n,).
+
+        It is at most `_WIDEST` nominal values.
+        """
         ends = self.loop.ends(self.loop.states) - self.equilibrium.x[:, None]
         return np.minimum(_WIDEST * self._nominal, np.abs(ends).min(axis=1))
 
@@ -336,7 +358,11 @@ class RegionSearch:
 
 
 def flown(samples: Samples, place: np.ndarray, region: BoxRegion) -> str:
-    """Return a description of the outcome of a flight from a deviation (n,)."""
+    """Return a clause on the outcome of a flight from the deviation `place` (n,).
+
+    The flight ends in the proved set, at 1000 times the initial deviation, or after ten time
+    constants of the slowest mode.
+    """
     modes = np.linalg.eigvals(samples.J)
     seconds = 10.0 / float(np.min(np.abs(modes.real)))
     piece = region.statement.piece

@@ -1,7 +1,7 @@
-"""Sampling of a polynomial V: its sets, the obstacles where V' >= 0 or a limit is exceeded, and
-growth.
+"""Polynomial V on samples: its set, obstacles where V' >= 0 or a limit is exceeded, and growth.
 
-No proof depends on it."""
+No proof depends on the samples.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Samples:
     """Evaluation of a loop at many states in doubles.
 
     loop: the closed loop
-    equilibrium: the state at z = 0
+    equilibrium: enclosure of the state at z = 0
     """
 
     def __init__(self, loop: Loop, equilibrium: Equilibrium) -> None:
@@ -98,7 +98,9 @@ class Samples:
         return values_at(self._program, z + self._x)[:, : z.shape[1]]
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask (N,) of the deviations (N, n) beyond a state or output limit."""
+        """Return the mask (N,) of the deviations z (N, n) at which a state or output exceeds a
+        limit.
+        """
         signals = z + self._x
         if len(self._low) > z.shape[1]:
             outputs = values_at(self._program, signals)[:, z.shape[1] :]
@@ -107,10 +109,10 @@ class Samples:
 
 
 class Bound(NamedTuple):
-    """The first obstacle found as the level grows.
+    """First obstacle found as the level of V grows.
 
-    level: level of V
-    place: deviation z (n,), or None where nothing was found
+    level: level of V at the obstacle, inf if none was found
+    place: deviation z (n,) of the obstacle, or None if none was found
     rises: True if V' >= 0 there, False if a limit is exceeded
     """
 
@@ -141,13 +143,18 @@ class Shape:
 
     @classmethod
     def of_matrix(cls, P: np.ndarray, J: np.ndarray, degree: int) -> Shape:
-        """Return V = z'P z in the coordinates of `_diagonal`."""
+        """Return V = z'P z in coordinates in which V and V' are diagonal (`_diagonal`).
+
+        J: (n, n), linearization of the loop
+        degree: highest degree of the monomials
+        """
         basis = Monomials(len(P), degree)
         return cls(_diagonal(P, J), basis, basis.quadratic(np.eye(len(P))))
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
-        """Return V of a statement, scaled to level 1, with monomials up to a degree."""
+        """Return V of a piece, scaled to level 1, with monomials up to `degree` or the degree of V.
+        """
         powers = [powers for _, powers in piece.W.terms]
         basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
         coefficients = np.zeros(len(basis.powers))
@@ -157,7 +164,7 @@ class Shape:
         return cls(piece.M, basis, coefficients)
 
     def of_degree(self, degree: int) -> Shape:
-        """Return V as a polynomial of a higher degree."""
+        """Return the same V with monomials up to a higher degree."""
         return Shape.of_piece(self.piece(), degree)
 
     @cached_property
@@ -166,16 +173,18 @@ class Shape:
         return np.linalg.inv(self.M)
 
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Return V (N,) at deviations (N, n)."""
+        """Return V (N,) at deviations z (N, n)."""
         return np.asarray(self.basis.at(z @ self.M.T) @ self.coefficients)
 
     def gradients(self, z: np.ndarray) -> np.ndarray:
-        """Return ∂V/∂z (N, n) at deviations (N, n)."""
+        """Return ∂V/∂z (N, n) at deviations z (N, n)."""
         slopes = np.einsum("ktj,t->kj", self.basis.slopes(z @ self.M.T), self.coefficients)
         return np.asarray(slopes @ self.M)
 
     def linear_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return the symmetric D (n, n) with -V' = y'D y to second order where z' = J z."""
+        """Return the symmetric D (n, n) with -V' = y'D y to second order, for the linear loop z' =
+        J z.
+        """
         slope = self.square @ self.M @ J @ self.N
         return np.asarray(-(slope + slope.T))
 
@@ -191,10 +200,10 @@ class Shape:
         return square
 
     def modal_decay(self, J: np.ndarray) -> np.ndarray:
-        """Return R (n, n), with z'R z a decay that every V of a set of this size has in z' = J z.
+        """Return R (n, n) of a decay z'R z that does not depend on V, for the linear loop z' = J z.
 
-        It is the decay of the mean of the squares of the modes, each at most 1 in the set. A small
-        part of V is added, so that R is positive where modes coincide.
+        It is the decay of the mean squared modes, each scaled to at most 1 in the set. A small
+        multiple of V is added, so that R is positive definite where modes coincide.
         """
         values, vectors = np.linalg.eig(J)
         modes = np.linalg.inv(vectors)
@@ -204,26 +213,26 @@ class Shape:
         return np.asarray(mean + _SLOWLY * rates.min() * self.M.T @ self.square @ self.M)
 
     def slow(self, J: np.ndarray) -> np.ndarray:
-        """Return T (n, n) with -V' = |s|² to second order for y = T s and z' = J z.
+        """Return T (n, n) with -V' = |s|² to second order, for y = T s and z' = J z.
 
-        Uniform rays s are dense near the directions in which V decreases slowly.
+        Directions T s of uniform s are dense where V decreases slowly.
         """
         values, directions = scipy.linalg.eigh(self.linear_decay(J))
         return np.asarray(directions / np.sqrt(np.maximum(values, _SLOWEST * values[-1])))
 
     def of_level(self, level: float) -> Shape:
-        """Return V divided by a level."""
+        """Return V / level, whose set is the set {V <= level}."""
         return replace(self, coefficients=self.coefficients / level)
 
     def stretched(self, factors: np.ndarray) -> Shape:
-        """Return V in coordinates divided by factors (n,)."""
+        """Return the same V in coordinates y divided by factors (n,)."""
         scale = np.prod(factors**self.basis.powers, axis=1)
         return replace(self, M=self.M / factors[:, None], coefficients=self.coefficients * scale)
 
     def diagonal(self, J: np.ndarray) -> Shape:
-        """Return V in the coordinates of `_diagonal`, in which its proof needs the fewest boxes.
+        """Return V in the coordinates of `_diagonal`, in which its proof needs fewer boxes.
 
-        A V that is not positive near 0 stays as it is.
+        A V that is not positive near 0 is returned unchanged.
         """
         square = self.M.T @ self.square @ self.M
         if not np.all(np.linalg.eigvalsh(square) > 0.0):
@@ -234,15 +243,18 @@ class Shape:
         return replace(turned, coefficients=np.linalg.lstsq(self.basis.at(y), values)[0])
 
     def in_cube(self) -> Shape:
-        """Return V in coordinates whose cube is larger than the set."""
+        """Return V in coordinates in which its set is within the cube |y_i| <= 1."""
         return self.stretched(_ROOM * np.abs(self.edge_points(4 * _RAYS)).max(axis=0))
 
     def piece(self) -> Piece:
-        """Return the set in the form of a statement."""
+        """Return the set as a piece of level 1, with rounded coefficients."""
         return Piece(self.M, self.basis.polynomial(self.coefficients), 1.0)
 
     def edges(self, rays: np.ndarray, level: float = 1.0) -> np.ndarray:
-        """Return the first share (N,) of rays y (N, n) at which V reaches a level."""
+        """Return the lowest factors (N,) of rays y (N, n) at which V reaches a level.
+
+        If V does not reach it, the factor is the largest one that is tried.
+        """
         values = self.basis.at(rays) * self.coefficients
         degrees = np.unique(self.basis.degrees)
         parts = [values[:, self.basis.degrees == degree].sum(axis=1) for degree in degrees]
@@ -261,20 +273,23 @@ class Shape:
         return np.asarray(high)
 
     def edge_points(self, count: int) -> np.ndarray:
-        """Return points y (count, n) where V = 1."""
+        """Return points y (count, n) with V = 1 in random directions."""
         rays = _unit(np.random.default_rng(2).normal(size=(count, self.basis.n)))
         return np.asarray(rays * self.edges(rays)[:, None])
 
     def size(self) -> float:
-        """Return the n-th root of the ratio of the volume of the set to that of the unit ball."""
+        """Return the n-th root of the volume of the set in z, relative to the volume of the unit
+        ball.
+        """
         n = self.basis.n
         lengths = np.linalg.norm(self.edge_points(4 * _RAYS), axis=1)
         return float((np.mean(lengths**n) / abs(np.linalg.det(self.M))) ** (1.0 / n))
 
     def bound(self, samples: Samples, level: float, *, quick: bool = False) -> Bound:
-        """Return the bound of the level, up to a highest one.
+        """Return the first obstacle in the set {V <= level}, as found by samples.
 
-        quick: with 10 % of the samples and fewer iterations"""
+        quick: with 10 % of the samples and fewer iterations
+        """
         slow = self.slow(samples.J)
         to_slow = np.linalg.solve(slow, self.M)
 
@@ -301,11 +316,14 @@ class Shape:
         turns: int,
         slow: np.ndarray,
     ) -> tuple[float, np.ndarray] | None:
-        """Return the lowest level at which a margin of 0 or less was found, and the point z (n,),
-        or None if none was found.
+        """Return the lowest level at which a margin <= 0 was found, and the point z (n,).
+
+        The result is None if no such point was found.
 
         margins: z (N, n) -> (N,)
+        level: highest level that is searched
         count: number of rays
+        turns: number of iterations
         slow: T of `slow`
         """
         n = self.basis.n
@@ -348,7 +366,7 @@ class Shape:
         return None if place is None else (best, place)
 
     def extents(self) -> Extents:
-        """Half-widths of the set of level 1."""
+        """Return the lowest and highest z of the set {V <= 1}, with multipliers for their proof."""
         n = self.basis.n
         generator = np.random.default_rng(3)
         inside = generator.uniform(size=(4 * _RAYS, 1)) ** (1.0 / n)
@@ -366,7 +384,8 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """Return the z of the set that is farthest in a direction (n,) of y."""
+        """Return the point z of the set {V <= 1} that maximizes direction · y, with direction (n,).
+        """
         n = self.basis.n
         generator = np.random.default_rng(4)
         rays = _unit(generator.normal(size=(_RAYS, n)))
@@ -398,8 +417,11 @@ class Shape:
 
 
 def _diagonal(P: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """Return M (n, n) of coordinates y = M z in which z'P z is |y|² and its derivative where
-    z' = J z is a sum of multiples of squares."""
+    """Return M (n, n) of coordinates y = M z in which a quadratic V and its derivative are
+    diagonal.
+
+    In them z'P z = |y|², and its derivative for z' = J z is a sum of multiples of y_i².
+    """
     T = np.linalg.inv(np.linalg.cholesky(P)).T
     S = T.T @ P @ J @ T
     return np.asarray(np.linalg.inv(T @ np.linalg.eigh(S + S.T)[1]))
@@ -410,11 +432,11 @@ def _unit(rays: np.ndarray) -> np.ndarray:
 
 
 class Growth:
-    """Linear programs for a V with a larger set.
+    """Linear programs that enlarge the set of a V.
 
-    samples: the loop
-    shape: the first V, with its largest admissible set
-    tell: called before each linear program with its task; may raise
+    samples: evaluation of the loop
+    shape: the first V, scaled to the largest set that samples allow
+    tell: called with a description before each linear program; may raise
     """
 
     def __init__(self, samples: Samples, shape: Shape, tell: Callable[[str], None]) -> None:
@@ -428,8 +450,10 @@ class Growth:
         self.shape = shape
 
     def refuted(self, place: np.ndarray) -> Shape | None:
-        """Return a V that also decreases at and near a point z (n,), with a set hardly smaller, or
-        None."""
+        """Return a V that also decreases at and near z (n,), or None.
+
+        The result is None if there is no such V or its set is much smaller.
+        """
         self._add(place)
         found = self._good(1.0)
         if found is None or found.size() < _KEPT * self.shape.size():
@@ -438,12 +462,12 @@ class Growth:
         return found
 
     def _add(self, place: np.ndarray) -> None:
-        """Add rows at and near a point z (n,)."""
+        """Require decrease of V at and near a point z (n,) in the next linear programs."""
         near = self._random.normal(size=(30, len(place))) * 0.02 * np.abs(place)
         self._refuted = np.concatenate([self._refuted, place[None], place + near])
 
     def grown(self) -> Shape | None:
-        """Return a V with a larger set than the last, or None if none is found."""
+        """Return a V with a larger set than the present one, or None if none is found."""
         while self._growths:
             found = self._good(self._growths[0] ** 2)
             if found is not None and found.size() > _GAIN * self.shape.size():
@@ -453,14 +477,14 @@ class Growth:
         return None
 
     def of_degree(self, degree: int) -> None:
-        """Continue with polynomials of a higher degree."""
+        """Continue with polynomials V of a higher degree."""
         self.shape = self.shape.of_degree(degree)
         self._growths = _GROWTHS
 
     def finer(self) -> bool:
-        """Let V decrease more slowly from now on, which permits larger sets with longer proofs.
+        """Reduce the required decay of V. This permits larger sets, whose proofs take longer.
 
-        Return False at the end of the range, where V is unchanged.
+        Return False, without a change, if the decay is already at its lowest value.
         """
         if self._least_decay < _LEAST_DECAY:
             return False
@@ -468,9 +492,12 @@ class Growth:
         return True
 
     def _good(self, level: float) -> Shape | None:
-        """Return the largest admissible set of fits up to a level, or None without one.
+        """Return the V with the largest admissible set among several fits, or None if there is no
+        fit.
 
-        The obstacle of one fit is a row of the next.
+        The obstacle of one fit becomes a row of the next.
+
+        level: level of the present V up to which the fits extend
         """
         best = None
         largest = 0.0
@@ -497,8 +524,11 @@ class Growth:
         return best
 
     def _fitted(self, level: float) -> Shape | None:
-        """Return the V of least mean with V >= 1 where the last V reaches a level, and V' < 0 below
-        it. The result is None if the linear program has no solution."""
+        """Return the V of least mean with V >= 1 where the present V reaches `level`, and V' < 0
+        below.
+
+        The result is None if the linear program has no solution.
+        """
         last = self.shape.in_cube()
         basis = last.basis
         checked = int(_CHECKED * max(self._samples.share, 0.1))
@@ -540,10 +570,10 @@ class Growth:
         return shape
 
     def _unknowns(self, shape: Shape) -> np.ndarray:
-        """Return basis vectors (K, k) of the coefficients of V.
+        """Return vectors (K, k) whose combinations are the coefficients of V.
 
-        Above degree 2 the quadratic part is only scaled, because samples near 0 of a stiff loop are
-        too few to choose it.
+        For degrees above 2 the quadratic part of V is only scaled, because too few samples near 0
+        of a stiff loop determine it.
         """
         if shape.basis.degree == 2:
             return np.eye(len(shape.coefficients))
@@ -552,12 +582,15 @@ class Growth:
         return np.column_stack([square, np.eye(len(square))[:, ~is_square]])
 
     def _edge(self, shape: Shape, level: float, count: int) -> np.ndarray:
-        """Return points y (count, n) at a level."""
+        """Return random points y (count, n) at which V equals a level."""
         rays = _unit(self._random.normal(size=(count, shape.basis.n)))
         return np.asarray(rays * shape.edges(rays, level)[:, None])
 
     def _inside(self, shape: Shape, level: float, count: int) -> np.ndarray:
-        """Return points y (count, n) up to a level."""
+        """Return random points y (count, n) at which V is at most a level.
+
+        Half of the directions are dense where V decreases slowly.
+        """
         n = shape.basis.n
         rays = self._random.normal(size=(count, n))
         rays[: count // 2] = rays[: count // 2] @ shape.slow(self._samples.J).T
@@ -568,11 +601,13 @@ class Growth:
         return np.asarray(shares * rays * shape.edges(rays, level)[:, None])
 
     def _rows(self, last: Shape, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, K) and sides (N,) of linear inequalities under which a V decreases where
-        V <= 1.
+        """Return rows (N, K) and right sides (N,) of linear inequalities for a V that decreases in
+        {V <= 1}.
 
-        The rows are -V' + k (V - 1) over the modal decay, with a k >= 0 that grows with the last V.
-        Beyond a limit the rows are V.
+        The rows are (-V' + k V) / decay and the right sides least decay + k, where k >= 0 grows
+        with the present V. At points beyond a limit the rows require V >= 1.02.
+
+        y: (N, n), points in the coordinates of `last`
         """
         z = y @ last.N.T
         monomials = last.basis.at(y)
@@ -584,18 +619,20 @@ class Growth:
         )
 
     def _decays(self, last: Shape, z: np.ndarray, rates: np.ndarray) -> np.ndarray:
-        """Return -V' of each monomial at z (N, n), relative to the modal decay, (N, K)."""
+        """Return -V' of each monomial at z (N, n) with rates z' (N, n), divided by the modal decay,
+        (N, K).
+        """
         decay = np.einsum("ki,ij,kj->k", z, self._decay, z)
         slopes = last.basis.slopes(z @ last.M.T)
         return np.asarray(-np.einsum("ktj,kj->kt", slopes, rates @ last.M.T) / decay[:, None])
 
     def _slow(self, shape: Shape) -> np.ndarray:
-        """Return a few directions z (N, n) in which V decreases too little in the linear loop."""
+        """Return the directions z (k, n) in which V decreases too slowly in the linear loop."""
         decay = shape.linear_decay(self._samples.J)
         values, directions = scipy.linalg.eigh(decay, shape.N.T @ self._decay @ shape.N)
         return np.asarray((shape.N @ directions[:, values < 0.5 * self._least_decay]).T)
 
     def _linear_rows(self, last: Shape, z: np.ndarray) -> np.ndarray:
-        """Return the rows of `_rows` near 0 in directions z (N, n), (N, K)."""
+        """Return the rows (N, K) of `_rows` for the linear loop, in directions z (N, n)."""
         rows = self._decays(last, z, z @ self._samples.J.T)
         return np.where(last.basis.degrees == 2, rows, 0.0)

@@ -1,4 +1,4 @@
-"""Certificates changed at random."""
+"""Random changes of certificates."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Return the paths of all entries, including lists and objects."""
+    """Yield the paths of all entries, including those that are lists or objects."""
     if path:
         yield path
     if isinstance(value, dict):
@@ -22,7 +22,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
-    """Change, remove or repeat one entry of the statement or the witness at random."""
+    """Change, remove or repeat one random entry of the statement or the witness, in place."""
     claims = {name: certificate[name] for name in ("statement", "witness")}
     paths = list(leaves(claims))
     *parents, last = paths[rng.integers(len(paths))]

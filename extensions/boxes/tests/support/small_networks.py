@@ -1,4 +1,4 @@
-"""Small networks that imitate a gain by least squares, for proofs."""
+"""Small networks fitted to a linear gain by least squares, as policies for proofs."""
 
 from __future__ import annotations
 
@@ -23,11 +23,14 @@ def imitation(
     activation: str = "tanh",
     seed: int = 0,
 ) -> Path:
-    """Write a state dict of u(z) near -K z for |z_i| <= reach_i, with u(0) = 0.
+    """Write the state dict of a network u(z) near -K z for |z_i| <= reach_i, and return its path.
+
+    The network has u(0) = 0.
 
     path: .npz
     K: (m, n)
     reach: (n,)
+    hidden: widths of the hidden layers
     """
     generator = np.random.default_rng(seed)
     act = ACTIVATIONS[activation]

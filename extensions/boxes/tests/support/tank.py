@@ -1,4 +1,5 @@
-"""A tank that fills itself, with a saturated valve, whose proved sets are known."""
+"""A tank with inflow proportional to its level and a saturated valve. Its true regions are known.
+"""
 
 from __future__ import annotations
 
