@@ -1,2 +1,1 @@
-"""Proof by branch and bound over boxes: regions of attraction of policies, and lower cost bounds.
-"""
+"""Proof by branch and bound over boxes: regions of attraction and lower bounds of the cost."""

@@ -130,8 +130,7 @@ def _sentence(statement: BoxStatement, policy: str) -> str:
 
 
 def _extents(statement: BoxStatement) -> tuple[Table, str]:
-    """Return a table of the extents of the set, and a note that the set is smaller than their box.
-    """
+    """Return a table of the extents of the set, and a note that the set does not fill their box."""
     model = statement.loop.model
     rows = []
     for name, (low, high) in statement.extents.items():

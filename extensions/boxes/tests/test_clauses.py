@@ -94,9 +94,7 @@ def test_the_tank_is_proved() -> None:
 
 
 def test_other_policies_have_other_digests() -> None:
-    """Policies that differ in the last digit of a coefficient, or in the state, have different
-    digests.
-    """
+    """Policies that differ in a coefficient's last digit or in the state have different digests."""
     z = ca.SX.sym("z", 2)
     commands = [0.25 * z[0], np.nextafter(0.25, 1.0) * z[0], 0.25 * z[1]]
     policies = [ca.Function("u", [z], [command]) for command in commands]
@@ -104,10 +102,10 @@ def test_other_policies_have_other_digests() -> None:
 
 
 def test_the_hole_ends_where_the_jacobian_decides() -> None:
-    """The hole, where the Jacobian proves V' < 0, has the half-width 0.25 and proves no box beyond
-    it.
+    """The hole, where the Jacobian proves V' < 0, has the half-width 0.25.
 
-    The command contains the sixth power of the level, so that the level increases above 0.4.
+    A box outside the hole is not proved by it. The command contains the sixth power of the level,
+    so that the level increases above 0.4.
     """
     content = tank()
     content["statement"]["policy"]["terms"] = {"valve": [[146.0, [6, 0]]]}
@@ -133,8 +131,7 @@ def test_the_hole_holds_the_corners_of_turned_coordinates() -> None:
 
 
 def test_deviations_hold_those_of_the_exact_inverse() -> None:
-    """The models of z contain z = M⁻¹ y for M = diag(3, 7), whose inverse is not exact in doubles.
-    """
+    """The models of z contain M⁻¹ y for M = diag(3, 7), whose inverse is not exact."""
     statement, witness = read_content(tank(), TANK, None)
     stretched = statement.piece._replace(M=np.diag([3.0, 7.0]))
     equilibrium = equilibrium_near(statement.loop, np.zeros(2))
@@ -148,9 +145,7 @@ def test_deviations_hold_those_of_the_exact_inverse() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """A box from 0.25 to 0.5 is proved for an exact equilibrium, not for one known only within a
-    radius.
-    """
+    """A box from 0.25 to 0.5 is proved only if the equilibrium is known exactly."""
     statement, witness = read_content(tank(), TANK, None)
     equilibrium = Equilibrium(np.zeros(2), np.array([radius, 0.0]))
     found = _decrease(statement, witness, equilibrium)
@@ -172,8 +167,9 @@ def test_the_equilibrium_is_compared_in_nominal_values() -> None:
 
 @pytest.mark.parametrize("ends", [(-0.9105, 9.0), (-9.0, 0.9105)])
 def test_limits_hold_about_all_equilibria(ends: tuple[float, float]) -> None:
-    """Limits at a distance of 0.91 hold for an exact equilibrium, not for one known only within
-    0.001.
+    """Limits at a distance of 0.91 hold only if the equilibrium is known exactly.
+
+    An error of 0.001 is refused.
     """
     content = tank()
     content["statement"]["limits"]["level"] = list(ends)
@@ -201,7 +197,9 @@ def _put(value: Any, *path: Any) -> Callable[[Content], None]:
 
 
 def _through_the_faces(content: Content) -> None:
-    """Change the certificate so that its set extends beyond the cube, in all of which V decreases.
+    """Change the certificate so that its set extends beyond the cube.
+
+    V decreases in all of the cube.
     """
     content["statement"]["piece"]["c"] = 1.5
     content["statement"]["extents"] = {"level": [-1.3, 1.3], "heat": [-1.3, 1.3]}

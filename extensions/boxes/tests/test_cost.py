@@ -53,7 +53,7 @@ def cart_bound(coefficient: float) -> CostStatement:
 
 @pytest.mark.parametrize("margin", [1e-13, 0.1])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """A bound is proved if it is below the least cost by 1e-13 and refused if it is above by 1e-13.
+    """A bound 1e-13 below the least cost is proved, and one 1e-13 above it is refused.
 
     The cart is in equilibrium at every position, so its input is the unknown of the equilibrium.
     """
@@ -240,10 +240,9 @@ WAGON = Model(
 
 
 def test_no_inputs_lose_more_than_the_bound() -> None:
-    """g at a guess minus `_loss` is at most the least g, for guesses on every side of the best
-    inputs.
+    """g at a guess minus `_loss` is at most the least g.
 
-    Here g = 2 k y (a + b + 0.9 a b) + y² + a² + b².
+    The guesses are on every side of the best inputs. g = 2 k y (a + b + 0.9 a b) + y² + a² + b².
     """
     limits = {"pull": (-1.0, 1.0), "push": (-1.0, 1.0)}
     plant = Plant(WAGON, {}, {"position": 0.0}, {"pull": 0.0, "push": 0.0}, {}, limits)
@@ -305,8 +304,7 @@ def test_the_best_input_may_be_far_from_equilibrium(ends: tuple[float, float]) -
 
 
 def test_the_equilibrium_is_compared_in_nominal_values() -> None:
-    """An equilibrium that differs from the trim by 2e-7 m is refused if the nominal value is 0.01
-    m.
+    """An equilibrium 2e-7 m from the trim is refused if the nominal value is 0.01 m.
 
     The tolerance is 1e-6 nominal values.
     """
@@ -363,8 +361,9 @@ def test_a_bound_with_slope_at_trim_is_refused() -> None:
 
 
 def test_the_loss_covers_guesses_that_vary_over_box() -> None:
-    """The loss covers a guess that varies from -0.3 to -0.1 over a box; the best input is the limit
-    -0.3.
+    """The loss covers a guess that varies from -0.3 to -0.1 over a box.
+
+    The best input is the limit -0.3.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"speed": (-0.3, 0.3)})
     k = 0.75
@@ -441,8 +440,7 @@ def _on_a_line(
 
 
 def test_inputs_reach_their_limits_from_all_equilibria() -> None:
-    """With limits of ±0.1 and an equilibrium known within 1e-3, the input deviations reach ±0.101.
-    """
+    """With limits of ±0.1 and an equilibrium known within 1e-3, input deviations reach ±0.101."""
     low, high = _on_a_line(CART, 0.75, 1e-3, (-0.1, 0.1)).ends[0]
     assert low <= -0.101
     assert high >= 0.101
@@ -456,7 +454,7 @@ def test_no_equilibrium_may_be_beyond_limits_of_inputs(ends: tuple[float, float]
 
 @pytest.mark.parametrize("radius", [0.0, 0.3])
 def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
-    """A box is proved for an exact equilibrium, and not for an equilibrium known only within 0.3.
+    """A box is proved only if the equilibrium is known exactly, not within 0.3.
 
     g = 1.5 y (u + e) + y² + u² is positive at y = 0.5 for e = 0, but not for all |e| <= 0.3.
     """
@@ -465,10 +463,9 @@ def test_the_error_of_the_equilibrium_counts(radius: float) -> None:
 
 
 def test_the_envelope_is_met_from_all_equilibria() -> None:
-    """The box 0.1875 <= y <= 0.3125 meets the envelope |position| <= 0.1 for some equilibria within
-    0.2.
+    """A box outside the envelope for an exact equilibrium meets it for some equilibrium within 0.2.
 
-    It is outside the envelope for an equilibrium at exactly 0.
+    The box is 0.1875 <= y <= 0.3125, the envelope |position| <= 0.1.
     """
     plant = Plant(CART, {}, {"position": 0.0}, {"speed": 0.0}, {}, {"position": (-0.1, 0.1)})
     piece = Piece(ONE, Polynomial(1, ((0.5, (2,)),)), 1.0)
@@ -564,8 +561,7 @@ def test_the_hessian_covers_both_ends_of_entries() -> None:
 
 
 def test_the_edge_by_which_g_varies_most_is_halved() -> None:
-    """The edge along which g varies most is halved; for a box at a face, the edge along which W
-    does.
+    """The edge along which g varies most is halved. At a face, W decides instead of g.
 
     Here g = 1.5 y_1 u + y_1² + a y_2² + u², and W = 0.75 y_1² + 0.0625 y_2².
     """
@@ -581,7 +577,7 @@ def test_the_edge_by_which_g_varies_most_is_halved() -> None:
 
 
 def _still(inequality: CostInequality, boxes: Boxes) -> Any:
-    """Return the Taylor models of the symbols on boxes, with the inputs at their best values."""
+    """Return Taylor models of the symbols on boxes, with the inputs at their best values."""
     v, slopes = inequality.best_inputs(boxes.centres)
     return inequality._inputs(boxes, Guess(v, slopes * boxes.half_widths[:, None, :]))
 

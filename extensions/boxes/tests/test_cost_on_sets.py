@@ -1,5 +1,4 @@
-"""The set {W <= c} of a lower bound of the cost, and the hole around the equilibrium in its proof.
-"""
+"""The set {W <= c} of a lower bound of the cost, and the hole around the equilibrium."""
 
 from __future__ import annotations
 

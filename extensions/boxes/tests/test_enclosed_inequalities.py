@@ -118,9 +118,7 @@ def _g(places: Places, inputs: np.ndarray, share: float = 1.0) -> np.ndarray:
 
 
 def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
-    """Return a guess of the best inputs on boxes, with random errors of size `off` in values and
-    slopes.
-    """
+    """Return a guess of the best inputs, with random errors of size `off`."""
     rng = np.random.default_rng(3)
     v, _ = inequality.best_inputs(boxes.centres @ np.linalg.inv(M).T)
     return Guess(v + off * rng.normal(size=v.shape), off * rng.normal(size=(*v.shape, 2)))
@@ -129,9 +127,7 @@ def _guess(inequality: CostInequality, boxes: Boxes, off: float) -> Guess:
 @pytest.mark.parametrize("radius", [0.0, 0.05])
 @pytest.mark.parametrize("off", [0.0, 0.1])
 def test_no_input_makes_the_inequality_smaller(radius: float, off: float) -> None:
-    """g at a guess is at least its lower bound; g at any input is at least this bound minus the
-    loss.
-    """
+    """g at a guess is at least its bound, and g at any input at least this bound minus the loss."""
     places = _places(radius, 5)
     inequality = _inequality(radius)
     guess = _guess(inequality, places.boxes, off)

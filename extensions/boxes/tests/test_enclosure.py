@@ -68,8 +68,7 @@ def test_functions_of_squares_hold_the_ends_of_boxes() -> None:
 
 @pytest.mark.parametrize("half_width", [0.5, 0.1, 1e-3, 1e-8])
 def test_sharpened_bounds_hold_every_operation(half_width: float) -> None:
-    """Sharpened lower bounds are valid for every supported operation, and at least as high as
-    `lowest`.
+    """Sharpened lower bounds are valid for every operation and at least as high as `lowest`.
 
     The third input has an error of 1 % of its half-width.
     """
@@ -127,7 +126,7 @@ def _rounded(y: ca.SX) -> dict[str, ca.SX]:
 
 @pytest.mark.parametrize("name", _rounded(ca.SX.sym("y", 2)))
 def test_no_rounding_is_lost_in_sharpened_bounds(name: str) -> None:
-    """Sharpened bounds include rounding, also if rounding is the only error."""
+    """Sharpened bounds include rounding, also if it is the only error."""
     y = ca.SX.sym("y", 2)
     program = TaylorProgram(Program(ca.Function("f", [y], [_rounded(y)[name]]), "f"), 2)
     linear = np.zeros((2, 3, 1))
@@ -202,8 +201,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]
 
 @pytest.mark.parametrize("kind", ENCLOSED)
 def test_each_part_of_an_enclosure_holds_its_function(kind: str) -> None:
-    """Parabolas, lines and slopes enclose their function over narrow, wide and asymmetric ranges.
-    """
+    """Parabolas, lines and slopes enclose functions over narrow, wide and asymmetric ranges."""
     function, slope = FUNCTIONS[kind]
     generator = np.random.default_rng(3)
     is_positive = kind in ("inverse", "sqrt", "log")
@@ -244,8 +242,7 @@ def test_elementary_functions_are_as_near_as_stated() -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
-    """The sign of a value of ±1e-13 is proved: (1 + y)² - 4 y + margin equals the margin at y = 1.
-    """
+    """The sign of a value of ±1e-13 is proved: (1 + y)² - 4 y + margin is the margin at y = 1."""
     y = ca.SX.sym("y")
     function = ca.Function("f", [y], [(1 + y) ** 2 - 4 * y + margin])
     models = TaylorProgram(Program(function, "f"), 1).over(np.array([[1.0]]), np.array([[1e-8]]))
@@ -257,8 +254,7 @@ def test_a_margin_of_1e13_is_decided_rightly(margin: float) -> None:
 
 @pytest.mark.parametrize("margin", [1e-13, -1e-13])
 def test_folded_constants_are_the_function(margin: float) -> None:
-    """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not exactly
-    1.
+    """The sign of 5 (0.2 y) - y + margin is proved, although 5 times the double 0.2 is not 1.
 
     CasADi simplifies the product to y.
     """
@@ -298,9 +294,7 @@ def test_an_operation_without_enclosure_is_named() -> None:
 
 
 def test_doubles_are_values_of_the_program() -> None:
-    """`values_at` equals the values of the function, also for more points than are evaluated
-    together.
-    """
+    """`values_at` equals the function, also at more points than are evaluated together."""
     points = np.random.default_rng(0).uniform(-0.5, 0.5, (5000, 3))
     expected = np.array(every_operation()(points.T)).T
     assert values_at(Program(every_operation(), "f"), points) == pytest.approx(expected, rel=1e-12)

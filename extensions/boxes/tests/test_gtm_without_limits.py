@@ -1,5 +1,4 @@
-"""Stored certificates of the GTM without state limits, with the largest sets found, proved again.
-"""
+"""Stored certificates of the GTM without state limits, whose proofs are repeated."""
 
 from __future__ import annotations
 
@@ -39,9 +38,8 @@ def size_of(degree: int) -> float:
 
 @pytest.mark.slow
 def test_a_quartic_proves_more_than_a_quadratic() -> None:
-    """For the GTM at 45 m/s with its LQR, a quartic V proves a set 1.15 times as large as a
-    quadratic V.
+    """For the GTM at 45 m/s, a quartic V proves a set 1.15 times as large as a quadratic V.
 
-    The size of a set is the n-th root of its volume.
+    The policy is the LQR. The size of a set is the n-th root of its volume.
     """
     assert size_of(4) > 1.15 * size_of(2)

@@ -30,8 +30,7 @@ def network(z: Any, tanh: Callable[[Any], Any]) -> Any:
 
 
 def deployed(z: Any, level: Any, clip: Callable[[Any], Any]) -> Any:
-    """Return the command of a deployed policy at the deviation z, relative to its command at the
-    trim.
+    """Return the command of a deployed policy at z, relative to its command at the trim.
 
     level: level at the trim, which the policy observes
     clip: saturation

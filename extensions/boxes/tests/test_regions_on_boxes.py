@@ -126,8 +126,7 @@ def test_no_edge_is_halved_below_the_doubles() -> None:
 def proved(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> tuple[dict[str, Any], ca.Function, list[str]]:
-    """Return the content of a proved certificate, and the arguments of the command that checks it.
-    """
+    """Return the content of a proved certificate, and the arguments of the command to check it."""
     folder = tmp_path_factory.mktemp("boxes")
     network = imitation(folder / "network.npz", K, np.array([1.0, 4.0]), hidden=(8,))
     words = ["--aircraft", PENDULUM, "--Q", "1,1", "--R", "1", "--weights", str(network)]
@@ -246,8 +245,9 @@ def test_rest_at_no_decrease_is_refused() -> None:
 
 
 def test_the_hole_is_one_of_first_function_alone() -> None:
-    """The hole applies to the first function only: a second function that is negative there is
-    refused.
+    """The hole applies to the first function only.
+
+    A second function that is negative in the hole is refused.
     """
     y = ca.SX.sym("y", 2)
     bump = (y[0] - 0.05) ** 2 + y[1] ** 2
@@ -261,9 +261,7 @@ SINK = Model("sink", {"x": Signal("m")}, {}, lambda x, u, p, w: ({"x": -x.x}, {}
 
 @pytest.mark.parametrize("limit", [0.65, 0.55])
 def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
-    """A set whose extent reaches 0.6 is proved for a limit above 0.6, and refused for a lower
-    limit.
-    """
+    """A set that reaches 0.6 is proved for a higher limit and refused for a lower one."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     piece = Piece(np.eye(1), Polynomial(1, ((1.0, (2,)),)), 0.25)
     at = Equilibrium(np.zeros(1), np.zeros(1))
@@ -279,8 +277,9 @@ def test_no_set_beyond_a_limit_is_proved(limit: float) -> None:
 
 @pytest.mark.parametrize("quartic", [0.5, -0.6])
 def test_a_quartic_must_rise_to_the_faces(quartic: float) -> None:
-    """The set {y² + a y⁴ <= 1} of x' = -x is proved for a > 0. Otherwise it meets a face and is
-    refused.
+    """For x' = -x, the set {y² + a y⁴ <= 1} is proved for a > 0.
+
+    For other a it meets a face of the cube and is refused.
     """
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {}, none)
@@ -322,7 +321,7 @@ def test_a_margin_of_1e13_decides_a_network(margin: float) -> None:
 
 
 def test_an_interruption_keeps_what_is_proved() -> None:
-    """Ctrl-C ends the search at its next step, and the region proved so far is returned."""
+    """Ctrl-C ends the search at its next step. The region proved so far is returned."""
     saved = []
     before = signal.getsignal(signal.SIGINT)
 
@@ -403,8 +402,7 @@ def test_a_kink_at_the_equilibrium_is_named() -> None:
 
 
 def test_a_set_beyond_a_limit_is_made_smaller() -> None:
-    """The search scales a set that extends beyond a limit, so that it just stays within the limit.
-    """
+    """The search scales a set that extends beyond a limit, so that it is just within the limit."""
     none = ca.Function("u", [ca.SX.sym("z", 1)], [ca.SX(0, 1)])
     loop = Loop(SINK, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 0.6)}, none)
     search = RegionSearch(loop, "", [], seconds=1.0)
@@ -416,8 +414,7 @@ def test_a_set_beyond_a_limit_is_made_smaller() -> None:
 
 
 def test_an_obstacle_in_a_slow_direction_is_found() -> None:
-    """An increase of V = |x|² at |a| > 0.5 is found, although it occurs only where b, c and d are
-    small.
+    """An increase of V = |x|² at |a| > 0.5 is found where it needs small fast states.
 
     The fast states b, c and d must be below 0.01.
     """
@@ -437,7 +434,9 @@ def test_an_obstacle_in_a_slow_direction_is_found() -> None:
 
 
 def test_coinciding_modes_have_a_positive_decay() -> None:
-    """The decay matrix is positive definite for coinciding modes, and diag(1, 4) for diag(-1, -4).
+    """The decay matrix is positive definite for coinciding modes.
+
+    For the modes -1 and -4 it is diag(1, 4).
     """
     ball = Shape.of_matrix(np.eye(2), np.diag([-1.0, -4.0]), 2)
     assert ball.modal_decay(np.diag([-1.0, -4.0])) == pytest.approx(np.diag([1.0, 4.0]), abs=0.01)
@@ -447,9 +446,7 @@ def test_coinciding_modes_have_a_positive_decay() -> None:
 
 @pytest.mark.parametrize("weight", [1e-3, 1e3])
 def test_a_set_grows_alike_from_any_v(weight: float) -> None:
-    """The set of a linear loop within limits grows to the same size from initial V of different
-    decay.
-    """
+    """A set within limits grows to the same size from initial V of different decay."""
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
         return {"slow": x.fast - 0.1 * x.slow, "fast": -x.slow - 20.0 * x.fast}, {}

@@ -68,7 +68,9 @@ class Loop(Plant):
 
 
 def equilibrium_near(loop: Loop, x: np.ndarray) -> Equilibrium:
-    """Return an enclosure of the loop's equilibrium near x (n,). Raises Rejected if none is proved.
+    """Return an enclosure of the loop's equilibrium near x (n,).
+
+    Raises Rejected if none is proved.
     """
     n = len(loop.states)
     return zero_near(loop.closed, x, loop.nominal[:n], range(n))

@@ -215,8 +215,7 @@ def model_limits(
 
 
 def facts(model: Model) -> dict[str, Any]:
-    """Return entries that identify a model: name, source, and names and units of states and inputs.
-    """
+    """Return entries that identify a model: name, source, signals and units."""
     return {
         "dynamics": model.name,
         "source": model.extras.source[1],

@@ -39,8 +39,7 @@ class Parabola(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Lowest and highest slope over a range, including all generalized gradients (Clarke) at kinks.
-    """
+    """Lowest and highest slope over a range, including generalized gradients (Clarke) at kinks."""
 
     low: np.ndarray
     high: np.ndarray
@@ -294,8 +293,7 @@ def _wave(pair: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]) -> Enclos
         return _by_slopes(value, SIN_ERROR, slopes(*ranges[1:]), _reach(ranges))
 
     def slopes(low: np.ndarray, high: np.ndarray) -> Slopes:
-        """Return the range of f', which is within f'(m) ± |t - m|, with m the center of the range.
-        """
+        """Return the range of f' from f'(m) ± |t - m|, with m the center of the range of t."""
         middle = 0.5 * (low + high)
         _, slope = pair(middle)
         width = np.maximum(high - middle, middle - low) * (1.0 + 4.0 * ROUNDING) + 2.0 * SIN_ERROR

@@ -252,7 +252,9 @@ class _Reader:
         return self._node("atan", self._quotient(first, below))
 
     def _less(self, first: Row, last: Row) -> Row:
-        """Return the row of a < b: 1 for a < b, 0 for a > b, and [0, 1] where the two may be equal.
+        """Return the row of a < b: 1 for a < b, 0 for a > b.
+
+        Where the two may be equal, it is enclosed by [0, 1].
         """
         return self._node("step", _plus(last, first, -_ONE))
 

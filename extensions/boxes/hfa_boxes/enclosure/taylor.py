@@ -117,7 +117,7 @@ class Sharpened(NamedTuple):
 
 
 class _Sizes(NamedTuple):
-    """Upper bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the absolute value of the model."""
+    """Upper bounds of |Σ c_i s_i|, of |Σ c_ij s_i s_j|, and of the absolute value."""
 
     linear: np.ndarray
     square: np.ndarray
@@ -150,7 +150,9 @@ class TaylorProgram:
         self.at_once = int(np.clip(_NUMBERS // numbers, 16, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Models:
-        """Return models of the outputs over the input boxes centres ± half_widths, each (boxes, n).
+        """Return models of the outputs over input boxes.
+
+        centres, half_widths: (boxes, n)
         """
         n = self.n
         linear = np.zeros((n, 1 + n, len(centres)))
@@ -387,7 +389,9 @@ def highest(models: Models, n: int) -> np.ndarray:
 
 
 def _lowest_parabolas(linear: np.ndarray, squares: np.ndarray) -> np.ndarray:
-    """Return the minimum of squares_i s² - linear_i s over |s| <= 1 for each i, with linear_i >= 0.
+    """Return the minimum of squares_i s² - linear_i s over |s| <= 1 for each i.
+
+    linear: not negative
     """
     inside = 2.0 * squares > linear
     at_vertex = -(linear**2) / (4.0 * np.where(inside, squares, 1.0))

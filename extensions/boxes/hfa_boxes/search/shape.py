@@ -153,7 +153,9 @@ class Shape:
 
     @classmethod
     def of_piece(cls, piece: Piece, degree: int) -> Shape:
-        """Return V of a piece, scaled to level 1, with monomials up to `degree` or the degree of V.
+        """Return V of a piece, scaled to level 1, with monomials up to a degree.
+
+        degree: highest degree; the degree of V if that is higher
         """
         powers = [powers for _, powers in piece.W.terms]
         basis = Monomials(len(piece.M), max(degree, *(sum(each) for each in powers)))
@@ -384,7 +386,9 @@ class Shape:
         return Extents(ends, multipliers)
 
     def _farthest(self, direction: np.ndarray) -> np.ndarray:
-        """Return the point z of the set {V <= 1} that maximizes direction · y, with direction (n,).
+        """Return the point z of the set {V <= 1} that maximizes direction · y.
+
+        direction: (n,)
         """
         n = self.basis.n
         generator = np.random.default_rng(4)

@@ -22,7 +22,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def mutate(certificate: dict[str, Any], rng: np.random.Generator) -> None:
-    """Change, remove or repeat one random entry of the statement or the witness, in place."""
+    """Change, remove or repeat one random entry of the statement or the witness."""
     claims = {name: certificate[name] for name in ("statement", "witness")}
     paths = list(leaves(claims))
     *parents, last = paths[rng.integers(len(paths))]
