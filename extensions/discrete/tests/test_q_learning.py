@@ -22,7 +22,10 @@ def _problem(seed: int, delta: float = np.inf, discount: float = 0.97) -> Discre
 )
 @pytest.mark.parametrize("margin", [np.inf, 1.1])
 def test_exact_q_function_is_learned_from_any_start(seed, margin):
-    """The exact Q function is learned from any initial policy."""
+    """Q-learning finds the exact P and H within 1e-9 of their largest entries, for random plants.
+
+    No initial policy is given.
+    """
     problem = _problem(seed)
     if np.isfinite(margin):
         problem = _problem(seed, margin * minimum_delta_discrete(problem).value)
@@ -34,7 +37,7 @@ def test_exact_q_function_is_learned_from_any_start(seed, margin):
 
 
 def test_noise_in_steps_moves_gain_by_its_size():
-    """Noise in the steps changes the gain in proportion to its size."""
+    """Relative noise of 1e-3 in the next states changes the learned K by less than 5 %."""
     problem = _problem(1)
     steps = random_steps(problem, 0)
     noise = 1e-3 * np.random.default_rng(5).standard_normal(steps.next_states.shape)

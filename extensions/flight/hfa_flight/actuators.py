@@ -1,4 +1,4 @@
-"""Actuators of order 1 and 2 with limits of position and rate, and faults in flight."""
+"""Actuators of first and second order with position and rate limits, and their faults in flight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST_STEP = 2.5
 
 @dataclass(frozen=True)
 class ActuatorFault:
-    """A change of actuators during a flight.
+    """A change of actuators during a flight, from `begin` on.
 
     begin: start of the fault, s
     effectiveness: λ, factor on the command
@@ -26,7 +26,7 @@ class ActuatorFault:
     damping: ζ, or None for no change
     inputs: names of the affected inputs, or () for all
 
-    Raises BadInputError when `begin` is negative or another number is not positive.
+    Raises BadInputError if `begin` is negative or another number is not positive.
     """
 
     begin: float = 0.0
@@ -36,7 +36,7 @@ class ActuatorFault:
     inputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for values that cannot be simulated."""
+        """Raise BadInputError if a number is out of range."""
         for name in ("effectiveness", "bandwidth", "damping"):
             if (value := getattr(self, name)) is not None:
                 refuse_unless_positive(f"the {name} after a fault", value)
@@ -46,18 +46,19 @@ class ActuatorFault:
 
 @dataclass(frozen=True)
 class ActuatorBank:
-    """Bank of m actuators, which follow the commanded deviation u within limits of position and
-    rate.
+    """Actuators of the m inputs, with limits of position and rate.
 
-        c = sat(U0 + u, lowest, highest) - U0
-        order 1:  a' = sat((λ c - a) ω, ±rate)
-        order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
+    u is the command and a the position, as deviations from the trim U0.
 
-    lag, lowest, highest and rate are named tuples of the inputs of the model
+      c = sat(U0 + u, lowest, highest) - U0
+      order 1:  a' = sat((λ c - a) ω, ±rate)
+      order 2:  a' = sat(v, ±rate),  v' = ω² (λ c - a) - 2 ζ ω v,  a within its limits
+
+    lag, lowest, highest and rate are named tuples over the inputs of the model
     (`hfa_aircraft.model.record`), in its units.
 
     lag: 1/ω, s, > 0
-    lowest, highest: positions, absolute; may be infinite
+    lowest, highest: absolute positions; may be infinite
     rate: largest |U'|, per s; may be infinite
     order: 1 or 2, for all inputs
     damping: ζ, for all inputs
@@ -77,7 +78,7 @@ class ActuatorBank:
     faults: tuple[ActuatorFault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for actuators that cannot move and for faults of unknown inputs."""
+        """Raise BadInputError if a number is out of range or a fault names an unknown input."""
         numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
         for name, lag, lowest, highest, rate in numbers:
             refuse_unless_positive(f"the lag of {name}", lag, " s")
@@ -103,8 +104,9 @@ class ActuatorBank:
         return tuple(self.lag._fields)
 
     def refuse_step(self, step: float) -> None:
-        """Raise BadInputError when the lag of an actuator is too short for the integration step,
-        s."""
+        """Raise BadInputError if the integration step, s, is too long for the lag of an
+        actuator.
+        """
         for name, lag in zip(self.inputs, self.lag, strict=True):
             if step > LONGEST_STEP * lag * (1 + 1e-9):
                 raise BadInputError(
@@ -113,7 +115,9 @@ class ActuatorBank:
                 )
 
     def refuse_trim(self, trim: np.ndarray) -> None:
-        """Raise BadInputError when an actuator cannot hold its position in U0, (m,)."""
+        """Raise BadInputError if an input of the trim U0, (m,), is outside its actuator's
+        position limits.
+        """
         rows = zip(self.inputs, trim, self.lowest, self.highest, strict=True)
         for name, value, lowest, highest in rows:
             if not lowest <= value <= highest:
@@ -124,16 +128,19 @@ class ActuatorBank:
 
     @property
     def size(self) -> int:
-        """Number of states: positions a, then v for order 2, as deviations from trim."""
+        """Return the number of states: m positions a, followed for order 2 by m rates v.
+
+        All are deviations from trim.
+        """
         return self.order * len(self.lag)
 
     @property
     def held_size(self) -> int:
-        """Number of `held_inputs`, or 0 without faults."""
+        """Return the length of `held_inputs` as an input of the loop, which is 0 without faults."""
         return 3 * len(self.lag) if self.faults else 0
 
     def held_inputs(self, time: float) -> np.ndarray:
-        """Return [ω; ζ; λ] at a time, s, (3 m,)."""
+        """Return [ω; ζ; λ], (3 m,), at a time in s."""
         m = len(self.lag)
         values = np.concatenate([1.0 / np.array(self.lag), np.full(m, self.damping), np.ones(m)])
         for fault in self.faults:
@@ -147,11 +154,11 @@ class ActuatorBank:
         return values
 
     def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return the command within the limits of position, c, (m,)."""
+        """Return c, (m,): the command, clipped to the position limits."""
         return _clipped(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
 
     def position(self, states: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return a, (m,): the inputs of the aircraft."""
+        """Return the positions a, (m,), which are the inputs of the aircraft."""
         return states if self.order == 1 else self.reachable(states[: len(self.lag)], trim)
 
     def rates(self, states: ca.SX) -> ca.SX:
@@ -159,10 +166,10 @@ class ActuatorBank:
         return states[len(self.lag) :]
 
     def states_rate(self, states: ca.SX, reachable: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the time derivative of the states.
+        """Return the time derivative of the actuator states.
 
         reachable: c, (m,)
-        held: `held_inputs`, or () without faults
+        held: `held_inputs`, or empty without faults
         """
         numbers = held if self.faults else ca.SX(ca.DM(self.held_inputs(0.0)))
         bandwidth, damping, effectiveness = ca.vertsplit(numbers, len(self.lag))

@@ -1,4 +1,4 @@
-"""Moving air: names of its components in models, and the speed at which gusts are met."""
+"""Names of air motion in models, and the airspeed used for gusts."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their l
 
 
 def flown_through_air(model: Model) -> bool:
-    """Return whether a model has an alpha over ground and an angle of attack through the air."""
+    """Return whether a model has both the state alpha, over ground, and an output for the angle of
+    attack in moving air.
+    """
     return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
 
 
 def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
-    """Return the names of the limited states, (n,).
+    """Return the names of the n variables to which the envelope applies.
 
-    In moving air alpha is replaced by `ANGLE_OF_ATTACK`.
+    They are the states. In moving air, alpha is replaced by `ANGLE_OF_ATTACK` if the model has it.
     """
     if not (moving_air and flown_through_air(model)):
         return tuple(model.states)
@@ -34,9 +36,9 @@ def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
 
 
 def gust_speed(point: OperatingPoint) -> float:
-    """Return the speed at which a trimmed aircraft meets gusts: its state or output `speed`.
+    """Return the speed at which gusts pass a trimmed aircraft: its state or output `speed`.
 
-    Raises BadInputError for a model that has neither.
+    Raises BadInputError if the model has neither.
     """
     model = point.model
     if "speed" not in (*model.states, *model.outputs):

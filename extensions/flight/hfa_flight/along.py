@@ -1,4 +1,4 @@
-"""Linear models along a flight, at states that need not be equilibria."""
+"""Linear models along a flight, at states that are not necessarily equilibria."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_support.errors import BadInputError
 
 
 class Along(NamedTuple):
-    """Linear models along N states of a flight.
+    """Linear models at N states of a flight.
 
     rates: f, (N, n).
     A: ∂f/∂x, (N, n, n).
@@ -26,12 +26,10 @@ class Along(NamedTuple):
 
 @checks_arguments
 def models_along(model: Model, states: ArrayLike, inputs: ArrayLike) -> Along:
-    """Return exact linear models of a model at states (N, n) and inputs (N, m) that need not be
-    equilibria.
+    """Return the exact linear models at states (N, n) and inputs (N, m) along a flight.
 
-    Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu.
-
-    Raises BadInputError when a shape is wrong or a derivative is not finite.
+    Small deviations δx from the flight follow δx' = A(t) δx + B(t) δu. The states need not be
+    equilibria. Raises BadInputError if a shape is wrong or a derivative is not finite.
     """
     n = len(model.states)
     m = len(model.inputs)

@@ -1,6 +1,6 @@
-"""Plant, policy and scenario as one loop y' = f(t, y, held).
+"""Plant, policy and scenario as one differential equation y' = f(t, y, held).
 
-This module alone defines the order of the parts in y (`StateParts`) and in the held inputs
+Only this module defines the order of the parts of y (`StateParts`) and of the held inputs
 (`HeldParts`).
 """
 
@@ -32,7 +32,8 @@ Winds = Mapping[str, Any]
 class Plant:
     """A plant in deviations x (n,) from its operating point, as CasADi expressions.
 
-    parameters_size: length of the parameters that differ from flight to flight
+    parameters_size: number of parameters that differ between flights
+    point: the operating point
     """
 
     parameters_size = 0
@@ -40,28 +41,28 @@ class Plant:
 
     @property
     def chosen(self) -> np.ndarray:
-        """Matrix (k, n) that selects the states of the linear model."""
+        """Return the matrix (k, n) that selects the k states of the linear model."""
         model = self.point.model
         return np.array([[float(name == other) for other in model.states] for name in model.linear])
 
     @property
     def trim(self) -> np.ndarray:
-        """U0, (m,)."""
+        """Return the inputs at the operating point, U0, (m,)."""
         return np.array(self.point.inputs)
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
         """Return x', (n,).
 
-        u: (m,), deviation of the inputs
-        d: (k,), added to the rates of the states of the linear model
-        winds: disturbances of the model
+        u: (m,), deviations of the inputs
+        d: (k,), disturbance added to the rates of the states of the linear model
+        winds: disturbance of the model -> value
         parameters: (parameters_size,)
         """
         raise NotImplementedError
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the deviation of alpha relative to the air where it differs from alpha, (1,), else
-        (0,).
+        """Return the deviation of the angle of attack through the air, (1,), or (0,) if it equals
+        that of alpha.
         """
         return ca.SX(0, 1)
 
@@ -72,8 +73,8 @@ class LinearPlant(Plant):
 
     A: (n, n)
     B: (n, m)
-    E: disturbance -> (n,); by default none
-    point: point of the linearization, or None for a plant of only these states with trim 0
+    E: disturbance -> column (n,); by default none
+    point: operating point of the linearization; None for a plant given by its matrices, with trim 0
     """
 
     A: np.ndarray
@@ -83,8 +84,10 @@ class LinearPlant(Plant):
 
     @classmethod
     def at(cls, model: Model, point: OperatingPoint, winds: Sequence[str] = ()) -> LinearPlant:
-        """Return all states of a model to first order, with the A and B of `linearize` at an
-        operating point and the derivatives with respect to these disturbances."""
+        """Return the linearization of a model at an operating point, with all its states.
+
+        winds: disturbances for which E is computed
+        """
         slopes, _ = linearization_at(
             in_gusts(model), point.states, point.inputs, disturbances=winds
         )
@@ -92,16 +95,18 @@ class LinearPlant(Plant):
 
     @property
     def chosen(self) -> np.ndarray:
-        """Return the chosen states of the model, or all without a point."""
+        """Return the matrix that selects the states of the linear model, or the identity without a
+        point.
+        """
         return np.eye(len(self.A)) if self.point is None else super().chosen
 
     @property
     def trim(self) -> np.ndarray:
-        """Return the trim of the point, or 0 without one."""
+        """Return the inputs at the operating point, (m,), or zeros without a point."""
         return np.zeros(self.B.shape[1]) if self.point is None else super().trim
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return A x + B u + d + E w."""
+        """Return A x + B u + d + E w, with d added to the chosen states."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
         rate = rate + ca.mtimes(ca.DM(self.chosen.T), d)
         for name, w in winds.items():
@@ -113,9 +118,9 @@ class LinearPlant(Plant):
 class NonlinearPlant(Plant):
     """Nonlinear plant about an operating point, X' = f(X, U, p, w) + d with X = X0 + x, U = U0 + u.
 
-    uncertain: whether the parameters p of the model differ from flight to flight
+    uncertain: whether the parameters p of the model differ between flights
 
-    Raises BadInputError if the point was trimmed with another model.
+    Raises BadInputError if the operating point belongs to another model.
     """
 
     model: Model
@@ -123,16 +128,16 @@ class NonlinearPlant(Plant):
     uncertain: bool = False
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for a trim with other dynamics."""
+        """Raise BadInputError if the operating point belongs to another model."""
         self.point.refuse_other(self.model)
 
     @property
     def parameters_size(self) -> int:  # type: ignore[override]
-        """Number of parameters that differ from flight to flight."""
+        """Return the number of parameters that differ between flights."""
         return len(self.model.parameters) if self.uncertain else 0
 
     def rate(self, x: ca.SX, u: ca.SX, d: Any, winds: Winds, parameters: ca.SX) -> ca.SX:
-        """Return f(X0 + x, U0 + u, p, w) + d."""
+        """Return f(X0 + x, U0 + u, p, w) + d, with d added to the states of the linear model."""
         p = components(parameters) if self.uncertain else self.model.p.tolist()
         vectors = self._absolute(x), components(ca.DM(self.trim) + u), p
         model = self._in(winds)
@@ -140,10 +145,10 @@ class NonlinearPlant(Plant):
         return rates + ca.mtimes(ca.DM(self.chosen.T), d)
 
     def through_air(self, x: ca.SX, winds: Winds) -> ca.SX:
-        """Return the deviation of the output `ANGLE_OF_ATTACK` in winds, for a model with this
-        output.
+        """Return the deviation of the output `ANGLE_OF_ATTACK` from alpha at trim, (1,).
 
-        Raises BadInputError if it depends on an input and is therefore not a flow angle.
+        It is (0,) without winds or if the model does not have this output. Raises BadInputError if
+        the output depends on an input, because it is then not a flow angle.
         """
         model = self._in(winds)
         if not winds or not flown_through_air(model):
@@ -161,25 +166,24 @@ class NonlinearPlant(Plant):
         return components(ca.DM(np.array(self.point.states)) + x)
 
     def _in(self, winds: Winds) -> Model:
-        """Return the model with these winds as disturbances."""
+        """Return the model, extended by gusts (`in_gusts`) if it does not declare all these
+        winds.
+        """
         return self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
 
 
 def _values(winds: Winds, model: Model) -> list[Any]:
-    """Return the values of all disturbances of a model."""
+    """Return the values of all disturbances of a model, 0 for those not in `winds`."""
     return [winds.get(name, 0.0) for name in model.disturbances]
 
 
 class Expressions(NamedTuple):
     """Expressions of a loop at (t, y, held).
 
-    rate: y'
-    error: (k,), x - x_d
-    inputs: (m,), inputs of the plant
-    winds: disturbances of the model that are not 0, in the order of `wind_names`
-    angle: (1,), deviation of the angle of attack through the air, or (0,) if it equals alpha
-    command: (m,), command of the policy
-    measured: (n,), the states of the plant, with the noise of the sensors
+    rate: y' error: (k,), x - x_d inputs: (m,), inputs of the plant winds: nonzero disturbances of
+    the model, in the order of `wind_names` angle: (1,), deviation of the angle of attack through
+    the air, or (0,) if it equals that of alpha command: (m,), command of the policy measured: (n,),
+    states of the plant with sensor noise
     """
 
     rate: ca.SX
@@ -192,7 +196,7 @@ class Expressions(NamedTuple):
 
 
 class StateParts(NamedTuple):
-    """Parts of the state y in order, as values or sizes."""
+    """Parts of the state y, or their sizes, in the order in which y contains them."""
 
     plant: Any
     actuators: Any
@@ -200,9 +204,9 @@ class StateParts(NamedTuple):
 
 
 class HeldParts(NamedTuple):
-    """Parts of the held inputs of a loop in order, as values or sizes.
+    """Parts of the held inputs of a loop, or their sizes, in the order of the vector.
 
-    delay: (1 + 2 m,), start of the tick, delayed command at its start and at its end
+    delay: (1 + 2 m,), time at the start of the tick, delayed command at its start and at its end
     """
 
     parameters: Any
@@ -221,10 +225,10 @@ class ClosedLoop:
     Without actuators a = u.
 
     scenario: initial x(0), x_d, d and n (default 0), noise samples, gust, other disturbances,
-    actuators and delay.
+      actuators and delay
 
-    Raises BadInputError if a signal or a gain does not have the plant's size, or an actuator cannot
-    hold the trim.
+    Raises BadInputError if a signal or a gain does not have the size of the plant, or a trim input
+    is outside its actuator's position limits.
     """
 
     plant: Plant
@@ -232,7 +236,7 @@ class ClosedLoop:
     scenario: Scenario = field(default_factory=Scenario)
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for wrong sizes, and for actuators that cannot hold the trim."""
+        """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
         k = len(self.plant.chosen)
         m = self.plant.trim.size
         if self.scenario.actuators is not None:
@@ -249,7 +253,7 @@ class ClosedLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Sizes of the parts of y."""
+        """Return the sizes of the parts of y."""
         actuators = self.scenario.actuators
         return StateParts(
             plant=self.plant.chosen.shape[1],
@@ -259,7 +263,7 @@ class ClosedLoop:
 
     @cached_property
     def held_sizes(self) -> HeldParts:
-        """Sizes of the parts of the held inputs."""
+        """Return the sizes of the parts of the held inputs."""
         scenario = self.scenario
         return HeldParts(
             parameters=self.plant.parameters_size,
@@ -271,13 +275,13 @@ class ClosedLoop:
         )
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return the symbols t, y and held inputs of the loop's expressions."""
+        """Return new symbols for t, y and the held inputs."""
         y = ca.SX.sym("y", sum(self.state_sizes))
         held = ca.SX.sym("held", sum(self.held_sizes))
         return ca.SX.sym("t"), y, held
 
     def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> Expressions:
-        """Return the expressions of the loop at t, y and held inputs."""
+        """Return the expressions of the loop at t, y and the held inputs."""
         scenario = self.scenario
         plant = self.plant
         state = StateParts(*ca.vertsplit(y, _offsets(self.state_sizes)))
@@ -314,11 +318,11 @@ class ClosedLoop:
         )
 
     def _reference(self, t: ca.SX) -> Any:
-        """Return x_d(t), (k,)."""
+        """Return the reference x_d(t), (k,)."""
         return (self.scenario.reference or zero(len(self.plant.chosen))).at(t)
 
     def _winds(self, t: ca.SX, inputs: HeldParts) -> dict[str, Any]:
-        """Return disturbance -> value, for those that are not 0."""
+        """Return disturbance -> value at t, for the disturbances that are not 0."""
         winds: dict[str, Any] = {}
         if self.scenario.gust is not None:
             winds = self.scenario.gust.winds(t, inputs.gust)
@@ -329,7 +333,7 @@ class ClosedLoop:
     def _measurements(
         self, t: ca.SX, state: StateParts, inputs: HeldParts, winds: dict[str, Any]
     ) -> Measurements:
-        """Return the measurements of the policy, with the noise of the sensors."""
+        """Return the measurements that the policy receives, with sensor noise."""
         actuators = self.scenario.actuators
         noise = (self.scenario.noise or zero(len(self.plant.chosen))).at(t)
         if inputs.noise.numel():
@@ -344,22 +348,26 @@ class ClosedLoop:
         return Measurements(states - self._reference(t), states, positions, rates, updraft)
 
     def _measured(self, plant: ca.SX, of_linear: ca.SX) -> ca.SX:
-        """Return all states, with the measured values of the linear model's states."""
+        """Return all states of the plant, (n,), with measured values where they exist.
+
+        of_linear: (k,), measured values of the states of the linear model
+        """
         chosen = ca.DM(self.plant.chosen)
         return plant + ca.mtimes(chosen.T, of_linear - ca.mtimes(chosen, plant))
 
     @property
     def wind_names(self) -> tuple[str, ...]:
-        """Disturbances of the model that are not 0."""
+        """Return the names of the disturbances that are not 0, those of the gust first."""
         names = list(self.scenario.air)
         if self.scenario.gust is not None:
             names = [*self.scenario.gust.names, *names]
         return tuple(dict.fromkeys(names))
 
     def start(self) -> np.ndarray:
-        """Initial y: initial condition of the scenario, actuators at trim, memory of the policy.
+        """Return the initial y: initial condition of the scenario, actuators at trim, initial
+        memory.
 
-        Raises BadInputError if the initial condition does not have the plant's size.
+        Raises BadInputError if the initial condition does not have the size of the plant.
         """
         parts = StateParts(
             plant=self.scenario.initial,
@@ -375,12 +383,14 @@ class ClosedLoop:
 
     @cached_property
     def held_slices(self) -> HeldParts:
-        """Slices of the parts of the held inputs."""
+        """Return the slices of the parts of the held inputs."""
         offsets = _offsets(self.held_sizes)
         return HeldParts(*map(slice, offsets[:-1], offsets[1:]))
 
     def hold(self, tick: int, held: np.ndarray) -> None:
-        """Write the held inputs of a tick into `held`, except those of plant and delay."""
+        """Write the held inputs of a tick into `held`, except parameters of the plant and delayed
+        commands.
+        """
         scenario = self.scenario
         sizes = self.held_sizes
         parts = self.held_slices
@@ -393,10 +403,10 @@ class ClosedLoop:
             held[parts.gust] = scenario.gust.held_inputs(tick)
 
     def parts(self, y: np.ndarray) -> StateParts:
-        """Return the parts of y (..., n)."""
+        """Return the parts of y, an array whose last axis is the state."""
         return StateParts(*np.split(y, _offsets(self.state_sizes)[1:-1], axis=-1))
 
 
 def _offsets(sizes: Sequence[int]) -> list[int]:
-    """Return the start of each part, and the end of the last one."""
+    """Return the index of the start of each part, and of the end of the last part."""
     return [0, *np.cumsum(sizes).tolist()]

@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 
 
 def to_control(model: Model, outputs: Sequence[str] | None = None) -> control.NonlinearIOSystem:
-    """Return a model as a system x' = f(x, u, p), y = named states and outputs, by default all.
+    """Return a model as a system x' = f(x, u, p), y = outputs.
 
     Names are kept. Disturbances are 0.
+
+    outputs: names of states and outputs of the model; by default all
 
     >>> import hfa
     >>> from hfa_flight import to_control
@@ -55,11 +57,12 @@ def from_control(
 ) -> Model:
     """Return the model of a system whose functions accept arrays of CasADi symbols.
 
-    units: name -> unit or `Signal`; default: 1
-    declared: fields of `Model`
+    units: name -> unit or `Signal`; the unit is 1 for names that are not given
+    declared: further fields of `Model`
 
-    Raises BadInputError for a system in discrete time, one that depends on time, and one that
-    cannot be traced."""
+    Raises BadInputError if the system is in discrete time, depends on time, or cannot be evaluated
+    with symbols.
+    """
     name = str(system.name)
     if getattr(system, "updfcn", None) is None:
         raise BadInputError(f"{name} has no update function; give a system of control.nlsys")

@@ -1,4 +1,4 @@
-"""Flights of drawn aircraft: the stability of their linear loops, and their figure."""
+"""Results for drawn aircraft: stability of their linear loops, and a figure of their flights."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _STILL = 1e-9
 def with_stability(
     report: Report, plan: MonteCarlo, condition: TrimCondition, progress: Progress
 ) -> Report:
-    """Return the report of a plan with the stability of the linear loop of each drawn aircraft.
+    """Return the report of a plan, extended by the stability of each drawn aircraft's linear loop.
 
-    Each loop is about the aircraft's own trim. Without a policy the stability is that without
-    control. For a policy without a single gain, and for a loop with delay or actuators, the report
-    is unchanged.
+    Each loop is linearized at the aircraft's own trim. For a flight without a policy, the stability
+    is that of the uncontrolled aircraft. The report is unchanged if the policy has no single gain,
+    or if the loop has delay or actuators.
 
     condition: trim condition of all aircraft
     """
@@ -53,8 +53,8 @@ def with_stability(
 def drawn_figure(plan: MonteCarlo) -> Figure:
     """Return a figure with one row for each state that moves.
 
-    At the left is the flight of the aircraft itself. At the right are the differences of the drawn
-    aircraft from it, with their 95 % band.
+    The left panel shows the flight of the nominal aircraft. The right panel shows the differences
+    of the drawn aircraft from it, with the band that contains 95 % of them.
     """
     compiled = member_loop(plan)
     itself = fly_within(compiled, plan.envelope, plan.member(0), plan.model.p)
@@ -87,6 +87,8 @@ def _draw_state(axes: Any, name: str, place: int, itself: Flight, flights: list[
     """Draw one state on the left and the right axes.
 
     place: index of the state
+    itself: flight of the nominal aircraft
+    flights: flights of the drawn aircraft
     """
     unit = itself.point.model.unit(name)
     left, right = axes

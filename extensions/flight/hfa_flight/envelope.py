@@ -1,6 +1,6 @@
-"""Envelope of a flight, the first departure from it, and inputs beyond their control limits.
+"""Envelope of a flight, first departure from it, and inputs beyond their control limits.
 
-An envelope consists of `trim.limits.Limits` on the states of a model. In moving air the limits of
+An envelope consists of `trim.limits.Limits` on the states of a model. In moving air, the limits of
 alpha apply to the angle of attack through the air.
 """
 
@@ -21,12 +21,12 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Departure(NamedTuple):
-    """The first departure from the envelope.
+    """The first departure of a flight from the envelope.
 
-    state: its name, of `limited_names`
+    state: name of the variable, from `limited_names`
     time: s
-    value: at that time, in `unit`
-    limit: the exceeded limit
+    value: value at that time, in `unit`
+    limit: the exceeded limit, in `unit`
     """
 
     state: str
@@ -36,13 +36,17 @@ class Departure(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the departure as text, in degrees for angles."""
+        """Return the departure as a sentence, with angles in degrees."""
         beyond = _beyond(self.value, self.limit, self.unit)
         return f"left the envelope: {self.state} first, at {self.time:.4g} s, {beyond}"
 
 
 class ControlExcess(NamedTuple):
-    """Input beyond a control limit: its farthest value and the limit."""
+    """An input beyond a control limit.
+
+    value: the value with the largest excess
+    limit: the exceeded limit
+    """
 
     input: str
     value: float
@@ -50,18 +54,20 @@ class ControlExcess(NamedTuple):
     unit: str
 
     def text(self) -> str:
-        """Return the excess as text, in degrees for angles."""
+        """Return name, value and limit as text, with angles in degrees."""
         return f"{self.input} {_beyond(self.value, self.limit, self.unit)}"
 
 
 def _beyond(value: float, limit: float, unit: str) -> str:
-    """Return value and limit as text, in degrees for angles."""
+    """Return text such as "21 deg beyond 20", with angles in degrees."""
     suffix = "" if unit == "1" else f" {shown_unit(unit)}"
     return f"{short_number(value, unit)}{suffix} beyond {short_number(limit, unit)}"
 
 
 def limits_text(lowest: float, highest: float, unit: str) -> str:
-    """Return an interval as text, in degrees for angles."""
+    """Return text such as "-20 to 20", with angles in degrees, or "none" if both limits are
+    infinite.
+    """
     if np.isinf([lowest, highest]).all():
         return "none"
     return f"{short_number(lowest, unit)} to {short_number(highest, unit)}"
@@ -73,16 +79,16 @@ def flight_envelope(
     point: OperatingPoint,
     changes: Mapping[str, tuple[float, float]] | None = None,
 ) -> Limits:
-    """Return the limits of all states within which the equations of a model are valid.
+    """Return the limits of the states within which the equations of a model are valid.
 
-    They are min and max of the states, and the limits of the model about a trim
-    (`Extras.envelope`).
+    They are `min` and `max` of the states, replaced by the limits that the model computes for a
+    trim (`Extras.envelope`), and these by `changes`.
 
     point: the trim
-    changes: state -> (lowest, highest), absolute, instead of these; `ANGLE_OF_ATTACK` is an alias
-        of alpha
+    changes: state -> (lowest, highest), absolute; `ANGLE_OF_ATTACK` is an alias of alpha
 
-    Raises BadInputError for a name that is not a state, or when the trim lies outside.
+    Raises BadInputError if a name is not a state, a lowest limit is not below the highest, or the
+    trim is outside the envelope.
     """
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
     if model.extras.envelope is not None:
@@ -107,22 +113,29 @@ def flight_envelope(
 
 
 def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
-    """Return name of `limited_names` -> [lowest, highest]."""
+    """Return the envelope for files: variable of `limited_names` -> [lowest, highest]."""
     pairs = np.column_stack([envelope.lowest, envelope.highest]).tolist()
     return dict(zip(limited_names(envelope.model, moving_air), pairs, strict=True))
 
 
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
-    """Return the mask of the rows of absolute states (N, n) beyond a limit, (N,)."""
+    """Return the mask (N,) of the rows of `limited` that exceed a limit.
+
+    limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
+    """
     return np.asarray(~envelope.within(limited).all(axis=-1))
 
 
 def departure(
     envelope: Limits, times: np.ndarray, limited: np.ndarray, moving_air: bool
 ) -> Departure | None:
-    """Return the first departure: its time, and the state with the largest excess, or None.
+    """Return the first departure, or None if there is none.
 
-    limited: (N, n), absolute states, alpha through the air
+    If several states exceed their limits at that time, the one with the largest excess relative to
+    its range is returned.
+
+    limited: (N, n), absolute states; in moving air with the angle of attack in place of alpha
+    moving_air: whether it is
     """
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
         return None  # most flights; the rows one by one take longer
@@ -140,9 +153,9 @@ def departure(
 
 
 def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
-    """Raise BadInputError when a flight begins outside its envelope.
+    """Raise BadInputError if a flight begins outside its envelope.
 
-    limited: (n,), as a row of `departure`
+    limited: (n,), first row of the argument of `departure`
     """
     start = departure(envelope, np.zeros(1), limited[None], moving_air)
     if start is not None:
@@ -153,12 +166,13 @@ def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False
 
 
 def control_limits(model: Model) -> Limits:
-    """Return the limits of all inputs."""
+    """Return the limits of all inputs of a model."""
     return Limits.of(model, tuple(model.inputs))
 
 
 def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, ...]:
-    """Return the inputs beyond their limits, the largest excess relative to the range first.
+    """Return the inputs that exceed their limits, sorted by excess relative to the range, largest
+    first.
 
     inputs: (N, m), absolute
     """

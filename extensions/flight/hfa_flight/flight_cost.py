@@ -1,4 +1,4 @@
-"""Cost of a flight, computed in this module alone."""
+"""Cost of a simulated flight."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def cost_of_flight(
     R: np.ndarray,
     is_held: bool = False,
 ) -> float:
-    """Return ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule, exact for held inputs.
+    """Return ∫ z'Qz + v'Rv dt of a flight by the trapezoidal rule.
 
     times: (N,), s
     z: (N, k), deviations of the states from the requested trim
     v: (N, m), deviations of the inputs
     Q: (k, k)
     R: (m, m)
-    is_held: whether inputs are constant from each row to the next
+    is_held: whether the inputs are constant from each row to the next; their part is then exact
     """
     of_states = np.einsum("ij,jk,ik->i", z, Q, z)
     of_inputs = np.einsum("ij,jk,ik->i", v, R, v)

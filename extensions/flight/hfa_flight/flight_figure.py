@@ -1,4 +1,4 @@
-"""Figure of a nonlinear flight."""
+"""Figure of a nonlinear flight over time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LIMIT = "limit"
 
 
 def flight_figure(result: Flight, title: str) -> Figure:
-    """Return the picture of a flight over time on a new figure, as `drawn_flight` draws it."""
+    """Return a new figure of a flight over time (`drawn_flight`)."""
     return drawn_flight(new_figure(10.0, 2.1), result, title)
 
 
@@ -36,7 +36,7 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
     """Draw a flight over time on an empty figure, set its size, and return it.
 
     There is a panel for each state that moves, one for the inputs of each unit, and one for an
-    updraft.
+    updraft if there is one.
     """
     model = result.point.model
     input_units = list(dict.fromkeys(signal.unit for signal in model.inputs.values()))
@@ -76,7 +76,10 @@ def drawn_flight(figure: Figure, result: Flight, title: str) -> Figure:
 
 
 def _moves(result: Flight, index: int) -> bool:
-    """Return whether a state moves by more than rounding, in the flight or in its reference."""
+    """Return whether a state or its reference moves by more than rounding.
+
+    index: index of the state
+    """
     model = result.point.model
     name = tuple(model.states)[index]
     values = result.states[:, index]
@@ -86,7 +89,9 @@ def _moves(result: Flight, index: int) -> bool:
 
 
 def _widened(axes: Axes, nominal: float, unit: str) -> None:
-    """Widen the view to 2 % of the nominal size at least, so that rounding does not fill it."""
+    """Widen the vertical range to at least 2 % of the nominal size, so that rounding is not
+    visible.
+    """
     low, high = axes.get_ylim()
     least = 0.02 * float(shown_values(nominal, unit))
     if high - low < least:
@@ -95,10 +100,10 @@ def _widened(axes: Axes, nominal: float, unit: str) -> None:
 
 
 def _draw_state(axes: Axes, result: Flight, index: int) -> None:
-    """Draw the state with this index, absolute.
+    """Draw the absolute value of the state with this index.
 
-    The panel shows its reference, the linear prediction, the nonlinear flight and its envelope. In
-    moving air it also shows alpha through the air.
+    The panel shows the reference, the linear prediction, the nonlinear flight and the envelope. In
+    moving air, the panel of alpha also shows the angle of attack through the air.
     """
     model = result.point.model
     name = tuple(model.states)[index]
@@ -143,7 +148,7 @@ def _draw_state(axes: Axes, result: Flight, index: int) -> None:
 
 
 def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
-    """Draw the inputs in one unit, with their limits."""
+    """Draw the inputs with this unit and their limits."""
     inputs = result.point.model.inputs
     names = [name for name, signal in inputs.items() if signal.unit == unit]
     for name in names:
@@ -175,13 +180,13 @@ def _draw_inputs(axes: Axes, result: Flight, unit: str) -> None:
 
 
 def _limits_with_unit(limits: tuple[float, float], unit: str) -> str:
-    """Return limits with their unit, "-20 to 20 deg"."""
+    """Return limits with their unit, such as "-20 to 20 deg"."""
     text = limits_text(*limits, unit)
     return text if unit == "1" else f"{text} {shown_unit(unit)}"
 
 
 def _limit_lines(axes: Axes, limited: np.ndarray, limits: tuple[float, float], unit: str) -> None:
-    """Draw the limits that the values, (N,), approach."""
+    """Draw each limit that the values (N,) approach within 20 % of the range."""
     lowest, highest = limits
     for limit, near in (
         (lowest, limited.min() < lowest + 0.2 * (highest - lowest)),

@@ -1,4 +1,4 @@
-"""Arrays of a flight, one row for each step."""
+"""Time history of a flight as arrays, one row for each step."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, repr=False)
 class Deviations(Reported):
-    """A flight as deviations from the trim, one row for each step.
+    """Time history of a flight in deviations from the trim, one row for each of N steps.
 
     times: (N,), s
     states: (N, n), states of the plant
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
     memory: (N, l), memory of the policy
-    limited: (N, n), states with the angle of attack through the air instead of alpha
+    limited: (N, n), states with the angle of attack through the air in place of alpha
     winds: nonzero disturbance of the model -> (N,)
     """
 
@@ -33,5 +33,5 @@ class Deviations(Reported):
 
     @property
     def updrafts(self) -> np.ndarray:
-        """Updraft of the air, (N,)."""
+        """Return the updraft, (N,), or zeros in still air."""
         return self.winds.get(UPDRAFT, np.zeros(len(self.times)))

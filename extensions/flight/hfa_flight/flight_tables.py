@@ -1,4 +1,4 @@
-"""Conversion of a flight to arrays and tables of other packages."""
+"""Conversion of a flight to NumPy arrays, pandas tables and xarray datasets."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 
 
 def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
-    """Return a state, an input or an output of the model over time, absolute, (N,).
+    """Return the absolute values, (N,), of a state, an input or an output of the model.
 
     flight: `Flight`, or another object with `model`, `states` and `inputs`
-    p: parameters of the simulated model"""
+    p: parameters of the simulated model
+
+    Raises BadInputError if the name is unknown.
+    """
     model = flight.model
     refuse_unknown("unknown variable", name, (*model.states, *model.inputs, *model.outputs))
     if name in model.states:
@@ -33,7 +36,7 @@ def series(flight: Any, name: str, p: np.ndarray) -> np.ndarray:
 
 
 def frame(flight: Flight) -> pandas.DataFrame:
-    """Return a pandas table of states and inputs, absolute, with the index time, s."""
+    """Return a pandas table of the absolute states and inputs, indexed by time in s."""
     import pandas
 
     columns = [*flight.model.states, *flight.model.inputs]
@@ -42,9 +45,9 @@ def frame(flight: Flight) -> pandas.DataFrame:
 
 
 def dataset(flight: Flight) -> xarray.Dataset:
-    """Return an xarray Dataset of states and inputs, absolute, over time, with units.
+    """Return an xarray Dataset of the absolute states and inputs over time, with units.
 
-    NAME_linear is the prediction of the linear model.
+    If the flight has a linear prediction, it is included as NAME_linear for each state.
     """
     import xarray
 

@@ -1,5 +1,8 @@
-"""Policies of flights from a gain, a critic, a solution, a deployment, input steps, or a Python
-function."""
+"""Conversion of user input to the policy of a flight.
+
+The input may be a gain, a critic, a solution, a network, a deployment file, input steps or a Python
+function.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +41,12 @@ _FORMS = (
 
 
 def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple[Policy, Scenario]:
-    """Return a policy about a trim, and the scenario with the ticks of this policy.
+    """Return the policy of a flight, and the scenario with the sampling of a deployed policy.
 
-    given: any form of policy that `hfa.fly` accepts
+    given: policy in any form that `hfa.fly` accepts
+    point: the trim
 
-    Raises BadInputError for anything else.
+    Raises BadInputError if `given` has no accepted form.
     """
     inputs = tuple(point.model.inputs)
     if isinstance(given, (str, Path)):
@@ -75,9 +79,9 @@ def flown_policy(given: Any, point: OperatingPoint, scenario: Scenario) -> tuple
 
 
 def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
-    """Return the deployment of a .toml file, or the critic of another file.
+    """Return the deployment in a .toml file, or the critic in any other file.
 
-    The critic must have a gain K, which is converted to the units of the aircraft.
+    A gain K is converted to the units of the aircraft.
     """
     if path.suffix.lower() == ".toml":
         return part(PARTS, "policies", f"the deployment file {path}").Deployment.load(path)
@@ -90,11 +94,11 @@ def _policy_of_file(path: Path, point: OperatingPoint) -> Any:
 
 
 def command_steps(given: Mapping[str, Any]) -> CommandSteps:
-    """Return input steps at the times of all names, each held until the next.
+    """Return input steps at the union of all times. Each value is constant until its next step.
 
-    given: name -> (time in s, value) pairs
+    given: name of an input -> pairs (time in s, value)
 
-    Raises BadInputError unless the times of each name increase from 0 on.
+    Raises BadInputError unless the times of each name increase and are at least 0.
     """
     for name, pairs in given.items():
         if callable(pairs):
@@ -118,11 +122,12 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonPolicy(Policy):
-    """Policy U = function(t, X), absolute, called at the beginning of each tick and held during it.
+    """Policy U = function(t, X) in absolute values.
 
-    function: (t in s, X by name) -> U, (m,), or by name; inputs without a name stay at trim
-    point: the trim of the deviations
-    tick: s
+    It is called at the beginning of each tick, and U is constant during the tick.
+
+    function: (t in s, X by name) -> U, (m,), or by name; inputs that it does not name remain at
+    trim point: the trim tick: s
     """
 
     is_held = True
@@ -133,9 +138,9 @@ class PythonPolicy(Policy):
 
     @classmethod
     def of(cls, function: Callable[..., Any], point: OperatingPoint, tick: float) -> PythonPolicy:
-        """Return the policy of a function of (t, X), with its name.
+        """Return the policy of a function of (t, X), named after the function.
 
-        Raises BadInputError for other arguments.
+        Raises BadInputError if the function does not accept two arguments.
         """
         name = getattr(function, "__name__", type(function).__name__)
         try:
@@ -146,13 +151,15 @@ class PythonPolicy(Policy):
         return cls(name, function, point, tick, held=held)
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the held inputs."""
+        """Return the inputs held during the tick, as deviations from trim, (m,)."""
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the function (tick, measured) -> u (m,), deviations of the inputs from trim.
+        """Return the function (tick, measured states) -> u (m,), deviations of the inputs from
+        trim.
 
-        Raises BadInputError if the Python function does not return finite inputs."""
+        It raises BadInputError if the Python function does not return finite inputs.
+        """
         trim = np.array(self.point.inputs)
         states = np.array(self.point.states)
         record = type(self.point.states)
@@ -164,7 +171,10 @@ class PythonPolicy(Policy):
         return sample
 
     def _numbers(self, returned: Any) -> np.ndarray:
-        """Return the result of a function as U, (m,)."""
+        """Return the result of the Python function as U, (m,).
+
+        Raises BadInputError for a wrong name or size, or a number that is not finite.
+        """
         inputs = self.point.inputs._asdict()
         if isinstance(returned, Mapping):
             for name in returned:

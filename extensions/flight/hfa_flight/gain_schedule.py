@@ -1,4 +1,4 @@
-"""Gains over the scheduling variable of a model, and the files that hold them."""
+"""Gain schedules over the scheduling variable of a model, and their files."""
 
 from __future__ import annotations
 
@@ -31,12 +31,15 @@ class GainSchedule(Reported):
 
     K is constant beyond the breakpoints.
 
-    breakpoints: (G,), increasing values of η, radians for angles; (1,) of any value for one gain
-    gains: (G, m, n), in the units of the model; states of the linear model, optionally followed by
-        actuator positions
-    model: the model with the scheduling variable, states and inputs
+    breakpoints: (G,), increasing values of η, radians for angles; for a single gain (1,), with any
+      value
+    gains: (G, m, n) in the units of the model, for the n states of the linear model; or (G, m, n +
+    m)
+      with columns for the actuator positions
+    model: model with the scheduling variable, states and inputs
 
-    Raises BadInputError if a shape, the order or a number is wrong.
+    Raises BadInputError if a shape is wrong, the breakpoints do not increase, or a number is not
+    finite.
     """
 
     breakpoints: np.ndarray
@@ -44,7 +47,7 @@ class GainSchedule(Reported):
     model: Model
 
     def __post_init__(self) -> None:
-        """Check the shapes, the order and the numbers."""
+        """Raise BadInputError if shapes, order or numbers are wrong."""
         count = np.size(self.breakpoints)
         m = len(self.model.inputs)
         n = len(self.model.linear)
@@ -64,20 +67,21 @@ class GainSchedule(Reported):
 
     @cached_property
     def table(self) -> LinearTable:
-        """Table of K over η."""
+        """Return the table of K over η."""
         return LinearTable(self.breakpoints, self.gains)
 
     @property
     def file_breakpoints(self) -> np.ndarray:
-        """Return the breakpoints as stored in files: angles in degrees, (G,)."""
+        """Return the breakpoints as stored in files, (G,), with angles in degrees."""
         if self.model.schedule_unit == "deg":
             return np.asarray(np.degrees(self.breakpoints).round(_DIGITS))
         return self.breakpoints
 
     def refuse_beyond(self, lowest: float, highest: float) -> None:
-        """Raise BadInputError if these values of η lie beyond the breakpoints.
+        """Raise BadInputError if the interval of η from `lowest` to `highest` exceeds the
+        breakpoints.
 
-        A single gain covers all values.
+        A single gain is valid for all values.
         """
         first = float(self.breakpoints[0])
         last = float(self.breakpoints[-1])
@@ -93,13 +97,15 @@ class GainSchedule(Reported):
 def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     """Return the gain schedule in a file.
 
-    path: a file with one gain K (m, n), or with K (G, m, n) and its G breakpoints under the model's
-        `schedule_key`, angles in degrees. In MATLAB K is (m, n, G).
-    model: model with m inputs and n linear states. One gain may be in the SI or English units of
-        `state_units`. A table must be in the units of the model.
+    path: file with one gain K (m, n), or with K (G, m, n) and G breakpoints under the model's
+      `schedule_key`, angles in degrees; in MATLAB files K is (m, n, G)
+    model: model with m inputs and n states of the linear model
 
-    Raises BadInputError if K or the breakpoints are missing or have another shape, or if units
-    differ.
+    The entry `state_units` may state SI or English units for one gain. A table must be in the units
+    of the model.
+
+    Raises BadInputError if K or the breakpoints are missing or have a wrong shape, or if the units
+    of a table differ.
     """
     stored = read_arrays(path)
     m = len(model.inputs)

@@ -1,11 +1,11 @@
-"""Gusts in the equations of an aircraft: linear velocities and rotation rates of the air.
+"""Gusts in the equations of an aircraft: linear and angular velocity of the air.
 
-Components u, v and w are velocities of the air forward, to the right and down, in level axes along
-the heading. p, q and r are added to the aircraft's rates relative to the air.
+The components u, v and w are air velocities forward, to the right and down, in level axes along
+the heading. p, q and r are added to the aircraft's angular rates relative to the air.
 
-A component enters a model through a disturbance of the model. If the states of the model have the
-usual names and units, it may also enter through the still-air equations, evaluated at the motion
-relative to the air (`in_gusts`).
+A component acts through a disturbance that the model declares. If the model declares none but has
+the standard states and units, the still-air equations are evaluated at the motion relative to the
+air (`in_gusts`).
 """
 
 from __future__ import annotations
@@ -51,9 +51,12 @@ _OVER_GROUND = (
 
 
 def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return component -> disturbance that the model declares for it -> factor.
+    """Return the gust components for which a model declares disturbances.
 
-    heading: heading of the trim, rad.
+    The result maps component -> disturbance -> factor. Disturbances to the north and east are
+    resolved along the heading.
+
+    heading: heading of the trim, rad
     """
     declared = {
         name: {added: _SIGN.get(name, 1.0)}
@@ -71,9 +74,11 @@ def own_disturbances(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]]:
-    """Return component of a gust -> disturbance of `in_gusts(model)` -> factor.
+    """Return the gust components that `in_gusts(model)` supports.
 
-    Unsupported components are omitted.
+    The result maps component -> disturbance -> factor.
+
+    heading: heading of the trim, rad
     """
     taken = own_disturbances(model, heading)
     for name in ADDED:
@@ -83,7 +88,9 @@ def taken_components(model: Model, heading: float) -> dict[str, dict[str, float]
 
 
 def missing_states(model: Model, component: str) -> list[str]:
-    """Return the states that a model lacks for a component of a gust."""
+    """Return the states that a gust component needs and that the model lacks or has in another
+    unit.
+    """
     return [
         name
         for name, unit in _NEEDED[component].items()
@@ -93,13 +100,14 @@ def missing_states(model: Model, component: str) -> list[str]:
 
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
-    """Return the model with a disturbance of `ADDED` for each component that it does not declare.
+    """Return the model with added disturbances (`ADDED`) for gust components that it does not
+    declare.
 
-    Only components that its equations support are added. The states stay those over the ground, as
-    in still air. With v the velocity and ω the rates of the aircraft, v_a = v - (u, v, w) and ω_a =
-    ω + (p, q, r) are relative to the air. Forces and moments are those of the model at v_a, ω_a.
-    Its equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a, ω_a) - ω x v. Angles and position
-    move by v and ω.
+    A component is added only if the model has the states that it needs. The states remain relative
+    to the ground. Let v be the velocity and ω the angular velocity of the aircraft. Then v_a = v -
+    (u, v, w) and ω_a = ω + (p, q, r) are relative to the air. Forces and moments are those of the
+    model at v_a, ω_a. The model's equation v' = a(v_a, ω_a) - ω_a x v_a becomes v' = a(v_a, ω_a) -
+    ω x v. Angles and position change with v and ω.
 
     Approximation: gyroscopic moments are evaluated at ω_a, an error of second order in the rates.
     """
@@ -118,16 +126,16 @@ def in_gusts(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InGusts:
-    """Function (x, u, p, w) -> rates by state and outputs by name, of a model in gusts.
+    """Equations (x, u, p, w) -> (rates by state, outputs by name) of a model in gusts.
 
-    added: components in addition to the disturbances that the model declares.
+    added: gust components that the model does not declare
     """
 
     model: Model
     added: tuple[str, ...]
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
-        """Return rates and outputs."""
+        """Return the rates by state and the outputs by name."""
         states = {name: getattr(x, name) for name in self.model.states}
         layout = self.model.layout
         own = layout.record("w", [getattr(w, name) for name in self.model.disturbances])
@@ -160,7 +168,10 @@ class _InGusts:
 
 
 def _acceleration(states: Mapping[str, Any], rates: Mapping[str, Any]) -> Any:
-    """Return the rates of the body-axis velocity (3,) from the rates of speed, alpha and beta."""
+    """Return the time derivatives of the body-axis velocity components, (3,).
+
+    They are computed from the rates of speed, alpha and beta. A missing beta is 0.
+    """
     speed, alpha, beta = (states.get(name, 0.0) for name in ("speed", "alpha", "beta"))
     in_wind_axes = ca.vertcat(
         rates["speed"],

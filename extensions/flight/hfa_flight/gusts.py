@@ -1,4 +1,4 @@
-"""Gusts as stages of a compiled loop; the discrete 1-cosine gust."""
+"""Gusts as parts of a simulation loop, and the discrete 1-cosine gust."""
 
 from __future__ import annotations
 
@@ -14,35 +14,40 @@ from hfa_support.errors import BadInputError, refuse_unless_positive
 
 
 class Gust:
-    """Motion of the air as a stage of a loop: updraft w(t), positive up, unless `winds` is
-    overridden.
+    """Base class of gusts. By default, a gust is an updraft w(t), positive up.
 
-    names: disturbances of the model that it moves
-    held_size: number of its held inputs in each tick
+    Subclasses with other components override `winds`.
+
+    names: disturbances of the model that the gust sets
+    held_size: number of its inputs that are constant during a tick
     """
 
     names: tuple[str, ...] = (UPDRAFT,)
     held_size = 0
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return disturbance of the model -> value at t."""
+        """Return disturbance of the model -> value at t.
+
+        held: (held_size,), held inputs of the tick
+        """
         return {UPDRAFT: ca.SX(self.updraft(t))}
 
     def updraft(self, t: Any) -> Any:
-        """Return w at t, a number or an expression."""
+        """Return the updraft w at t, as a number or an expression."""
         raise NotImplementedError
 
     def left_out(self, model: Model) -> list[str]:
-        """Return sentences on the components that the equations of a model omit, with the
-        reasons."""
+        """Return a sentence for each gust component that the model does not support, with the
+        reason.
+        """
         return []
 
     def text(self, model: Model) -> str:
-        """Return a note on the gust for the report of a flight, or "" for none."""
+        """Return a note on the gust for the report of a flight, or ""."""
         return ""
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Return the held inputs in a tick, (held_size,)."""
+        """Return the held inputs of a tick, (held_size,)."""
         return np.zeros(0)
 
 

@@ -42,7 +42,7 @@ _DIHEDRAL = math.radians(15.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExportRequest(LawOptions, AircraftOptions, TrimOptions, JsonOption):
-    """Request of `hfa export`."""
+    """Options of `hfa export`."""
 
     at: float | None = scheduled(breakpoint_value)
     output: Path = option(
@@ -105,12 +105,15 @@ def export(request: ExportRequest) -> int:
 
 
 def _is_fmu(request: ExportRequest) -> bool:
-    """Return whether an .fmu file is requested instead of a folder."""
+    """Return whether the output is an .fmu file."""
     return request.output.suffix.lower() == ".fmu"
 
 
 def _write_function(request: ExportRequest) -> int:
-    """Write the function of MATLAB and Octave."""
+    """Write the MATLAB and Octave function, print the report and return exit code 0.
+
+    Raises BadInputError if the name of the file cannot be the name of a function.
+    """
     target = request.output
     if not re.fullmatch(r"[A-Za-z]\w*", target.stem, re.ASCII):
         raise BadInputError(
@@ -125,7 +128,13 @@ def _write_function(request: ExportRequest) -> int:
 def _written_card(
     request: ExportRequest, card: Path, model: Model, point: OperatingPoint, origin: str
 ) -> list[Path]:
-    """Write the command of a deployed policy at a sample."""
+    """Write the deployed policy, which computes the command of one sample, as C or as an FMU.
+
+    Returns the paths of the written files.
+
+    card: path of the deployment file
+    origin: provenance, for comments in the source
+    """
     from hfa_flight.export.fmu import write_fmu
 
     policies = part(PARTS, "policies", "--policy")
@@ -144,7 +153,12 @@ def _written(
     *,
     with_gain: bool,
 ) -> list[Path]:
-    """Write the aircraft with the gain of a law, or with a scheduled controller and actuators."""
+    """Write the aircraft, alone or with a gain or scheduled controller, as C or as an FMU.
+
+    Returns the paths of the written files.
+
+    with_gain: whether the policy of the options is included
+    """
     from hfa_flight.export.aircraft_c import c_model_texts
     from hfa_flight.export.exported_loop import exported_loop, following_a_reference
     from hfa_flight.export.fmu import write_fmu

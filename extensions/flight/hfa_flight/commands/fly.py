@@ -1,4 +1,4 @@
-"""The command `hfa fly`: one flight, or many random members."""
+"""The command `hfa fly`: one flight, or many flights with random differences."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MOST_STEPS = 1_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
-    """Request of `hfa fly`: one flight, or many members."""
+    """Options of `hfa fly`."""
 
     samples: int | None = option(
         "simulate N members, each with its own errors, noise and turbulence",
@@ -57,7 +57,7 @@ class FlyRequest(FlightOptions, OneTrimOptions, WorkersOptions, OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """File of the plant, or name of the aircraft."""
+        """Return the provenance of the model: the file of the plant, or the aircraft."""
         return super().origin() if self.steps is None else {"model": str(self.steps)}
 
 
@@ -129,7 +129,12 @@ def fly(request: FlyRequest) -> int:
 
 
 def _fly_steps(request: FlyRequest, path: Path) -> int:
-    """Simulate the plant of --model and return the exit code, 1 if the loop does not decay."""
+    """Simulate the discrete-time plant of --model and return the exit code.
+
+    The exit code is 1 if the loop does not decay.
+
+    path: file of the plant
+    """
     from controller.game.user_files import stored_game
     from hfa_discrete.implied_policy import discrete_critic
     from hfa_discrete.solution import solve_discrete
@@ -166,7 +171,7 @@ def _fly_steps(request: FlyRequest, path: Path) -> int:
 def _fly_members(request: FlyRequest) -> int:
     """Simulate the members of --samples or --draws and return the exit code.
 
-    It is 0 if at least one member, or with --draws every one, stayed within its limits.
+    The exit code is 0 if at least one member stays within its limits; with --draws, if all do.
     """
     from hfa_flight.drawn_aircraft import drawn_figure, with_stability
     from hfa_flight.monte_carlo import MonteCarlo

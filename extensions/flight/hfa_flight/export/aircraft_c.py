@@ -1,5 +1,6 @@
-"""The aircraft as C: its equations of motion, a trim, the linear model and a policy about it, with
-a loop of 100 Hz as an example."""
+"""Export of an aircraft to C: equations of motion, a trim, the linear model and a policy about this
+trim, and an example 100 Hz loop.
+"""
 
 from __future__ import annotations
 
@@ -39,13 +40,13 @@ _CALLED = """    double v[HFA_INPUTS];
 def c_model_texts(
     linear: LinearModel, policy: GainPolicy | FunctionPolicy | None, origin: str
 ) -> dict[str, str]:
-    """Return file name -> text of header and source and, with a policy, of a 100 Hz loop.
+    """Return file name -> text of the C header and source and, with a policy, of a 100 Hz loop.
 
-    linear: the model at a trim
-    policy: policy about that trim, or None; the first gain of a time-varying one
-    origin: text on its origin
+    linear: linear model at a trim
+    policy: policy about that trim, or None; of a time-varying gain the first is used
+    origin: provenance, for a comment
 
-    Raises BadInputError for equations that C cannot express.
+    Raises BadInputError if the equations cannot be expressed in C.
     """
     model = linear.point.model
     header, source, example = AIRCRAFT_FILES
@@ -106,8 +107,10 @@ def c_model_texts(
 
 
 def _parameters(model: Model) -> str:
-    """Return the parameters as a constant array, one line each, with one unused entry for a model
-    without parameters."""
+    """Return the C declaration of the array of parameters, one line each.
+
+    Without parameters, the array has one unused entry, because C has no empty arrays.
+    """
     lines = [
         f"    {parameter.start!r}, /* {name}, {parameter.unit} */"
         for name, parameter in model.parameters.items()
@@ -117,14 +120,16 @@ def _parameters(model: Model) -> str:
 
 
 def _policy_function(policy: FunctionPolicy) -> str:
-    """Return the C function `static void policy(const double *z, double *v)`."""
+    """Return the source of the C function `static void policy(const double *z, double *v)`."""
     z = ca.SX.sym("z", policy.function.numel_in(0))
     return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 
 
 def _rates(model: Model) -> ca.Function:
-    """Return the function (x, u, w, p) -> dx. Without disturbances, w is one number without
-    effect."""
+    """Return the function (x, u, w, p) -> dx.
+
+    Without disturbances, w is one number that has no effect.
+    """
     vectors: Any = model.layout.symbols("x", "u", "p")
     w = ca.SX.sym("w", max(1, len(model.disturbances)))
     winds = components(w)[: len(model.disturbances)]

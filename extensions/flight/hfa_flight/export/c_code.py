@@ -1,6 +1,6 @@
 """Translation of CasADi Functions to plain C functions of arrays.
 
-They need only math.h and no memory.
+The C code needs only math.h and allocates no memory.
 """
 
 from __future__ import annotations
@@ -64,15 +64,17 @@ def c_function(
     real: str = "double",
     operations: Mapping[int, str] = OPERATIONS,
 ) -> str:
-    """Return C of a dense SX Function: `static void name(const double *argument, ..., double
-    *result, ...)`.
+    """Return the C source of a dense SX Function.
 
-    Matrices are stored column by column. A function that it calls, with one argument and one
-    result, precedes it. The text causes no compiler warnings about empty and unused variables.
+    Its declaration is `static void name(const double *argument, ..., double *result, ...)`.
+    Matrices are stored column by column. Functions that it calls, each with one argument and one
+    result, precede it. The code compiles without warnings about empty or unused variables.
 
-    operations: C of each operation, instead of that for the type double
+    real: number type in C
+    operations: C expression of each CasADi operation for this type
 
-    Raises BadInputError for an operation that cannot be written as C."""
+    Raises BadInputError if an operation cannot be written as C.
+    """
     inner = function.find_functions(0)
     for each in inner:
         if not each.is_a("SXFunction"):

@@ -1,4 +1,4 @@
-"""Pieces of C source: templates, comments, enumerations, tables."""
+"""Building blocks of C source: templates, comments, enumerations, tables."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ UNUSED = "unused"
 
 
 def filled(package: str, file: str, **values: object) -> str:
-    """Return the text of a file, made from its template.
+    """Return the template of a file with its fields filled in.
 
-    package: package of the template
+    package: package that contains the template
     file: name of the file; the template's name ends with .in
-    values: values of the template's fields
+    values: values of the fields
     """
     return files(package).joinpath(f"{file}.in").read_text("utf-8").format(**values)
 
 
 def comment_lines(text: str) -> str:
-    """Return a text as the content of a C comment, which it cannot end."""
+    """Return a text as the content of a C comment. A comment end within the text is broken up."""
     return "\n   ".join(text.replace("*/", "* /").splitlines())
 
 
 def positions(units: Mapping[str, str], prefix: str = "") -> str:
     """Return the lines of a C enumeration, such as "HFA_SPEED, /* ft/s */".
 
-    units: name -> unit, "" for none
-    prefix: prefix of the names
+    units: name -> unit; "" if there is no unit
+    prefix: inserted between HFA_ and the name
     """
     lines = []
     for name, unit in units.items():
@@ -45,9 +45,9 @@ def positions(units: Mapping[str, str], prefix: str = "") -> str:
 
 
 def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return declaration -> C strings of a table of names and of a table of their units.
+    """Return the tables of names and of units, as declaration -> list of C strings.
 
-    kind: in the names of both tables
+    kind: part of the names of both tables
     units: name -> unit
     """
     return {
@@ -57,17 +57,20 @@ def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
 
 
 def _quoted(words: Iterable[str]) -> list[str]:
-    """Return each word as a C string."""
+    """Return each word as a C string literal."""
     return [f'"{word}"' for word in words]
 
 
 def or_unused(units: dict[str, str]) -> dict[str, str]:
-    """Return the names and units, or one unused entry if there are none."""
+    """Return the names and units, or one unused entry if the dictionary is empty."""
     return units or {UNUSED: ""}
 
 
 def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
-    """Return the C text of constant arrays, matrices row by row."""
+    """Return C definitions of constant arrays, with matrices row by row.
+
+    values_by_declaration: declaration of the array without its sizes -> values
+    """
     lines = []
     for declaration, values in values_by_declaration.items():
         array = np.array(values)
@@ -77,7 +80,7 @@ def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
 
 
 def braced(values: Any) -> str:
-    """Return numbers, texts or lists of them in the notation of C."""
+    """Return a number, a text or a nested list as a C initializer."""
     if isinstance(values, list):
         return f"{{{', '.join(map(braced, values))}}}"
     if values == np.inf:
@@ -88,13 +91,16 @@ def braced(values: Any) -> str:
 
 
 def units_of(model: Model, names: Sequence[str]) -> dict[str, str]:
-    """Return name -> unit."""
+    """Return name -> unit for these signals of a model."""
     return dict(zip(names, model.units(tuple(names)), strict=True))
 
 
 def displaced_state(model: Model) -> tuple[str, float]:
-    """Return the initial deviation of an example: the speed by 1 ft/s, or the first state of the
-    linear model by 1 % of its size."""
+    """Return a state and its initial deviation, for the example loop.
+
+    The state is the speed, by 1 ft/s, or else the first of the linear model, by 1 % of its nominal
+    size.
+    """
     if "speed" in model.states:
         return "speed", 1.0
     name = model.linear[0]
@@ -102,9 +108,11 @@ def displaced_state(model: Model) -> tuple[str, float]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
-    """Write text files, name -> text, in UTF-8 to a folder, all or none, and return their paths.
+    """Write text files in UTF-8 to a folder, all or none, and return their paths.
 
     The folder is created if necessary.
+
+    texts: file name -> text
     """
     with all_or_none(folder):
         for name, text in texts.items():

@@ -1,8 +1,8 @@
-"""Loops for other tools, as data: the aircraft alone or with its policy, and linear
-models between the points of a sweep.
+"""Loops as data for export: an aircraft with or without a policy, and interpolated linear models.
 
-The arguments of an exported loop are commands, references, disturbances and held inputs, which a
-simulation would compute."""
+Commands, references, disturbances and held inputs, which a simulation would compute, are inputs
+of an exported loop.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ LONGEST_STEP = 1e-3
 class Channel(NamedTuple):
     """A scalar signal of a loop.
 
-    unit: its unit, or None if it depends on the controller
-    start: its initial value
+    unit: its unit, or None if the unit depends on the controller
+    start: initial value
     size: nominal size
     rate_unit: unit of its rate, or None if not needed
     """
@@ -45,44 +45,46 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True)
 class Argument:
-    """A vector that is an input of the loop, instead of a known function of time or a
-    measurement."""
+    """A vector input of an exported loop, used in place of a known function of time."""
 
     value: ca.SX
 
     @property
     def size(self) -> int:
-        """Number of channels."""
+        """Return the number of channels."""
         return int(self.value.numel())
 
     def at(self, _: Any) -> ca.SX:
-        """Return the value, which does not depend on the argument."""
+        """Return the symbols of the input at any time."""
         return self.value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GivenInputs(Policy):
-    """Policy u = v - U0 with the arguments v."""
+    """Policy whose output u = v - U0 comes from inputs v of the exported loop.
+
+    inputs: u as an expression of v, (m,)
+    """
 
     inputs: ca.SX
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the deviations of the inputs."""
+        """Return the deviations of the inputs from trim, (m,)."""
         return self.inputs
 
 
 class Steering(NamedTuple):
-    """Source of the inputs of an exported loop, about a trim.
+    """Rule by which the inputs v of an exported loop determine the inputs of the aircraft.
 
     policy: the policy; each state of its memory has a channel in `states`
     arguments: channels of v
     v: (k,), symbols of the inputs of the loop
-    reference: x_d, in v
+    reference: x_d, as part of v
     states: channels of the memory and of the filter
-    filtered: (f,), symbols of the states of a filter of the arguments
-    filtered_rate: (f,), their rates
-    sets_inputs: False if v are the inputs themselves
-    longest_step: s, largest Runge-Kutta step
+    filtered: (f,), symbols of the states of a filter of v
+    filtered_rate: (f,), rates of the filter states
+    sets_inputs: False if v are the inputs of the aircraft
+    longest_step: largest Runge-Kutta step, s
     """
 
     policy: Policy
@@ -97,7 +99,7 @@ class Steering(NamedTuple):
 
 
 def given_inputs(model: Model, point: OperatingPoint) -> Steering:
-    """Return a steering by the absolute inputs of the aircraft."""
+    """Return the steering in which v are the absolute inputs of the aircraft."""
     U = ca.SX.sym("U", len(model.inputs))
     policy = GivenInputs("none", U - ca.DM(np.array(point.inputs)))
     arguments = _channels(model, model.inputs, point.inputs)
@@ -105,9 +107,9 @@ def given_inputs(model: Model, point: OperatingPoint) -> Steering:
 
 
 def following_a_reference(model: Model, policy: Policy) -> Steering:
-    """Return a steering by a policy of z = x - v without memory.
+    """Return the steering by a policy of x - v.
 
-    v is the reference of the linear model's states.
+    v is the reference of the states of the linear model. The policy must have no memory.
     """
     v = ca.SX.sym("reference", len(model.linear))
     arguments = [Channel(f"reference_{name}", model.unit(name)) for name in model.linear]
@@ -116,13 +118,14 @@ def following_a_reference(model: Model, policy: Policy) -> Steering:
 
 @dataclass(frozen=True, eq=False)
 class ExportedLoop:
-    """Loop y' = f(y, v) in absolute values, with inputs u = g(y, v) of the aircraft if a policy
-    sets them.
+    """Loop y' = f(y, v) in absolute values.
 
-    function: (y, v) -> (f, g), with g empty if u are part of v
-    states, outputs, inputs: channels of y, u, v
-    flown: number of aircraft states, which come first
-    longest_step: s, largest Runge-Kutta step
+    With a policy, it also computes the inputs u = g(y, v) of the aircraft.
+
+    function: (y, v) -> (f, g); g is empty if u is part of v
+    states, outputs, inputs: channels of y, u and v
+    flown: number of aircraft states, which are the first states
+    longest_step: largest Runge-Kutta step, s
     """
 
     function: ca.Function
@@ -139,13 +142,13 @@ def exported_loop(
     steering: Steering | None = None,
     actuators: ActuatorBank | None = None,
 ) -> ExportedLoop:
-    """Return the loop X' = f(X, U, w) with states [X; actuators; memory of the policy; filter].
+    """Return the loop X' = f(X, U, w) with the states [X; actuators; memory of the policy; filter].
 
-    Its inputs are [w; v]. w are the disturbances of the model. The steering determines v and U.
-    Without one v = U. Actuators and memory are deviations from trim.
+    The inputs are [w; v], with w the disturbances of the model. `steering` defines v and computes U
+    from it; by default v = U. Actuator states and memory are deviations from trim.
 
-    Raises BadInputError if an actuator cannot hold the trim, or the policy measures states that
-    these actuators lack.
+    Raises BadInputError if a trim input is outside its actuator's limits, or if the policy measures
+    actuator states that do not exist.
     """
     steering = steering or given_inputs(model, point)
     w = ca.SX.sym("w", len(model.disturbances))
@@ -180,7 +183,7 @@ def exported_loop(
 
 
 def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Channel]:
-    """Return channels of the positions, and of the rates for order 2."""
+    """Return the channels of the actuator positions, and for order 2 of the actuator rates."""
     channels = []
     order = 0 if actuators is None else actuators.order
     if order >= 1:
@@ -193,10 +196,10 @@ def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Cha
 
 
 def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
-    """Return the loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep, with inputs v = [u; s].
+    """Return the interpolated loop x' = A(s) (x - X0(s)) + B(s) (u - U0(s)) of a sweep.
 
-    s are the variables of the sweep as inputs `scheduled_NAME`, initially in the middle of the
-    grid.
+    Its inputs are v = [u; s]. The variables s of the sweep are named `scheduled_NAME`, and their
+    initial values are the middle of the grid.
     """
     sweep = between.sweep
     model = sweep.model
@@ -222,9 +225,9 @@ def interpolated_loop(between: InterpolatedModel) -> ExportedLoop:
 def _channels(
     model: Model, names: Iterable[str], values: Iterable[float], *, rates: bool = False
 ) -> list[Channel]:
-    """Return channels of the model's signals at these values.
+    """Return the channels of signals of a model, with these initial values.
 
-    rates: whether their units are those of the rates
+    rates: whether the units of the rates are included
     """
     channels = []
     for name, value in zip(names, values, strict=True):

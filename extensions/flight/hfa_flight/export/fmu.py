@@ -1,6 +1,6 @@
-"""Export of the aircraft, alone or with its policy, as an FMU: library, sources and description.
+"""Export of an aircraft, with or without a policy, as an FMU: library, sources and description.
 
-The version is FMI 2.0 instead of 3.0, because every tool that imports FMUs supports it.
+The format is FMI 2.0, because more tools import it than FMI 3.0.
 """
 
 from __future__ import annotations
@@ -52,9 +52,11 @@ _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
-    """Write the complete FMU or nothing.
+    """Write a loop as an FMU. If an error occurs, no file is written.
 
-    Raises NoSolutionError if there is no C compiler, or it fails.
+    origin: provenance, stored in the FMU
+
+    Raises NoSolutionError if no C compiler is found or the compiler fails.
     """
     compiler = c_compiler()
     if compiler is None:
@@ -82,7 +84,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 
 
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
-    """Return the C source of the loop, `fmu_loop`."""
+    """Return the C source of the function `fmu_loop`, which evaluates the loop."""
     results = ("dy", "u") if loop.outputs else ("dy",)
     one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", len(loop.inputs))
     function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
@@ -116,8 +118,11 @@ def _said(origin: Provenance) -> str:
 
 
 def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
-    """Return modelDescription.xml: states, their rates, inputs of the aircraft that a policy sets,
-    and inputs of the loop. Outputs are the aircraft states and the inputs that are set."""
+    """Return the text of modelDescription.xml.
+
+    Its variables are the states, their rates, the inputs that a policy sets, and the inputs of the
+    loop. Its outputs are the aircraft states and the inputs that a policy sets.
+    """
     root = xml.Element(
         "fmiModelDescription",
         fmiVersion="2.0",
@@ -186,10 +191,12 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
 
 
 def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
-    """Return the shared library of C sources. Raises NoSolutionError if the compiler refuses them.
+    """Compile C sources and return the content of the shared library.
 
     compiler: command of the compiler
     sources: file name -> text
+
+    Raises NoSolutionError with the first message of the compiler if it fails.
     """
     with temporary_folder() as folder:
         for name, text in sources.items():
@@ -217,5 +224,5 @@ def _library(compiler: str, sources: Mapping[str, str]) -> bytes:
 
 
 def write_sweep(sweep: Sweep, path: Path, provenance: Provenance) -> None:
-    """Write the interpolated models of a sweep as an FMU, for `hfa sweep`."""
+    """Write the interpolated linear models of a sweep as an FMU, for `hfa sweep`."""
     write_fmu(interpolated_loop(InterpolatedModel(sweep)), path, provenance)

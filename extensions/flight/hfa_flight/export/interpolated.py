@@ -1,4 +1,4 @@
-"""Linear models between the points of a sweep."""
+"""Interpolation of linear models between the points of a sweep."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from trim.sweeps.sweep import Sweep
 
 
 class Interpolated(NamedTuple):
-    """Trims and linear models of the sweep's k states at N points.
+    """Trims and linear models at N points, with the k states of the linear model.
 
-    The arrays of a single point lack the axis N.
+    At a single point, the arrays lack the axis N.
 
     states: X0, (N, n).
     inputs: U0, (N, m).
@@ -36,18 +36,18 @@ class Interpolated(NamedTuple):
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class InterpolatedModel:
-    """Trim, A and B over the grid of a sweep, linear in each of its variables (bilinear in two).
+    """Trim, A and B, interpolated linearly in each variable of a sweep (bilinearly in two).
 
-    sweep: the sweep, whose points all have a trim
+    sweep: sweep over a grid, with a trim at every point
 
-    Raises BadInputError if the sweep is of a list of points, a variable has fewer than two values,
-    or a point has no trim.
+    Raises BadInputError if the sweep is a list of points, a variable has fewer than two values, or
+    a point has no trim.
     """
 
     sweep: Sweep
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for a sweep that cannot be interpolated."""
+        """Raise BadInputError if the sweep cannot be interpolated."""
         plan = self.sweep.plan
         for name, count in zip(plan.variables, plan.sizes, strict=not plan.listed):
             if plan.listed or count < 2:
@@ -63,15 +63,15 @@ class InterpolatedModel:
 
     @cached_property
     def axes(self) -> tuple[np.ndarray, ...]:
-        """The values of each variable, ascending."""
+        """Return the values of each variable of the sweep, ascending."""
         return tuple(np.unique(column) for column in self.sweep.values.T)
 
     def at(self, **values: float | np.ndarray) -> Interpolated:
         """Return trims and linear models at values of the variables.
 
-        values: by name for every variable of the sweep, a number or (N,)
+        values: for each variable of the sweep by name, a number or (N,)
 
-        Raises BadInputError if a variable is missing or unknown, or a value lies outside the grid.
+        Raises BadInputError if a variable is missing or unknown, or if a value is outside the grid.
         """
         variables = self.sweep.variables
         if {*values} != {*variables}:
@@ -95,10 +95,10 @@ class InterpolatedModel:
         return Interpolated(*whole)
 
     def to_casadi(self) -> ca.Function:
-        """Return the function (values of the variables,) -> X0, U0, A, B, constant beyond the ends
-        of the grid.
+        """Return the function (values of the variables,) -> X0, U0, A, B.
 
-        Its method `.generate("models.c")` writes C that needs no library.
+        It is constant beyond the grid. Its method `.generate("models.c")` writes C code that needs
+        no library.
         """
         at = ca.SX.sym("at", len(self.axes))
         weights = ca.SX(1)
@@ -113,9 +113,9 @@ class InterpolatedModel:
 
     @cached_property
     def _interpolator(self) -> Any:
-        """SciPy's interpolator: points (..., variables) -> (..., entries).
+        """Return SciPy's interpolator from points (..., variables) to entries (..., entries).
 
-        The entries are those of X0, U0, A and B in order, each row by row.
+        The entries are those of X0, U0, A and B in this order, each row by row.
         """
         from scipy.interpolate import RegularGridInterpolator
 
@@ -125,8 +125,11 @@ class InterpolatedModel:
 
     @cached_property
     def _tables(self) -> list[np.ndarray]:
-        """X0, U0, A and B over the grid, with one ascending axis for each variable, then the axes
-        of the quantity."""
+        """Return X0, U0, A and B over the grid.
+
+        The first axes are the variables of the sweep, ascending; the last axes are those of the
+        quantity.
+        """
         order = np.lexsort(self.sweep.values.T[::-1])
         sizes = tuple(len(axis) for axis in self.axes)
         tables = []
@@ -142,9 +145,9 @@ class InterpolatedModel:
 
 
 def _hat_functions(x: ca.SX, axis: np.ndarray) -> ca.SX:
-    """Return the weight of each value of an axis in linear interpolation at x.
+    """Return the weight of each value of `axis` for linear interpolation at x.
 
-    The weights are constant beyond the ends of the axis.
+    Beyond the ends of the axis, x is replaced by the nearest end.
     """
     held = ca.fmin(ca.fmax(x, axis[0]), axis[-1])
     rising = [(held - low) / (high - low) for low, high in pairwise(axis)]
