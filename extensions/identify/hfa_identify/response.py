@@ -190,7 +190,14 @@ class Responses:
     def _true_inputs(
         self, recorded: list[ca.SX], slopes: list[ca.SX], symbols: dict[str, ca.SX]
     ) -> list[ca.SX]:
-        """Return the inputs corrected for bias, scale and, to first order, delay."""
+        """Return the true inputs as expressions, from the recorded ones and the unknown errors of
+        columns.
+
+        Bias and scale error are corrected exactly, a delay to first order.
+
+        slopes: time derivatives of the inputs
+        symbols: unknown -> its symbol
+        """
         true = []
         for place, name in enumerate(self.model.inputs):
             value = recorded[place]
@@ -201,7 +208,11 @@ class Responses:
         return true
 
     def _recorded(self, true: list[ca.SX], symbols: dict[str, ca.SX]) -> ca.SX:
-        """Return the measured quantities with bias and scale."""
+        """Return the measured quantities with their bias and scale error as expressions.
+
+        true: measured quantities without errors
+        symbols: unknown -> its symbol
+        """
         rows = [
             (1.0 + self._symbol("scale", name, symbols)) * value
             + self._symbol("bias", name, symbols)
@@ -210,15 +221,15 @@ class Responses:
         return ca.densify(ca.vertcat(ca.SX(0, 1), *rows))
 
     def _symbol(self, kind: str, column: str, symbols: dict[str, ca.SX]) -> ca.SX | float:
-        """Return the unknown error of a column, 0 without one."""
+        """Return the symbol of a column error, or 0 if this error is not an unknown."""
         name = SensorError(kind, column).name
         return symbols[name] if name in self._errors else 0.0
 
     def _driven(self, record: Record, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs of a record, (N, m), shifted by their delays, and θ without these
-        delays.
+        """Return the inputs of a record without their delays, and θ with these delays set to 0.
 
-        If one has a delay the slopes of the inputs follow, (N, 2m).
+        The inputs are (N, m). If a delay is an unknown, their time derivatives are appended, (N,
+        2m).
         """
         if not self._late_inputs:
             return record.inputs, theta
@@ -233,9 +244,13 @@ class Responses:
         return np.hstack([inputs, slopes]), rest
 
     def input_slopes(self, record: Record, column: int, times: np.ndarray) -> np.ndarray:
-        """Return the slopes of an input over one interval between samples, (N,).
+        """Return the time derivatives of an input at these times, (N,).
 
-        The interval is around or before times (N,).
+        They are differences over one sampling interval, which is centered at the time or ends
+        there.
+
+        column: index of the input
+        times: s, (N,)
         """
         interval = float(np.median(np.diff(record.time)))
         ends = times + 0.5 * interval if self._looks_ahead else times
@@ -245,7 +260,10 @@ class Responses:
         return rise / interval
 
     def _delayed(self, record: Record, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the measured quantities (N, k) with their delays."""
+        """Return the simulated quantities with their delays applied, (N, k).
+
+        y: quantities without delays, (N, k)
+        """
         from scipy.interpolate import CubicSpline
 
         later = y.copy()
@@ -257,10 +275,12 @@ class Responses:
     def _delay_slopes(
         self, record: Record, theta: np.ndarray, y: np.ndarray, slopes: np.ndarray
     ) -> None:
-        """Replace the slopes of measured quantities without delays by those with their delays.
+        """Apply the delays to the sensitivities, which are changed in place.
 
-        y: (N, k) without delays
-        slopes: (N, k, p + n)
+        The derivative with respect to each delay is set too.
+
+        y: quantities without delays, (N, k)
+        slopes: sensitivities without delays, (N, k, p + n)
         """
         from scipy.interpolate import CubicSpline
 
@@ -272,7 +292,10 @@ class Responses:
     # The simulation.
 
     def refuse_other_time(self, record: Record, start: np.ndarray, theta: np.ndarray) -> None:
-        """Raise BadInputError where samples are so far apart that the time cannot be in seconds."""
+        """Raise BadInputError if the sampling interval is too long for a time in seconds.
+
+        It is compared with the time constant of the fastest mode at the initial state.
+        """
         longest = float(np.diff(record.time).max())
         fastest = self._fastest(record, start, theta)
         if longest * fastest > _FAR_TOO_LONG:
@@ -284,24 +307,27 @@ class Responses:
     def steps_between(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
     ) -> int:
-        """Return the number of integration steps between two samples that the fastest mode at the
-        start requires.
+        """Return the number of integration steps between two samples.
 
-        step: largest step, in time constants of this mode"""
+        step: largest step, in time constants of the fastest mode at the initial state
+        """
         longest = float(np.diff(record.time).max())
         steps = math.ceil(longest * self._fastest(record, start, theta) / step)
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def samples_in_step(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
-        """Return the number of samples in the longest integration step that the fastest mode at the
-        start permits."""
+        """Return the number of samples, at least 1, in the longest permissible integration step.
+
+        The step depends on the fastest mode at the initial state.
+        """
         usual = float(np.median(np.diff(record.time)))
         fastest = self._fastest(record, start, theta)
         return max(1, int(ROUGH_STEP / max(usual * fastest, 1e-3)))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue at the start, 1/s, or 0 if it is not a
-        number.
+        """Return the largest magnitude of an eigenvalue at the initial state, 1/s.
+
+        The result is 0 if the Jacobian is not finite.
         """
         driven, rest = self._driven(record.part(0, 2), theta)
         _, slopes = self._rates_at(start[None], driven[:1], rest[None])
@@ -313,11 +339,13 @@ class Responses:
     def simulated(
         self, record: Record, start: np.ndarray, theta: np.ndarray, step: float = STEP
     ) -> Simulation:
-        """Return the simulation of a record from an initial state (n,) with unknowns (p,).
+        """Return the simulation of a record.
 
-        step: largest step of integration, in time constants of the fastest mode
+        start: initial state, (n,)
+        theta: unknowns, (p,)
+        step: largest integration step, in time constants of the fastest mode
 
-        Raises FloatingPointError where the simulation is not finite.
+        Raises FloatingPointError if the simulation is not finite.
         """
         count = self.steps_between(record, start, theta, step)
         driven, rest = self._driven(record, theta)
@@ -332,9 +360,9 @@ class Responses:
         return Simulation(record, theta, y, states[::count], states[:-1], inputs, durations, count)
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
-        """Return the (N, k, p + n) sensitivities dy/d(θ, x₀) of a simulation.
+        """Return the sensitivities dy/d(θ, x₀) of a simulation, (N, k, p + n).
 
-        Raises FloatingPointError where they are not finite.
+        Raises FloatingPointError if they are not finite.
         """
         n, p, k = self.sizes
         record, theta, count = simulated.record, simulated.theta, simulated.count
@@ -362,9 +390,12 @@ class Responses:
         return total
 
     def of(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Response:
-        """Return the response from an initial state (n,) with unknowns (p,).
+        """Return the simulated quantities of a record with their sensitivities.
 
-        Raises FloatingPointError where the simulation is not finite.
+        start: initial state, (n,)
+        theta: unknowns, (p,)
+
+        Raises FloatingPointError if the simulation or a sensitivity is not finite.
         """
         simulated = self.simulated(record, start, theta)
         return Response(simulated.y, self.slopes(simulated))
@@ -377,7 +408,14 @@ class Responses:
         durations: np.ndarray,
         theta: np.ndarray,
     ) -> np.ndarray:
-        """Return the states (steps + 1, n) on an integration grid (`grid`)."""
+        """Return the states before the first and after each integration step, (steps + 1, n).
+
+        before, after: inputs at the start and at the end of the steps, (steps, m)
+        durations: durations of the steps, s, (steps,)
+        theta: unknowns, (p,)
+
+        Raises FloatingPointError if a state is not finite.
+        """
         advance = self._advance(len(durations))
         unknowns = np.tile(theta, len(durations))
         (moved,) = advance.at(start, before.ravel(), after.ravel(), unknowns, durations)
@@ -387,15 +425,20 @@ class Responses:
         return states
 
     def _advance(self, steps: int) -> BoundFunction:
-        """Return the function that maps a state to the states after each of these steps."""
+        """Return a function that maps a state to the states after each of `steps` integration
+        steps.
+        """
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
 
     def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the slopes of the states after each of some steps, (steps, n, n + p).
+        """Return the derivatives of the states after a step, (steps, n, n + p).
 
         They are derivatives with respect to the states before the step and to θ.
+
+        theta: unknowns, (p,)
+        part: the steps
         """
         n, _, _ = self.sizes
         before, after = (inputs[part] for inputs in simulated.inputs)
@@ -421,20 +464,25 @@ class Responses:
     def _rates_at(
         self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (N, n) rates and their (N, n, n + p) derivatives in states and parameters.
+        """Return the state derivatives x', (N, n), and their derivatives d x'/d(x, θ), (N, n, n +
+        p).
 
         states: (N, n)
         inputs: (N, m)
-        thetas: (N, p)
+        thetas: unknowns, (N, p)
         """
         n, p, _ = self.sizes
         rates, slopes = self._rates(states, inputs, thetas)
         return rates, slopes.reshape(-1, n, n + p)
 
     def differences(self, simulated: Simulation, place: int, values: np.ndarray) -> np.ndarray:
-        """Return sums of squared changes of rates and measured quantities, in nominal sizes, (V,).
+        """Return how much other values of an unknown change the equations along a simulation, (V,).
 
-        The changes are those for other values (V,) of an unknown, at some states of a simulation.
+        Each entry is the sum of squared changes of state derivatives and measured quantities,
+        relative to nominal values, at `_LOOKED_AT` samples.
+
+        place: index of the unknown
+        values: other values of the unknown, (V,)
         """
         driven, rest = self._driven(simulated.record, simulated.theta)
         rows = np.linspace(0, len(driven) - 1, _LOOKED_AT).astype(int)
@@ -451,20 +499,23 @@ class Responses:
             return np.asarray(((moves[1:] - moves[0]) ** 2).sum(axis=1))
 
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return the (N, k) measured quantities without delays.
+        """Return the measured quantities without delays, (N, k).
 
         states: (N, n)
         inputs: (N, m)
+        theta: unknowns, (p,)
         """
         return self._seen(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
     def _observed_slopes(
         self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """Return the (N, k, n + p) derivatives of the measured quantities in states and parameters.
+        """Return the derivatives of the measured quantities with respect to states and θ, (N, k, n
+        + p).
 
         states: (N, n)
         inputs: (N, m)
+        theta: unknowns, (p,)
         """
         n, p, k = self.sizes
         (slopes,) = self._seen_slopes(states, inputs, np.tile(theta, (len(states), 1)))
@@ -472,14 +523,17 @@ class Responses:
 
 
 def _earlier(record: Record, delay: float) -> np.ndarray:
-    """Return times of a record minus a delay, limited to the record, (N,)."""
+    """Return the times of a record minus a delay, clipped to the duration of the record, (N,)."""
     return np.clip(record.time - delay, record.time[0], record.time[-1])
 
 
 def _runge_kutta(
     f: ca.Function, x: ca.SX, u: ca.SX, after: ca.SX, theta: ca.SX, duration: ca.SX
 ) -> ca.SX:
-    """Return the state after one step of the classical Runge-Kutta method."""
+    """Return the state after one step of the classical Runge-Kutta method, as an expression.
+
+    u, after: inputs at the start and at the end of the step
+    """
     middle = 0.5 * (u + after)
     k1 = f(x, u, theta)
     k2 = f(x + 0.5 * duration * k1, middle, theta)
@@ -491,12 +545,12 @@ def _runge_kutta(
 def grid(
     record: Record, driven: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inputs (steps, m) at the start and at the end of the integration steps.
+    """Return the inputs at the start and at the end of each integration step, and its duration.
 
-    The durations (steps,), s, follow.
+    The inputs are (steps, m) each. The durations are (steps,), s.
 
+    driven: inputs at the samples, (N, m)
     count: steps between two samples
-    driven: (N, m) inputs
     """
     durations = np.repeat(np.diff(record.time) / count, count)
     if record.has_steps:
@@ -510,12 +564,13 @@ def grid(
 
 
 def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
-    """Return sensitivities of the states to θ and x₀, (N + 1, n, p + n).
+    """Return sensitivities of the states to θ and x₀ at every `count`-th step, (N + 1, n, p + n).
 
-    They are those before a sequence of steps and after every `count`-th step.
+    The first entry is S itself.
 
-    change: (steps, n, n + p), derivatives of the states after a step in those before it and in θ
-    S: (n, p + n), sensitivities before the sequence
+    change: derivatives of the states after a step with respect to those before and to θ, (steps, n,
+      n + p)
+    S: sensitivities before the first step, (n, p + n)
     """
     n = change.shape[1]
     p = change.shape[2] - n
@@ -528,11 +583,11 @@ def carried(change: np.ndarray, count: int, S: np.ndarray) -> np.ndarray:
 def _products(by_state: np.ndarray, by_theta: np.ndarray, count: int) -> np.ndarray:
     """Return S⁺ = Φ_x S + Φ_θ at every `count`-th step, from S = (0, I), (N, n, p + n).
 
-    by_state: (steps, n, n) Φ_x
-    by_theta: (steps, n, p) Φ_θ
+    The steps are divided into blocks of equal length. All blocks advance together from (0, I). Then
+    each block is combined with S at the end of the preceding one.
 
-    The steps are cut into blocks of equal length. All blocks advance together from (0, I). Then
-    each is continued from the end of the one before.
+    by_state: Φ_x, (steps, n, n)
+    by_theta: Φ_θ, (steps, n, p)
     """
     steps, n, p = by_theta.shape
     length = math.isqrt(steps) + 1

@@ -1,13 +1,14 @@
-"""Rotation rates of the air in gusts, as further states of a model.
+"""Rotation of the air in gusts, as additional states of a model.
 
-A gust that differs between nose and tail, or between the wing tips, turns the air about the
-aircraft. With the white noise n that moves alpha, the pitch rate relative to the air is
+A gust that differs between nose and tail, or between the wing tips, has the effect of a rotation of
+the air. With the white noise n that drives alpha, the pitch rate relative to the air is
 
     q - z / τ,   z' = -z / τ + n,   τ = 4 b / (π V).
 
-b is the wing span. z / τ is the gust's rate of change through a lag. The yaw rate follows from beta
-in the same way: r + z / τ, with 3 b / (π V). The roll rate of the air has an independent noise.
-Angular accelerations depend on these rates. The lift due to the pitch rate of the air is neglected.
+b is the wing span, and V is the airspeed. z / τ is the time derivative of the gust through a
+first-order lag. For the yaw rate, beta replaces alpha, and the rate is r + z / τ with
+τ = 3 b / (π V). The roll rate of the air has an independent noise. The angular accelerations depend
+on these relative rates. The lift due to the pitch rate of the air is neglected.
 
 Source: MIL-F-8785C, 1980, section 3.7.1.
 """
@@ -32,12 +33,12 @@ LIMITS = (0.02, 100.0)
 
 @dataclass(frozen=True)
 class Rotation:
-    """A rotation of the air.
+    """Rotation of the air about one body axis.
 
-    state: name of z, which is added to the model.
-    of: flow angle whose noise also moves z, or "" if z has its own noise.
+    state: name of the state z that is added to the model.
+    of: flow angle whose noise also drives z, or "" if z has its own noise.
     sign: sign of z / τ in the rate relative to the air.
-    lag: in units of τ.
+    lag: time constant of z divided by exp(`LAG`), the lag that is common to all axes.
     """
 
     state: str
@@ -55,8 +56,11 @@ ROTATIONS = {
 
 
 def rotations_of(model: Model) -> dict[str, Rotation]:
-    """Return rate of the aircraft -> rotation of the air, where the model has their states, in
-    radians."""
+    """Return angular rate of the model -> rotation of the air.
+
+    Rotations are omitted if the model lacks the rate or flow angle, or if their unit is not the
+    radian.
+    """
     units = {name: signal.unit for name, signal in model.states.items()}
     return {
         rate: each
@@ -66,8 +70,10 @@ def rotations_of(model: Model) -> dict[str, Rotation]:
 
 
 def in_rotating_air(model: Model) -> Model:
-    """Return the model with the states of `ROTATIONS` and the parameter `LAG`, or the model itself
-    where it has no rates of rotation."""
+    """Return the model with the states of the air's rotation and the parameter `LAG`.
+
+    A model without angular rates is returned unchanged.
+    """
     rotations = rotations_of(model)
     if not rotations:
         return model
@@ -83,12 +89,12 @@ def in_rotating_air(model: Model) -> Model:
 
 @dataclass(frozen=True)
 class _InRotatingAir:
-    """Function (x, u, p, w) -> rates by state and outputs by name, of a model in rotating air."""
+    """Function (x, u, p, w) -> (rates by state, outputs by name) of a model in rotating air."""
 
     model: Model
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
-        """Return rates and outputs."""
+        """Return rates by state and outputs by name."""
         layout = self.model.layout
         own = layout.record("p", [getattr(p, name) for name in self.model.parameters])
         states = {name: getattr(x, name) for name in self.model.states}

@@ -1,4 +1,4 @@
-"""The search for parameters: in short windows of the records first, then of whole records."""
+"""Search for the parameters, first on short windows of the records, then on complete records."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _SECOND = 10
 
 
 class Search:
-    """Search for the unknowns of responses that fit records.
+    """Search for the unknowns with which simulations fit records.
 
-    held: unmeasured states at the start -> value
+    held: initial value of an unmeasured state, by name.
     """
 
     def __init__(
@@ -41,11 +41,14 @@ class Search:
         self._whole = OutputError(responses, self.records, self.bounds, self.guesses)
 
     def fit(self, progress: Callable[[float, float], None] | None = None) -> Fit:
-        """Return the fit of whole records, begun from a fit of short windows.
+        """Return the fit of the complete records. The search begins with a fit of short windows.
 
-        In a short window no simulation diverges from distant initial values. If the fit of whole
-        records fails, the windows are fitted again with noise of the size of the motion. Raises
-        FloatingPointError if the simulation still diverges."""
+        Simulations of short windows do not diverge even if the initial parameters are far off. If
+        the fit of the complete records fails, the windows are fitted again with the variance of the
+        motion as noise variance.
+
+        Raises FloatingPointError if the simulation diverges nevertheless.
+        """
         found = None
         for by_motion in (False, True):
             try:
@@ -70,10 +73,13 @@ class Search:
         by_motion: bool = False,
         most_windows: int = 0,
     ) -> Fit:
-        """Return the fit of short windows in calm air, with no more samples than the integration
+        """Return the fit of short windows in calm air, with as few samples as the integration
         needs.
 
-        most_windows: approximate largest number of windows, 0 for all"""
+        most_steps: largest number of Gauss-Newton steps
+        by_motion: whether the variance of the motion replaces the noise variance
+        most_windows: approximate largest number of windows, 0 for no limit
+        """
         windows = [part for record in self.thinned for part in record.windows(_WINDOW)]
         if most_windows:
             windows = windows[:: max(1, len(windows) // most_windows)]
@@ -85,7 +91,7 @@ class Search:
         return search.fit(self.begin[first:], starts, progress, _ROUGH, most_steps)
 
     def moving_inputs(self) -> list[str]:
-        """Inputs that are not constant in every record."""
+        """Return the inputs that vary in at least one record."""
         return [
             name
             for place, name in enumerate(self.responses.model.inputs)
@@ -93,7 +99,7 @@ class Search:
         ]
 
     def steady_inputs(self) -> list[str]:
-        """Return the inputs that are constant, and not 0, in every record."""
+        """Return the inputs that are constant in every record, and not 0 in at least one."""
         moving = self.moving_inputs()
         return [
             name
@@ -103,7 +109,7 @@ class Search:
 
     @cached_property
     def thinned(self) -> list[Record]:
-        """The records with no more samples than the integration needs."""
+        """The records with as few samples as the integration needs."""
         thinned = []
         for record, start in zip(self.records, self.guesses, strict=True):
             together = self.responses.samples_in_step(record, start, self.begin)
@@ -113,17 +119,21 @@ class Search:
 
     @cached_property
     def _thin(self) -> OutputError:
-        """The search in thinned records.
+        """The search on thinned records.
 
-        In turbulence the whole records are fitted, because the filter gain holds for their sample
-        time.
+        In turbulence the complete records are used, because the filter gain depends on the sampling
+        interval.
         """
         if self.responses.turbulent:
             return self._whole
         return OutputError(self.responses, self.thinned, self.bounds, self.guesses)
 
     def level(self, theta: np.ndarray, starts: Sequence[np.ndarray]) -> float:
-        """Return L of the thinned records, or inf if the simulation diverges."""
+        """Return L on the thinned records, or inf if the simulation diverges.
+
+        theta: unknowns, (p,)
+        starts: initial state of each record, (n,) each
+        """
         try:
             return self._thin.at(theta, tuple(starts)).likelihood
         except FloatingPointError:
@@ -132,7 +142,7 @@ class Search:
     def thin(
         self, theta: np.ndarray, starts: Sequence[np.ndarray], most_steps: int = MOST_STEPS
     ) -> Fit:
-        """Return the fit of the thinned records from given unknowns and initial states."""
+        """Return the fit of the thinned records, from given unknowns (p,) and initial states."""
         return self._thin.fit(theta, starts, small=_ROUGH, most_steps=most_steps)
 
     def whole(
@@ -142,15 +152,19 @@ class Search:
         progress: Callable[[float, float], None] | None = None,
         most_steps: int = MOST_STEPS,
     ) -> Fit:
-        """Return the fit of whole records from given unknowns and initial states."""
+        """Return the fit of the complete records, from given unknowns (p,) and initial states.
+
+        starts: initial state of each record, None for the guesses
+        """
         begin = self.guesses if starts is None else starts
         return self._whole.fit(theta, begin, progress, most_steps=most_steps)
 
 
 def begin_of(model: Model, record: Record, held: Mapping[str, float]) -> np.ndarray:
-    """Return the guess of a record's initial condition, (n,).
+    """Return the guess of a record's initial state, (n,).
 
-    Its entries are measured, given by `held`, or from the model's trims.
+    Each component is the first measured value, the value in `held`, or the value in the model's
+    trim, in this order of precedence.
     """
     start = []
     for name, signal in model.states.items():

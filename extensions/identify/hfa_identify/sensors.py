@@ -1,9 +1,10 @@
-"""Errors of a record's columns as unknowns: bias, scale and delay.
+"""Errors of a record's columns as unknowns: bias, scale error and delay.
 
     recorded(t) = (1 + scale) true(t - delay) + bias
 
-`bias_alpha` is the bias of the column alpha. Columns of inputs and of measured quantities have such
-errors."""
+Their names contain the column: `bias_alpha` is the bias of the column alpha. Inputs and measured
+quantities can have such errors.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +23,10 @@ _DELAY = 1.0
 
 @dataclass(frozen=True)
 class SensorError:
-    """An error of a column.
+    """Error of a column.
 
-    kind: one of `KINDS`
-    column: name of an input, state or output
+    kind: "bias", "scale" or "delay"
+    column: name of the input, state or output
     """
 
     kind: str
@@ -33,11 +34,11 @@ class SensorError:
 
     @property
     def name(self) -> str:
-        """Name of the error in `free` and in reports."""
+        """Name of the error in `free` and in reports, such as "bias_alpha"."""
         return f"{self.kind}_{self.column}"
 
     def signal(self, model: Model) -> Signal:
-        """Return its unit, typical size and limits, with the initial value 0 of the search."""
+        """Return the unit, nominal size and limits of the error. Its search begins at 0."""
         if self.kind == "bias":
             declared = model.signals[self.column]
             return Signal(declared.unit, declared.nominal)
@@ -47,6 +48,9 @@ class SensorError:
 
 
 def sensor_errors(model: Model, columns: Iterable[str]) -> dict[str, SensorError]:
-    """Return name -> error for all columns, except for names that are parameters of the model."""
+    """Return name -> error, for each kind of error of each column.
+
+    A name that is also a parameter of the model is omitted.
+    """
     errors = [SensorError(kind, column) for column in columns for kind in KINDS]
     return {each.name: each for each in errors if each.name not in model.parameters}

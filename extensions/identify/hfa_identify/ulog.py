@@ -1,6 +1,6 @@
-"""Reader of PX4 logs (.ulg), by pyulog and a table of columns.
+"""Reader of PX4 logs (.ulg), with pyulog and a table that defines the columns.
 
-The table defines each column of the record by a message and field of the log, and a conversion:
+The table defines each column by a message and field of the log, and a conversion:
 
     [columns]
     pitch_rate = "vehicle_angular_velocity.xyz[1]"
@@ -12,9 +12,11 @@ The table defines each column of the record by a message and field of the log, a
     begin = 100.0
     end = 130.0
 
-column = offset + scale field, in the unit of the model. `roll`, `pitch` and `yaw`, rad, of a
-message with a quaternion q[0] to q[3] are computed. [flight] selects a part of the log, in seconds
-from its start. Source of the format: PX4 user guide, "ULog file format".
+A column is offset + scale field, in the unit of the model. The fields `roll`, `pitch` and `yaw`,
+rad, are computed for a message with a quaternion q[0] to q[3]. [flight] selects a part of the log,
+in seconds after its start.
+
+Source of the format: PX4 user guide, "ULog file format".
 """
 
 from __future__ import annotations
@@ -39,7 +41,11 @@ _MICRO = 1e-6
 
 @dataclass(frozen=True)
 class LoggedColumn:
-    """Source of a record's column in a log: offset + scale field of one instance of a message."""
+    """Definition of a column by a field of a log: offset + scale field.
+
+    message: name of the message
+    instance: number of the message's instance
+    """
 
     name: str
     message: str
@@ -50,13 +56,14 @@ class LoggedColumn:
 
 
 def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.ndarray]:
-    """Return the columns of a log at the times of the measured message with the most samples.
+    """Return column name -> (N,), read from a log.
 
-    Other measured samples are moved to the nearest time. Inputs are held.
+    The times are those of the measured quantity with the most samples. Samples of other measured
+    quantities are assigned to the nearest of these times. Inputs keep their last value.
 
-    table: TOML file of the columns
+    table: TOML file that defines the columns
 
-    Raises BadInputError where the log or the table is wrong, or pyulog is missing.
+    Raises BadInputError if the log or the table is wrong, or if pyulog is missing.
     """
     if table is None:
         raise BadInputError(f"{path}: a log needs a table of its columns; add --columns FILE.toml")
@@ -77,9 +84,12 @@ def ulog_columns(path: Path, table: Path | None, model: Model) -> dict[str, np.n
 
 
 def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedColumn]:
-    """Return the columns of a table.
+    """Return the columns that a table defines.
 
-    Raises a BadInputError with the column and its fault."""
+    data: content of the table
+
+    Raises BadInputError, which names the column and its fault.
+    """
     for key in data:
         refuse_unknown(f"{table}: unknown key", key, ("columns", "flight"))
     rows = data.get("columns")
@@ -104,7 +114,10 @@ def _listed(table: Path, data: Mapping[str, Any], model: Model) -> list[LoggedCo
 
 
 def _log(path: Path) -> Any:
-    """Return the log as pyulog reads it."""
+    """Return the log as a pyulog object.
+
+    Raises BadInputError if pyulog is missing or the file is not a PX4 log.
+    """
     try:
         from pyulog import ULog
     except ModuleNotFoundError as error:
@@ -120,7 +133,10 @@ def _log(path: Path) -> Any:
 
 
 def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.ndarray]:
-    """Return times, s, and values of a column in a log."""
+    """Return the times, s, and values of a column in a log.
+
+    Raises BadInputError if the log lacks the message, instance or field.
+    """
     messages = {(each.name, each.multi_id): each.data for each in log.data_list}
     names = sorted({name for name, _ in messages})
     refuse_unknown(f"{path} has no message", column.message, names)
@@ -139,7 +155,10 @@ def _series(path: Path, log: Any, column: LoggedColumn) -> tuple[np.ndarray, np.
 
 
 def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return an Euler angle, rad, from the quaternion of a message."""
+    """Return the roll, pitch or yaw angle computed from the quaternion of a message, rad, (N,).
+
+    Raises BadInputError if the message has no quaternion.
+    """
     for name in ("q[0]", "q[1]", "q[2]", "q[3]"):
         refuse_unknown(f"{path}: {column.message} has no field", name, sorted(fields))
     w, x, y, z = (np.asarray(fields[f"q[{place}]"], dtype=float) for place in range(4))
@@ -151,9 +170,13 @@ def _angle(path: Path, column: LoggedColumn, fields: Mapping[str, np.ndarray]) -
 
 
 def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -> np.ndarray:
-    """Return the times within [flight] of a table.
+    """Return the times inside the interval [flight] of a table.
 
-    begin: start of the log, s."""
+    time: times of the samples, s
+    begin: time of the start of the log, s
+
+    Raises BadInputError if [flight] is wrong or contains no samples.
+    """
     flight = data.get("flight", {})
     for key, value in flight.items():
         refuse_unknown(f"{table}: [flight] has the unknown key", key, ("begin", "end"))
@@ -168,13 +191,21 @@ def _cut(table: Path, data: Mapping[str, Any], time: np.ndarray, begin: float) -
 
 
 def _held(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the last value before each time, NaN before the first, (N,)."""
+    """Return the last value at or before each time, NaN before the first sample, (N,).
+
+    time: (N,)
+    stamps, values: times and values of the samples
+    """
     place = np.searchsorted(stamps, time, side="right") - 1
     return np.where(place >= 0, values[np.maximum(place, 0)], np.nan)
 
 
 def _nearest(time: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return each sample at the nearest time, NaN at all other times, (N,)."""
+    """Assign each sample to the nearest time. Other times have NaN, (N,).
+
+    time: (N,)
+    stamps, values: times and values of the samples
+    """
     edges = 0.5 * (time[:-1] + time[1:])
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     inside = (stamps >= time[0] - half) & (stamps <= time[-1] + half)

@@ -1,4 +1,4 @@
-"""`--draws N`: consequences of the bands of an identified aircraft."""
+"""Option `--draws N`: results for aircraft drawn from the covariance of identified parameters."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,12 @@ NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
 
 
 def written(deviation=0.02, name="found.toml"):
-    """Write an aircraft whose parameters deviate by these fractions, with a correlation of 0.5."""
+    """Write an aircraft file with uncertain parameters and return its name.
+
+    The parameters have correlation coefficients of 0.5.
+
+    deviation: relative standard deviation of each parameter
+    """
     model = hfa.load_model(UAV)
     values = np.array([model.parameters[each].start for each in NAMES])
     correlation = 0.5 * np.eye(3) + 0.5
@@ -33,8 +38,9 @@ def written(deviation=0.02, name="found.toml"):
 
 
 def answer(capsys, *words):
-    """Return the exit code, and the entry `draws` of the JSON, which the published format
-    declares.
+    """Run a command with --json. Return its exit code and the entry `draws`.
+
+    The JSON is checked against the published format.
     """
     code = main([*words, "--json"])
     data = json.loads(capsys.readouterr().out)
@@ -51,7 +57,9 @@ def test_drawn_values_have_the_covariance():
 
 
 def test_the_trim_spreads_as_its_slopes_say(folder, capsys):
-    """The spread of the trimmed elevator is that of Cm_alpha times alpha."""
+    """The spread of the trimmed elevator agrees with the parameters' covariance and the trim's
+    slopes.
+    """
     code, draws = answer(capsys, "trim", "--aircraft", written(), "--draws", "300")
     assert code == 0
     line = "trimmed: 300 of 300 drawn aircraft; stable without control: "
@@ -83,8 +91,9 @@ def test_modes_spread_and_held_parameters_stay(folder, capsys):
 
 
 def test_unstable_aircraft_show_in_the_modes():
-    """The modes report that one third of the drawn aircraft is statically unstable, without a short
-    period.
+    """Of three drawn aircraft one is statically unstable, and two have a short period.
+
+    The report counts both.
     """
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
@@ -99,8 +108,9 @@ def test_unstable_aircraft_show_in_the_modes():
 
 
 def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
-    """`hfa solve` judges the exact gain on drawn aircraft, and `hfa verify` that of a file. A wider
-    band costs more.
+    """`hfa solve` and `hfa verify` report the same worst cost of a gain on drawn aircraft.
+
+    With wider bands the worst cost is more than ten times as large.
     """
     narrow, wide = written(), written(0.2, "wide.toml")
     code, draws = answer(capsys, "solve", "--aircraft", narrow, "--draws", "10", "-o", "K.npz")
@@ -121,8 +131,8 @@ def test_a_gain_is_judged_on_drawn_aircraft(folder, capsys):
 
 
 def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
-    """A planted gain of the wrong sign stabilizes no drawn aircraft: the report is printed, and the
-    exit code is 1.
+    """A gain of the wrong sign stabilizes no drawn aircraft. This is printed, and the exit code is
+    1.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
@@ -136,7 +146,7 @@ def test_an_aircraft_that_is_not_stabilized_counts(folder, capsys):
 
 
 def test_aircraft_without_a_trim_count():
-    """Drawn aircraft without a trim, here one without lift, are counted."""
+    """A drawn aircraft without lift has no trim. It is counted, and the result fails."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     dead = model.with_parameters(CL_alpha=0.0, CL_0=0.0)
@@ -146,7 +156,7 @@ def test_aircraft_without_a_trim_count():
 
 
 def test_a_deployed_policy_is_judged_on_drawn_aircraft(folder, capsys):
-    """A deployed sampled gain is judged on drawn aircraft with its trim values frozen."""
+    """`hfa assess` reports the spectral radius of a sampled gain on drawn aircraft."""
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     weak = hfa.game(linear, np.ones(8), 1e4 * np.ones(4), delta=np.inf)
@@ -204,7 +214,7 @@ def test_a_wrong_band_is_refused(entries, message, folder, capsys):
 
 
 def test_aircraft_without_a_game_solution_count():
-    """Drawn aircraft whose smallest delta exceeds the given delta are counted."""
+    """A drawn aircraft is counted if its game has no solution with the given delta."""
     model = hfa.load_model(UAV)
     point = hfa.find_operating_point(model)
     game = hfa.game(hfa.linearize(model, point), np.ones(8), np.ones(4), delta=np.inf)
@@ -228,9 +238,9 @@ def test_several_critics_are_refused_before_they_are_verified(folder, capsys):
 
 
 def test_drawn_aircraft_are_flown(folder, capsys):
-    """Each member is the flight of a drawn aircraft from the trim of the model itself.
+    """`hfa fly --draws` simulates drawn aircraft from the trim of the aircraft in the file.
 
-    The exit code is 1 if one leaves its limits, as aircraft drawn far too widely do.
+    The exit code is 1 if a member leaves its limits, as with very wide bands.
     """
     words = ("fly", "--law", "none", "--draws", "3", "--json", "--duration")
     assert main([*words, "2", "--aircraft", written()]) == 0
@@ -259,9 +269,11 @@ def test_drawn_aircraft_are_flown(folder, capsys):
 
 
 def test_unstable_loops_of_drawn_flights_fail(folder, capsys):
-    """Unstable loops of drawn aircraft fail, although their flights of 0.1 s stay within limits.
+    """Unstable linear loops of drawn aircraft fail, although their flights of 0.1 s stay within
+    limits.
 
-    A network with this slope is judged in the same way. With a delay the linear loop is not judged.
+    This applies to a gain and to a network with the same slope. With a delay the linear loop is not
+    reported.
     """
     model = hfa.load_model(written())
     linear = hfa.linearize(model, hfa.find_operating_point(model))

@@ -1,6 +1,4 @@
-"""Parameters identified from records flown by SciPy's integrator, and from records with planted
-faults.
-"""
+"""Parameters identified from records simulated with SciPy, and from records with planted faults."""
 
 import math
 from dataclasses import replace
@@ -35,7 +33,7 @@ STEP = 0.04
 
 
 def doublets(time):
-    """Return a 3-2-1-1 of the elevator: 2 deg, 0.4 s a unit, from 0.5 s on."""
+    """Return a 3-2-1-1 input of 2 deg, in radians, that begins at 0.5 s with units of 0.4 s."""
     edges = 0.5 + 0.4 * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     levels = np.radians(2.0) * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     place = np.searchsorted(edges, time, side="right") - 1
@@ -44,7 +42,7 @@ def doublets(time):
 
 @cache
 def flown(model=LONGITUDINAL):
-    """Return time, inputs and states of the true aircraft, by SciPy."""
+    """Return times, inputs and states of a 3-2-1-1 maneuver, simulated with SciPy."""
     point = hfa.find_operating_point(model)
     time = np.arange(0.0, SECONDS, STEP)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
@@ -63,7 +61,11 @@ def flown(model=LONGITUDINAL):
 
 
 def record(seed=0, coloured=False, first=0.0, model=LONGITUDINAL):
-    """Return a record with sensor noise."""
+    """Return the columns of the 3-2-1-1 maneuver with sensor noise.
+
+    coloured: whether the noise is autocorrelated
+    first: time of the first sample, s
+    """
     time, inputs, states = flown(model)
     generator = np.random.default_rng(seed)
     columns = {"time": time + first}
@@ -78,7 +80,7 @@ def record(seed=0, coloured=False, first=0.0, model=LONGITUDINAL):
 
 
 def begun(factor=1.5):
-    """Return the aircraft with every free parameter multiplied by a factor."""
+    """Return the aircraft with every free parameter multiplied by `factor`."""
     return LONGITUDINAL.with_parameters(**{name: factor * true_value(name) for name in FREE})
 
 
@@ -92,10 +94,11 @@ def true_value(name):
 
 
 def test_the_true_parameters_lie_within_the_bands():
-    """From initial values 50 % off, the estimate agrees with the true parameters within its
+    """From initial values 50 % off, the estimates agree with the true parameters within their
     covariance.
 
-    (θ - true)' C⁻¹ (θ - true) is a chi-square of 7, above 24.3 once in 1000.
+    (θ - true)' C⁻¹ (θ - true) has a chi-square distribution with 7 degrees of freedom. It exceeds
+    24.3 once in 1000 cases.
     """
     result = found()
     assert result.ok
@@ -107,8 +110,9 @@ def test_the_true_parameters_lie_within_the_bands():
 
 
 def test_tables_of_pandas_and_flights_are_records():
-    """Tables of pandas and flights are records. A column's unit is read from its name, and
-    residuals are those of the fit.
+    """Pandas tables and flights are accepted as records. Units are read from the names of columns.
+
+    The residuals have the standard deviations of the sensors. A call without `free` is an error.
     """
     pandas = pytest.importorskip("pandas")
     columns = record()
@@ -150,8 +154,10 @@ def test_coloured_residuals_widen_the_bands():
 
 
 def test_variance_of_noise_is_corrected_for_fitted_unknowns():
-    """The variance of noise is corrected for fitted unknowns: the slow part of noise with a pole of
-    0.9 is absorbed by four slow sensitivities.
+    """The estimated noise variance is correct within 10 %, although the fit absorbs slow noise.
+
+    Four slow sensitivities are fitted to noise with a pole of 0.9. The variance of the residuals
+    alone is below 0.85 of the true one.
     """
     generator = np.random.default_rng(0)
     S = lfilter([1.0], [1.0, -0.95], generator.standard_normal((200, 4)), axis=0)
@@ -178,8 +184,9 @@ def test_variance_of_noise_is_corrected_for_fitted_unknowns():
 
 
 def test_slow_noise_beside_white_noise_is_seen():
-    """The sum of the autocorrelation includes slow noise beside white noise: 0.2 0.98^lag has a sum
-    of 20.6.
+    """Slow noise is detected in its sum with stronger white noise.
+
+    The autocorrelation is 0.2 0.98^lag. Its sum over all positive and negative lags is 20.6.
     """
     generator = np.random.default_rng(0)
     slow = lfilter([1.0], [1.0, -0.98], generator.standard_normal(4000)) * math.sqrt(1 - 0.98**2)
@@ -189,8 +196,9 @@ def test_slow_noise_beside_white_noise_is_seen():
 
 
 def test_sensitivities_agree_with_differences():
-    """Sensitivities of outputs to parameters and initial conditions agree with differences, with
-    several steps between samples.
+    """Sensitivities to parameters and initial states agree with finite differences.
+
+    There are several integration steps between samples.
     """
     model = LONGITUDINAL
     coarse = {name: values[::8] for name, values in record().items()}
@@ -233,8 +241,9 @@ def test_what_the_record_does_not_move_is_named():
 
 
 def test_a_moving_state_without_sensor_moved():
-    """A state without a sensor counts as moved if an input moves it: the elevator moves the pitch
-    rate and not the yaw rate.
+    """A state without a sensor counts as moved if the simulation moves it.
+
+    The elevator moves the pitch rate, but not the yaw rate.
     """
     time, inputs, states = flown(AIRCRAFT)
     model = AIRCRAFT
@@ -247,9 +256,10 @@ def test_a_moving_state_without_sensor_moved():
 
 
 def flown_in_steps(moves, seconds):
-    """Return a record with sensor noise whose inputs are steps.
+    """Return the columns of a record with stepwise inputs and sensor noise.
 
-    moves: as `hfa.fly` accepts them
+    moves: inputs, as `hfa.fly` accepts them
+    seconds: duration, s
     """
     flight = hfa.fly(LONGITUDINAL, hfa.find_operating_point(LONGITUDINAL), moves, seconds=seconds)
     return noisy_columns(LONGITUDINAL, flight, 20, seed=0)

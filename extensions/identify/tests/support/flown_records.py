@@ -1,4 +1,4 @@
-"""Records of simulated flights, with the noise of sensors."""
+"""Records of simulated flights with sensor noise."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ def noisy_columns(
     seed: int,
     sensors: Mapping[str, float] = SENSORS,
 ) -> dict[str, np.ndarray]:
-    """Return the columns of a record: time, the inputs, and the states of `sensors` with noise.
+    """Return column name -> (N,): the time, the inputs, and the states in `sensors` with noise.
 
-    every: number of steps of the flight from one sample to the next.
+    every: number of simulation steps between samples.
+    seed: seed of the noise.
+    sensors: state -> standard deviation of its noise.
     """
     generator = np.random.default_rng(seed)
     columns = {"time": flight.times[::every]}
@@ -41,9 +43,9 @@ _INPUTS = ("thrust", "elevator")
 
 
 def longitudinal(aircraft: Model) -> Model:
-    """Return the motion of a rigid aircraft in its plane of symmetry at constant altitude.
+    """Return the longitudinal motion of a rigid aircraft at constant altitude, as a model.
 
-    It is simulated in a fraction of the time of the full model.
+    Its simulation takes a fraction of the time of the full model's.
     """
     states, inputs = list(aircraft.states), list(aircraft.inputs)
     held = {name: aircraft.trim.get(name, 0.0) for name in (*states, *inputs)}
