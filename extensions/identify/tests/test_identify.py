@@ -266,8 +266,9 @@ def flown_in_steps(moves, seconds):
 
 
 def test_windows_are_fitted_again_after_divergence():
-    """From 12 lateral coefficients 70 % off, windows are fitted again after the first ones took the
-    roll rate for noise.
+    """The search converges with 12 lateral coefficients 70 % off.
+
+    The first fit of short windows treats the roll rate as noise, and a second one is needed.
     """
     model = AIRCRAFT
     free = [name for name in model.parameters if name.startswith(("CY", "Cl_", "Cn_"))]
@@ -327,7 +328,9 @@ def late(values, samples=2):
     ],
 )
 def test_a_planted_fault_is_named(column, fault, named):
-    """A planted fault of the record is named, even if free parameters could absorb it."""
+    """A planted fault of a column is reported, although free parameters can partly compensate for
+    it.
+    """
     wrong = record(seed=11)
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
@@ -336,9 +339,8 @@ def test_a_planted_fault_is_named(column, fault, named):
 
 
 def test_bias_of_an_input_is_named_where_trim_is_given():
-    """Two biases that explain the record equally well are both named.
-
-    A free Cm_0 absorbs that of the elevator. Then the first line names the assumption instead.
+    """A bias of the elevator and another value of Cm_0 explain the record equally well. Both are
+    reported.
     """
     wrong = record(seed=11)
     wrong["elevator"] = wrong["elevator"] + math.radians(1.0)
@@ -357,9 +359,7 @@ def test_bias_of_an_input_is_named_where_trim_is_given():
     ],
 )
 def test_a_given_value_that_the_record_contradicts(name, factor, named):
-    """A given value that the record contradicts is named, even if a sensor error explains the
-    record equally well.
-    """
+    """A wrong given value is reported, also if a sensor error explains the record equally well."""
     free = [each for each in FREE if each != name]
     given = {name: factor * true_value(name)}
     assert identify(begun(1.2), record(seed=21), free, given=given).first_line.startswith(named)
@@ -375,8 +375,9 @@ def test_exchanged_columns_are_named():
 
 @pytest.mark.slow
 def test_a_unit_that_a_parameter_absorbs_is_named():
-    """A thrust in lbf is named although a free drag compensates it, because no sensor has the
-    remaining error of scale.
+    """A thrust in lbf is reported, although a free drag coefficient compensates for it.
+
+    The scale error that remains is too large for a sensor.
     """
     moves = {"thrust": [(1.0, 6.0), (3.0, -6.0), (5.0, 0.0)], "elevator": [(5.5, 0.04), (6.2, 0.0)]}
     columns = flown_in_steps(moves, 10)
@@ -386,8 +387,9 @@ def test_a_unit_that_a_parameter_absorbs_is_named():
 
 
 def test_delays_below_the_noise_have_bands():
-    """A delay of two samples of the speed, 0.08 s, cannot be determined with this noise, and the
-    report states it.
+    """A delay of the speed by two samples, 0.08 s, is within its wide band.
+
+    The delay of the pitch rate has a band ten times narrower.
     """
     wrong = record(seed=1)
     wrong["speed"] = late(wrong["speed"])
@@ -399,8 +401,9 @@ def test_delays_below_the_noise_have_bands():
 
 
 def test_biases_that_nothing_tells_are_stated():
-    """A bias of alpha that CL_0 and Cm_0 absorb is stated with its effect on the bands, because the
-    record does not determine it.
+    """A bias of alpha that CL_0 and Cm_0 can compensate has a wide band.
+
+    The report lists it, and states that the parameters' bands assume it to be 0.
     """
     wrong = record(seed=1)
     wrong["alpha"] = wrong["alpha"] + math.radians(1.0)
@@ -416,8 +419,12 @@ def test_biases_that_nothing_tells_are_stated():
 
 
 def lag(rates, start):
-    """Return a model of one state with its rate from (u, k, x), and the state after a pulse of 2 s
-    for the rate u - x.
+    """Return a model of one state x with x' = rates(u, k, x), and the response of x' = u - x to a
+    pulse.
+
+    The pulse lasts 2 s.
+
+    start: value of the parameter k at the start of a search
     """
     model = hfa.Model(
         name="lag",
@@ -436,8 +443,10 @@ def lag(rates, start):
 
 
 def test_signs_that_explain_alike_are_both_named():
-    """In a linear model the signs of the input and of the state cannot be distinguished, and both
-    are named.
+    """The wrong sign of the input of a linear model is reported together with a wrong sign of the
+    state.
+
+    The record cannot distinguish them.
     """
     model, columns = lag(lambda u, k, x: u - k * x, 1.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
@@ -451,9 +460,7 @@ SECOND = "FAIL: a second estimate explains the record equally well: k = {:.4g} (
 
 
 def test_a_second_minimum_is_named():
-    """A second minimum with the opposite sign of a parameter, of which the rate has the square, is
-    named.
-    """
+    """With x' = u - k² x, a second minimum at -k is reported. The search begins at k = 3.5."""
     model, columns = lag(lambda u, k, x: u - k**2 * x, 3.5)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     result = identify(model, columns | {"x": columns["x"] + 0.01 * noise}, ["k"], inputs="steps")
@@ -464,9 +471,7 @@ def test_a_second_minimum_is_named():
 
 
 def test_a_mirrored_minimum_is_named():
-    """A parameter whose sign has no effect has a mirrored minimum, which is named. A limit at 0
-    excludes it.
-    """
+    """With x' = u - k² x, a second minimum at -k is reported, unless the limits of k exclude it."""
     model, columns = lag(lambda u, k, x: u - k**2 * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
     columns["x"] = columns["x"] + 0.01 * noise
@@ -480,8 +485,9 @@ def test_a_mirrored_minimum_is_named():
 
 
 def test_a_minimum_elsewhere_is_named():
-    """A second minimum is named if the rate depends on (k - 1) (3 - k), which is equal at 1.5 and
-    at 2.5.
+    """A second minimum that is not the negative of the first is reported.
+
+    The rate depends on (k - 1) (3 - k), which is equal at 1.5 and at 2.5.
     """
     model, columns = lag(lambda u, k, x: u - (k - 1) * (3 - k) / 0.75 * x, 1.4)
     noise = np.random.default_rng(0).standard_normal(len(columns["x"]))
@@ -492,7 +498,7 @@ def test_a_minimum_elsewhere_is_named():
 
 @pytest.mark.parametrize(("coloured", "moved"), [(False, 0.0), (True, 0.0), (False, 1e-5)])
 def test_a_record_without_motion_is_named(coloured, moved):
-    """A record of sensor noise alone, also with an input that moves too little, is named."""
+    """A record of sensor noise alone is refused, also if an input moves slightly."""
     columns = record(seed=3, coloured=coloured)
     time, inputs, states = flown()
     model = LONGITUDINAL
@@ -508,8 +514,8 @@ def test_a_record_without_motion_is_named(coloured, moved):
 
 
 def test_noise_slower_than_the_manoeuvre_fails():
-    """Noise with a time constant of about a second, as of turbulence, fails, because bands cannot
-    be corrected for it.
+    """Noise with a time constant of about a second fails, because the bands cannot be corrected for
+    it.
     """
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     noise = np.random.default_rng(0).standard_normal(2000)
@@ -520,7 +526,10 @@ def test_noise_slower_than_the_manoeuvre_fails():
 
 
 def test_errors_of_sensors_are_estimated():
-    """Planted biases, scales and delays of columns are within the bands of their estimates."""
+    """Planted biases, scale errors and delays are within the bands of their estimates.
+
+    The report prints the bias of an angle in degrees.
+    """
     wrong = record(seed=5)
     wrong["pitch"] = late(wrong["pitch"]) + 0.02
     wrong["pitch_rate"] = 1.1 * wrong["pitch_rate"]
@@ -537,7 +546,10 @@ def test_errors_of_sensors_are_estimated():
 
 
 def test_steps_of_inputs_are_told_from_slopes():
-    """A record with held inputs that is read as linear between samples is named."""
+    """A record with stepwise inputs fails if the inputs are interpolated linearly.
+
+    The first line recommends --inputs steps.
+    """
     moves = [(0.5, 0.04), (1.7, -0.04), (2.5, 0.04), (2.9, -0.04), (3.3, 0.0)]
     columns = flown_in_steps({"elevator": moves}, 5)
     rows = np.sort(np.random.default_rng(5).permutation(len(columns["time"]))[:180])
@@ -549,7 +561,7 @@ def test_steps_of_inputs_are_told_from_slopes():
 
 
 def test_records_that_disagree_are_named():
-    """Records of two aircraft that differ in damping by 25 % are named."""
+    """Records of two aircraft whose Cm_q differs by 50 % disagree, which is reported."""
     other = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
     result = identify(begun(1.2), [record(1), record(2, model=other)], FREE)
     assert not result.ok
@@ -557,7 +569,9 @@ def test_records_that_disagree_are_named():
 
 
 def test_drawn_aircraft_trim():
-    """Each drawn aircraft trims, and the spread of the draws is that of the covariance."""
+    """The spread of the drawn aircraft agrees with the covariance, and the first of them can be
+    trimmed.
+    """
     result = found()
     drawn = result.draws(200, seed=1)
     values = np.array([model.parameters["Cm_alpha"].start for model in drawn])
@@ -594,8 +608,9 @@ def test_a_faulty_record_is_refused(change, message):
 
 
 def test_a_steady_second_is_no_frozen_sensor():
-    """Columns of a simulation without noise that are constant until the first input are not
-    reported as frozen.
+    """Columns that are all constant until the first input are not reported as frozen.
+
+    A column that is constant while another moves is reported.
     """
     columns = record()
     for values in columns.values():
@@ -618,7 +633,9 @@ def test_wrong_names_are_refused():
 
 
 def written(path, columns, units):
-    """Write a CSV file, with angles in degrees if `units` states it."""
+    """Write a CSV file. Columns in `units` are converted from radians to degrees, with the unit in
+    the head.
+    """
     heads = [f"{name} [{units[name]}]" if name in units else name for name in columns]
     table = np.column_stack(
         [values * (180.0 / math.pi if name in units else 1.0) for name, values in columns.items()]
@@ -628,8 +645,9 @@ def written(path, columns, units):
 
 
 def test_the_command_writes_an_aircraft(folder, capsys):
-    """The command reads a CSV file in degrees and writes an aircraft that trims, with Python's
-    estimates.
+    """The command reads a CSV file in degrees and writes an aircraft file that can be trimmed.
+
+    Its estimates are those of the Python function.
     """
     written(
         "flight.csv",
@@ -656,7 +674,9 @@ def test_a_wrong_unit_is_refused(folder, capsys):
 
 
 def test_a_file_of_a_flight_is_a_record(folder):
-    """A file of `hfa fly` is a record. Its last column, the provenance, is ignored."""
+    """A file written by `hfa fly` is accepted as a record. Its last column, the provenance, is
+    ignored.
+    """
     model = hfa.load_model(UAV)
     written("flight.csv", record(model=AIRCRAFT), {})
     head, first, *rows = Path("flight.csv").read_text().splitlines()

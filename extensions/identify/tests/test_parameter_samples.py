@@ -1,5 +1,6 @@
-"""Sampled aircraft spread by the standard errors, entry by entry, and little where the print is
-exact.
+"""Random samples of the HFA's parameters have the published standard errors.
+
+Entries of A and B that are printed exactly vary little.
 """
 
 from __future__ import annotations
@@ -34,8 +35,10 @@ def at_angle(
 def coverage(
     samples: np.ndarray, at_angle: tuple[float, LinearModel, Bands]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each entry that a parameter moves, the share of samples within 1.96 standard
-    errors and their deviation in standard errors.
+    """Compare the entries of A and B of sampled aircraft with their standard errors.
+
+    Returns, for each entry that depends on a parameter, the fraction of samples within 1.96
+    standard errors, and the standard deviation in standard errors.
     """
     angle, model, bands = at_angle
     values = np.hstack([np.full((len(samples), 1), angle), samples])
@@ -68,7 +71,10 @@ def test_entries_spread_as_their_standard_errors_say(parameter_set: ParameterSet
 
 
 def test_each_parameter_has_its_standard_error(parameter_set: ParameterSet) -> None:
-    """Each parameter has its standard error and its sign."""
+    """The samples of each identified parameter have its standard error and its sign.
+
+    The other parameters are constant.
+    """
     samples = sample_parameters(parameter_set, COUNT, seed=1)
     table = np.array(samples)
     center = np.array(parameter_set.values)

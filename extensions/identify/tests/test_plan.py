@@ -1,4 +1,4 @@
-"""The planned next maneuver narrows the band as predicted when it is flown."""
+"""The recommended next maneuver narrows the band as predicted when it is simulated."""
 
 from functools import cache
 
@@ -18,7 +18,7 @@ FREE = ("CL_elevator", "Cm_q", "Cm_elevator")
 
 @cache
 def record():
-    """The columns of examples/uav_record.csv, without those of surfaces that do not move."""
+    """Return the columns of examples/uav_record.csv without the inputs that do not move."""
     read = read_record(ROOT / "examples" / "uav_record.csv", AIRCRAFT, {})
     inputs = dict(zip(AIRCRAFT.inputs, read.inputs.T, strict=True))
     moving = {name: inputs[name] for name in UAV.inputs}
@@ -31,7 +31,9 @@ def planned():
 
 
 def flown(model, manoeuvre):
-    """Return a record of a doublet or 3-2-1-1, every 40 ms, with noise."""
+    """Return the columns of a simulated doublet or 3-2-1-1 maneuver with noise, sampled every 40
+    ms.
+    """
     point = hfa.find_operating_point(model)
     lengths = {"doublet": (1, 1), "3-2-1-1": (3, 2, 1, 1)}[manoeuvre.kind]
     edges = 0.5 + manoeuvre.seconds * np.concatenate([[0], np.cumsum(lengths)])

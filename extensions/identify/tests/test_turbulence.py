@@ -1,4 +1,6 @@
-"""Filter error: parameters from records in moving air, by a linear model of the short period."""
+"""Filter error method: parameters identified from records of a linear short period in
+turbulence.
+"""
 
 from functools import cache
 
@@ -40,8 +42,11 @@ def model(factor=1.0):
 
 @cache
 def record(samples=300, seed=0, lag=100.0):
-    """Return the columns of an exact discrete simulation with white noise on the rate of alpha,
-    which turns the air after a lag (s).
+    """Return the columns of a simulated short period in turbulence, with sensor noise.
+
+    White noise drives alpha. It also rotates the air through a first-order lag.
+
+    lag: time constant of the air's rotation, s
     """
     A = np.array(
         [
@@ -70,10 +75,11 @@ def record(samples=300, seed=0, lag=100.0):
 
 
 def test_slopes_of_the_likelihood_are_exact():
-    """The right-hand sides of the normal equations equal differences of the likelihood L.
+    """The right-hand side of the normal equations agrees with finite differences of the likelihood
+    L.
 
-    The unknowns are turbulence with its rotation, noise, parameters, a bias and the initial state,
-    with missing samples and several integration steps between samples.
+    The unknowns are turbulence with its rotation, noise, parameters, a bias and the initial state.
+    Some samples are missing, and there are several integration steps between samples.
     """
     columns = {name: values[:200:5] for name, values in record().items()}
     columns["alpha"] = np.where(np.arange(40) % 7 == 3, np.nan, columns["alpha"])
@@ -101,9 +107,10 @@ def test_slopes_of_the_likelihood_are_exact():
 
 @pytest.mark.parametrize("lag", [100.0, 0.1])
 def test_turbulence_is_estimated_with_the_parameters(lag):
-    """Turbulence and parameters are estimated together, in air that turns and in air that does not.
+    """Turbulence and parameters are estimated together, with and without rotation of the air.
 
-    (θ - true)' C⁻¹ (θ - true) is a chi-square of 4, above 18.5 once in 1000.
+    (θ - true)' C⁻¹ (θ - true) has a chi-square distribution with 4 degrees of freedom. It exceeds
+    18.5 once in 1000 cases.
     """
     found = identify(model(1.3), record(lag=lag), list(TRUE), inputs="steps", turbulence=True)
     assert found.ok

@@ -1,5 +1,5 @@
-"""Reader of JSBSim's XML files as a `Model`. JSBSim itself is not needed.
+"""Conversion of JSBSim's XML files to a `Model`. JSBSim need not be installed.
 
-The meaning of a file is that of JSBSim 1.3.3; comments name its source files, such as `FGTable`.
-`aircraft.py` combines the parts; `docs/jsbsim.md` lists the supported elements.
+Files are interpreted as JSBSim 1.3.3 does. Names such as `FGTable` in comments are its source
+files. `aircraft.py` combines the parts. `docs/jsbsim.md` lists the supported elements.
 """

@@ -1,7 +1,7 @@
-"""Accounting of the elements in the files of an aircraft.
+"""Check that no element of an aircraft's files is overlooked.
 
-Each element was read, has no effect on the forces in flight, is not read by JSBSim either, or is
-refused.
+Each element was either read, is ignored by JSBSim too, or has no effect on the forces in flight.
+Any other element is refused.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ _NOT_READ = "JSBSim does not read them either"
 
 
 def account(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on the omitted elements of an aircraft.
+    """Return notes on omitted elements and on properties that are set or read unexpectedly.
 
-    Raises a BadInputError, with file and line, for elements that must not be omitted.
+    Raises BadInputError, with file and line, for an unsupported element that affects the forces.
     """
     reached = equations.properties
     notes = _of_writers(equations)
@@ -84,7 +84,10 @@ def _elements() -> dict[str, Any]:
 
 
 def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
-    """Yield the elements of a file that were not read, with the reason why they may be omitted."""
+    """Yield (element, reason) for each element that was not read but may be omitted.
+
+    Raises BadInputError for an unread element that may not be omitted.
+    """
     pending = [root]
     while pending:
         element = pending.pop()
@@ -99,8 +102,10 @@ def _left_out(root: Element) -> Iterator[tuple[Element, str]]:
 
 
 def _reason(parent: Element, child: Element) -> str:
-    """Return the reason why a child may be omitted, or "" for text. Raises BadInputError where it
-    may not."""
+    """Return the reason why an unread child may be omitted, or "" for descriptive text.
+
+    Raises BadInputError if the child may not be omitted.
+    """
     name = child.name
     if name in _TEXT:
         return ""
@@ -129,7 +134,9 @@ _REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "eng
 
 
 def _account_attributes(element: Element) -> None:
-    """Raise BadInputError for an attribute that JSBSim reads and the reader does not."""
+    """Raise BadInputError for an attribute that JSBSim evaluates but this reader does not
+    support.
+    """
     known = _elements().get(element.name, {})
     for name in element.attributes.keys() - element.attributes.taken:
         if name in known.get("attributes", ()):
@@ -138,7 +145,7 @@ def _account_attributes(element: Element) -> None:
 
 
 def _listed(elements: Iterable[Element]) -> str:
-    """Return the elements as text, by file, kind and lines."""
+    """Return the files, kinds and line numbers of elements as text."""
     texts = []
     for file, in_file in groupby(elements, key=lambda element: element.file):
         lines: dict[str, list[int]] = {}
@@ -150,7 +157,7 @@ def _listed(elements: Iterable[Element]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Return line numbers as text, cut where there are many."""
+    """Return line numbers as text. Only the first `_MOST` are listed."""
     shown = " ".join(map(str, numbers[:_MOST]))
     return shown if len(numbers) <= _MOST else f"{shown} and {len(numbers) - _MOST} more"
 
@@ -160,8 +167,9 @@ _MOST = 12
 
 
 def _refuse_readers(equations: Equations) -> None:
-    """Raise BadInputError where a force depends on a property of JSBSim's own that the reader
-    lacks."""
+    """Raise BadInputError if a force depends on a built-in JSBSim property that is not
+    supported.
+    """
     for name, where in equations.properties.unset.items():
         if access(name) and (of_component(name) or not name.startswith(_STORED)):
             raise BadInputError(
@@ -170,10 +178,11 @@ def _refuse_readers(equations: Equations) -> None:
 
 
 def _of_writers(equations: Equations) -> list[Note]:
-    """Return notes on the pilot's commands that a component also sets.
+    """Return notes on built-in JSBSim properties that the files set.
 
-    Raises BadInputError where a file sets a property of JSBSim that the reader does not read from
-    it.
+    They concern pilot commands that a component also sets, and settings that are ignored.
+
+    Raises BadInputError if a file sets a built-in property whose value is not supported.
     """
     properties = equations.properties
     notes = []
@@ -204,13 +213,16 @@ def _of_writers(equations: Equations) -> list[Note]:
 
 
 def _is_zero(writer: Writer) -> bool:
-    """Return whether the value set is the number 0, which changes nothing."""
+    """Return whether a writer sets the constant 0, which has no effect."""
     value = writer.compute()
     return is_constant(value) and float(value) == 0.0
 
 
 def _of_prefix(name: str, reasons: dict[str, str]) -> str:
-    """Return the reason for the prefix of a name, or "" without one."""
+    """Return the reason whose key is a prefix of the name, or "".
+
+    reasons: prefix -> reason
+    """
     return next((reason for prefix, reason in reasons.items() if name.startswith(prefix)), "")
 
 

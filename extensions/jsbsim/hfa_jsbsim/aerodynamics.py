@@ -26,10 +26,10 @@ _FRAMES = {"DRAG": "WIND", "LIFT": "WIND", "AXIAL": "AXIAL", "NORMAL": "AXIAL"}
 
 
 class Aerodynamics:
-    """Functions along the axes of force and moment.
+    """Aerodynamic forces and moments, as sums of the functions in each <axis>.
 
-    The axes of force are DRAG, SIDE, LIFT, or AXIAL, SIDE, NORMAL, or X, Y, Z; those of moment are
-    ROLL, PITCH, YAW. The first axis determines the frame.
+    Force axes are DRAG, SIDE, LIFT, or AXIAL, SIDE, NORMAL, or X, Y, Z. Moment axes are ROLL, PITCH
+    and YAW. The first force axis and the first moment axis determine the frames.
     """
 
     def __init__(
@@ -40,13 +40,13 @@ class Aerodynamics:
         motion: Motion,
         body: Any,
     ) -> None:
-        """Read the functions, and set the properties that follow from them.
+        """Read the functions, and define the properties of lift, load factor and stall.
 
-        element: <aerodynamics>, or None for an aircraft without it
+        element: <aerodynamics>, or None if the aircraft has none
         properties: properties of the aircraft
         wings: area, span and chord
-        motion: through the air
-        body: has `mass` and `reference_point(where)`
+        motion: motion relative to the air
+        body: object with `mass` and `reference_point(where)`
         """
         self.element = element
         self._properties = properties
@@ -66,7 +66,7 @@ class Aerodynamics:
             properties.compute(name, Writer(compute, where))
 
     def _define_stall(self) -> None:
-        """Define the properties of the limits of alpha, the stall warning and the stall."""
+        """Define the properties of the limits of alpha, of the stall warning and of the stall."""
         ends = {"min": 0.0, "max": 0.0}
         limits = self._limits("alphalimits")
         if limits is not None:
@@ -94,7 +94,10 @@ class Aerodynamics:
         self._properties.define("aero/stall-hyst-norm", stall)
 
     def _limits(self, kind: str) -> dict[str, float] | None:
-        """Return min and max of an element, rad, or None without it."""
+        """Return {"min": value, "max": value} of an element, rad, or None if it does not exist.
+
+        kind: name of the element
+        """
         element = self.element.find(kind) if self.element else None
         if element is None:
             return None
@@ -103,8 +106,11 @@ class Aerodynamics:
         return {name: element.need(name).number() * factor for name in ("min", "max")}
 
     def _sum(self, component: int, at_center: bool) -> ca.SX:
-        """Return the sum of the functions of a component that act at the center of gravity, or
-        elsewhere."""
+        """Return the sum of a component's functions.
+
+        component: 0 to 2 for forces, 3 to 5 for moments
+        at_center: True for functions that act at the center of gravity, False for all others
+        """
         total = ca.SX(0.0)
         for function in self._functions.get(component, ()):
             if _acts_at_center(function) == at_center:
@@ -112,7 +118,7 @@ class Aerodynamics:
         return total
 
     def _to_body(self, frame: str) -> ca.SX:
-        """Return the matrix (3, 3) from a frame to body axes."""
+        """Return the rotation matrix (3, 3) from a frame to body axes."""
         if frame == "WIND":
             return self._motion.wind_to_body
         if frame == "STABILITY":
@@ -120,9 +126,11 @@ class Aerodynamics:
         return ca.SX.eye(3)
 
     def _force(self, at_center: bool) -> ca.SX:
-        """Force in body axes, lb: at the reference point, or at the center of gravity.
+        """Return the force that acts at the reference point or at the center of gravity, body axes,
+        lb.
 
-        Along all axes but those of the body, drag and lift are positive aft and up.
+        In every frame except X, Y, Z, the first component is positive aft and the third is positive
+        up.
         """
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
@@ -130,24 +138,28 @@ class Aerodynamics:
         return ca.mtimes(self._to_body(self._force_frame), sums)
 
     def _lift(self) -> Any:
-        """Lift, lb: the upward force normal to the wind."""
+        """Return the lift, lb: the upward force normal to the airflow."""
         if self._force_frame == "WIND":
             return self._sum(2, at_center=False) + self._sum(2, at_center=True)
         force = self._force(False) + self._force(True)
         return -ca.dot(self._motion.wind_to_body[:, 2], force)
 
     def _known_lift(self) -> Any:
-        """Return the lift, lb. In frames of JSBSim it is that of the previous frame."""
+        """Return the lift, lb. In a simulation with JSBSim's frames it is the lift of the previous
+        frame.
+        """
         if self._properties.step:
             return self._properties.remember("lift", self._lift)
         return self._lift()
 
     def _lift_squared(self) -> Any:
-        """Return (lift / (q S))^2."""
+        """Return the square of the lift coefficient, (lift / (q S))²."""
         return (self._known_lift() / (self._motion.pressure_head * self._wings.area)) ** 2
 
     def loads(self) -> tuple[ca.SX, ca.SX]:
-        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes."""
+        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes,
+        (3,) each.
+        """
         force = self._force(at_center=False)
         sums = ca.vertcat(*(self._sum(component, at_center=False) for component in range(3, 6)))
         moment = ca.mtimes(self._to_body(self._moment_frame), sums)
@@ -161,14 +173,17 @@ class Aerodynamics:
 
 
 def _acts_at_center(function: Element) -> bool:
-    """Return whether a function acts at the center of gravity, in place of the reference point."""
+    """Return whether a function acts at the center of gravity instead of the reference point."""
     return bool(function.attributes.get("apply_at_cg") == "true")
 
 
 def _frames(element: Element | None) -> tuple[str, str]:
-    """Return the frames of force (WIND, BODY, AXIAL, STABILITY) and moment (BODY, STABILITY, WIND).
+    """Return the frame of the forces and the frame of the moments.
 
-    The first axis that names a frame determines it. Raises BadInputError for an unknown frame.
+    The forces can be in WIND, BODY, AXIAL or STABILITY axes, the moments in BODY, STABILITY or WIND
+    axes. Each frame is determined by the first axis that defines one.
+
+    Raises BadInputError for an unknown frame.
     """
     chosen = {"force": "", "moment": ""}
     for axis in element.children if element else ():
@@ -186,9 +201,11 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
-    """Return the functions of each component of force and moment.
+    """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions.
 
-    A second axis of a component replaces the first. Raises BadInputError for an unknown axis.
+    If two axes have the same component, only the second is used.
+
+    Raises BadInputError for an unknown axis.
     """
     functions: dict[int, list[Element]] = {}
     if element is None:

@@ -1,5 +1,7 @@
-"""Air data: properties of atmosphere, aero, velocities and attitude (`FGStandardAtmosphere`,
-`FGAuxiliary`)."""
+"""Air data: JSBSim's properties of atmosphere, airflow, velocity and attitude.
+
+They are those of `FGStandardAtmosphere` and `FGAuxiliary`.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,12 @@ _VISCOSITY = 2.269690e-08
 
 
 def pitot_pressure(mach: Any, pressure: Any) -> Any:
-    """Return the total pressure in a pitot tube: isentropic below Mach 1, Rayleigh's formula
-    above."""
+    """Return the total pressure in a pitot tube, in the unit of `pressure`.
+
+    The flow is isentropic below Mach 1. Rayleigh's formula applies above.
+
+    pressure: static pressure
+    """
     coefficient = 1.2**3.5 * 6.0**2.5
     fast = ca.fmax(mach, 1.0)
     supersonic = coefficient * fast**7.0 / (7.0 * fast * fast - 1.0) ** 2.5
@@ -28,7 +34,11 @@ def pitot_pressure(mach: Any, pressure: Any) -> Any:
 
 
 def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
-    """Return the Mach number at a given pressure of a pitot tube above the static one."""
+    """Return the Mach number from pitot pressure: the inverse of `pitot_pressure`.
+
+    impact_pressure: total minus static pressure
+    pressure: static pressure
+    """
     ratio = impact_pressure / pressure + 1.0
     subsonic = _subsonic_mach(ratio)
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
@@ -39,34 +49,45 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
 
 
 def _subsonic_mach(ratio: Any) -> Any:
-    """Return the Mach number, at most 1, at a ratio of total to static pressure."""
+    """Return the Mach number of isentropic flow from the ratio of total to static pressure."""
     return ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))
 
 
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
-    """Return the calibrated airspeed, ft/s."""
+    """Return the calibrated airspeed at a Mach number, ft/s.
+
+    pressure: static pressure, lb/ft²
+    """
     impact = pitot_pressure(mach, pressure) - pressure
     return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
 
 
 def mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """Return the Mach number at a calibrated airspeed, ft/s."""
+    """Return the Mach number at a calibrated airspeed.
+
+    speed: calibrated airspeed, ft/s
+    pressure: static pressure, lb/ft²
+    """
     impact = pitot_pressure(speed / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE) - SEA_LEVEL_PRESSURE
     return mach_of_pitot(impact, pressure)
 
 
 def subsonic_mach_of_calibrated(speed: Any, pressure: Any) -> Any:
-    """Return the Mach number of a calibrated airspeed, both below the speed of sound."""
+    """Return the Mach number at a calibrated airspeed, if both are subsonic.
+
+    speed: calibrated airspeed, ft/s
+    pressure: static pressure, lb/ft²
+    """
     total = (1.0 + 0.2 * (speed / SEA_LEVEL.sound) ** 2) ** 3.5
     return _subsonic_mach((total - 1.0) * SEA_LEVEL_PRESSURE / pressure + 1.0)
 
 
 @dataclass(frozen=True)
 class Winds:
-    """Velocity of the air over ground, ft/s, along north, east and down: (3,) each.
+    """Velocity of the air relative to the ground in north, east and down, ft/s, (3,) each.
 
-    steady: steady wind, to which the states are relative
-    gusts: motion of the air at the aircraft, relative to the steady wind
+    steady: steady wind; the states are relative to it
+    gusts: gusts at the aircraft, relative to the steady wind, or None in calm air
     """
 
     steady: Any
@@ -75,17 +96,19 @@ class Winds:
 
 @dataclass(frozen=True)
 class Motion:
-    """State of motion with the quantities derived from it.
+    """Motion of the aircraft with derived quantities. In gusts the airflow differs from the states.
 
-    speed, alpha, beta, air_velocity: through the air at the aircraft; in gusts they differ from the
-        states.
+    speed, alpha, beta, air_velocity: airflow at the aircraft, ft/s and rad, body axes.
     velocity: velocity of the states, relative to the steady wind, body axes, ft/s.
-    over_ground, ned: velocity over ground in body axes, and along north, east, down.
-    rates: rates of rotation, rad/s.
-    to_body: (3, 3), body axes from north, east, down.
-    down: the vertical in body axes.
-    wind_to_body: (3, 3) `FGAuxiliary::UpdateWindMatrices`.
-    climb: over ground, ft/s.
+    over_ground, ned: velocity relative to the ground, in body axes and in north, east, down, ft/s.
+    rates: angular velocity, body axes, rad/s.
+    to_body: rotation matrix from north, east, down to body axes, (3, 3).
+    down: direction of gravity in body axes, (3,).
+    wind_to_body: rotation matrix (3, 3) of `FGAuxiliary::UpdateWindMatrices`.
+    climb: climb rate relative to the ground, ft/s.
+    pressure_head: dynamic pressure, lb/ft².
+    calibrated: calibrated airspeed, ft/s.
+    air: atmosphere at the altitude.
     """
 
     speed: Any
@@ -108,7 +131,10 @@ class Motion:
 
 
 def motion_of(x: Any, winds: Winds) -> Motion:
-    """Return the motion of a state, whose fields are those of the model's states."""
+    """Return the motion with its derived quantities.
+
+    x: object with the model's states as attributes
+    """
     to_body = rotation(x.roll, x.pitch, x.yaw).T
     own_wind = wind_axes(x.alpha, x.beta)
     velocity = x.speed * own_wind[:, 0]
@@ -149,7 +175,12 @@ def motion_of(x: Any, winds: Winds) -> Motion:
 
 
 def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]:
-    """Return name -> value of the properties that a state sets. The ground is at sea level."""
+    """Return name -> value of the JSBSim properties that depend on the states alone.
+
+    The ground is at sea level.
+
+    x: object with the model's states as attributes
+    """
     u, v, w = ca.vertsplit(motion.air_velocity)
     inertial = ca.vertsplit(motion.over_ground)
     north, east, down = ca.vertsplit(motion.ned)
@@ -241,12 +272,12 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
 
 
 def _full_turn(angle: Any) -> Any:
-    """Return an angle reduced to the range from 0 to 2 pi."""
+    """Return a negative angle plus 2π. Other angles are returned unchanged."""
     return ca.if_else(angle < 0.0, angle + 2.0 * math.pi, angle)
 
 
 def _sizes(metrics: Metrics) -> dict[str, Any]:
-    """Return the properties of size."""
+    """Return name -> value of JSBSim's properties of geometry."""
     chord_area = metrics.chord * metrics.area
     span_area = metrics.span * metrics.area
     values = {
@@ -274,7 +305,7 @@ def _sizes(metrics: Metrics) -> dict[str, Any]:
 
 
 def mass_properties(mass: Mass) -> dict[str, Any]:
-    """Return the properties of mass."""
+    """Return name -> value of JSBSim's properties of mass, inertia and center of gravity."""
     values = {
         "inertia/mass-slugs": mass.slugs,
         "inertia/weight-lbs": mass.weight,

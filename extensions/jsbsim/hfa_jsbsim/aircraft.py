@@ -70,23 +70,23 @@ _LEVERS = {
 
 
 class Equations:
-    """Equations x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as expressions.
+    """Equations x' = f(x, u, p, w), y = h(x, u, p, w) of an aircraft as CasADi expressions.
 
-    states, parameters, gusts: name -> symbol
-    inputs: name -> `PilotInput`
-    rates: rates by state
-    outputs: outputs by name
-    notes: notes for the user
-    cut_throttles: inputs that are positions of throttles
-    starts: values of parameters in the files
-    properties: all properties of JSBSim
-    mass: mass for the current contents of tanks and weights of point masses
+    states, parameters, gusts: name -> symbol.
+    inputs: name -> `PilotInput`.
+    rates: state -> its time derivative.
+    outputs: name -> expression.
+    notes: notes for the user.
+    cut_throttles: inputs that are throttle positions.
+    starts: parameter -> value in the files.
+    properties: all JSBSim properties.
+    mass: mass for the given tank contents and point masses.
     """
 
     def __init__(self, parts: Parts, gusty: bool = False) -> None:
-        """Build the equations.
+        """Build the equations from the parts of an aircraft.
 
-        gusty: whether there are gusts at the aircraft
+        gusty: whether the equations include gusts
         """
         self.parts = parts
         self.notes: list[Note] = []
@@ -154,11 +154,13 @@ class Equations:
         self.notes += self.properties.notes
 
     def _planet_rates(self) -> Any:
-        """Return the rotation of the earth, rad/s, in body axes."""
+        """Return the angular velocity of the earth in body axes, rad/s, which is neglected here."""
         return 0.0
 
     def _throttles(self) -> list[str]:
-        """Names of the throttles: one in all, or one for each engine."""
+        """Return the names of the throttles: one for each engine if separate throttles are
+        selected, else one.
+        """
         if self.parts.choices.throttles and self.parts.engines:
             return [f"throttle{file.number}" for file in self.parts.engines]
         return ["throttle"]
