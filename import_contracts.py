@@ -1,6 +1,6 @@
-"""Types of import contracts that name the allowed packages. `make lint` checks them.
+"""Import contracts that list the allowed packages. `make lint` checks them.
 
-Indirect imports count too.
+Indirect imports are included.
 """
 
 from __future__ import annotations
@@ -17,13 +17,20 @@ Chain = tuple[str, ...]
 
 
 class ImportsNothingBut(Contract):
-    """Contract: modules and their imports, direct or not, are among the allowed packages."""
+    """Contract that modules import only the allowed packages, directly or indirectly.
+
+    modules: packages whose imports are checked
+    allowed: packages that may be imported
+    """
 
     modules = fields.ListField(subfield=fields.ModuleExpressionField())
     allowed = fields.ListField(subfield=fields.ModuleExpressionField())
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:
-        """Find the chains of imports that leave the allowed packages at their end."""
+        """Return whether the contract is kept, with the shortest chain for each forbidden import.
+
+        A chain consists of the modules from the checked module to the first forbidden one.
+        """
         allowed = _within(graph, self.allowed)
         found = {
             chain
@@ -45,7 +52,7 @@ class ImportsNothingBut(Contract):
         return chain[-2:]
 
     def render_broken_contract(self, check: ContractCheck) -> None:
-        """Print the chains with line numbers."""
+        """Print the chains of imports that break the contract, with line numbers."""
         for chain in check.metadata["chains"]:
             for importer, imported in pairwise(chain):
                 details = check.metadata["graph"].get_import_details(
@@ -57,7 +64,7 @@ class ImportsNothingBut(Contract):
 
 
 class ImportedByNothingBut(ImportsNothingBut):
-    """Contract: every importer of the modules, direct or not, is among the allowed packages."""
+    """Contract that only the allowed packages import the modules, directly or indirectly."""
 
     def _chains(self, graph: ImportGraph, module: str, allowed: set[str]) -> Iterable[Chain]:
         inside = allowed | _within(graph, self.modules)
@@ -71,6 +78,6 @@ class ImportedByNothingBut(ImportsNothingBut):
 
 
 def _within(graph: ImportGraph, packages: Iterable[object]) -> set[str]:
-    """Return the names of packages and of all modules in them."""
+    """Return the names of the packages and of all modules in them."""
     found = module_expressions_to_modules(graph, packages, as_packages=True)
     return {module.name for module in found}

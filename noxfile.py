@@ -1,9 +1,9 @@
-"""`make test-matrix`: the oldest and the newest versions of the dependencies, with every Python
-found.
+"""Nox session of `make test-matrix`: tests with the oldest and newest dependencies, for every
+Python.
 
-Each session installs this project with its extras, at the lower bounds of pyproject.toml or at the
-newest versions that have wheels. It compares numbers of the commands with those of the environment
-in .venv, and runs a part of the tests.
+Each session installs this project with its extras, at the lower bounds in pyproject.toml or at the
+newest versions that have wheels. It compares results of commands with those in .venv and runs some
+of the tests.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TOLERANCE = 1e-10
 
 
 def arrays(python: str, command: str) -> dict[str, np.ndarray]:
-    """Return the output of a command with an interpreter."""
+    """Run a command with this Python interpreter and return name -> array from its JSON output."""
     words = [python, "-P", "-m", "hfa", *command.split(), "--json"]
     data = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
     return {name: np.array(data[name], dtype=float) for name in COMMANDS[command]}
@@ -50,7 +50,10 @@ def arrays(python: str, command: str) -> dict[str, np.ndarray]:
 @nox.session(python=["3.11", "3.12", "3.13", "3.14"])
 @nox.parametrize("versions", ["oldest", "newest"])
 def matrix(session: nox.Session, versions: str) -> None:
-    """Install, compare and test. The lower bounds are tested with the oldest Python alone."""
+    """Install the dependencies, compare results with .venv, and run tests.
+
+    versions: "oldest" or "newest". The oldest versions are tested only with the oldest Python.
+    """
     if versions == "oldest" and session.python != "3.11":
         session.skip("the lower bounds have wheels for the oldest Python")
     optional = PROJECT["optional-dependencies"]

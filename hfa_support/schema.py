@@ -131,15 +131,15 @@ def _words(declared: Any) -> str:
 def read_named(
     what: str, name: str, packaged: Mapping[str, str], folder: str, declared: dict[Any, Any]
 ) -> Any:
-    """Return the entries of a TOML file, from the package or from the user.
+    """Return the entries of a TOML file that belongs to a package or to the user.
 
-    what: subject of the file, for messages
+    what: kind of file, for messages
     name: a key of `packaged`, or the path of the user's file
-    packaged: name -> file in the package `folder`
-    folder: the package
+    packaged: name -> path of a file below `folder`
+    folder: name of the package
     declared: declaration of the entries
 
-    Raises BadInputError for an unknown name or an invalid file.
+    Raises BadInputError if there is no file of this name or if its entries are invalid.
     """
     try:
         path = str(files(folder).joinpath(packaged[name])) if name in packaged else name

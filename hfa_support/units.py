@@ -1,8 +1,8 @@
-"""English units and their SI units: names and factors.
+"""Conversion factors from English units to SI units, and the names of both.
 
-The factors are exact except for rounding. They are ft = 0.3048 m, lb = 0.45359237 kg and standard
-gravity 9.80665 m/s² (National Institute of Standards and Technology, Special Publication 811).
-Seconds, radians and numbers without a unit are unchanged.
+ft = 0.3048 m and lb = 0.45359237 kg are exact, as is standard gravity, 9.80665 m/s² (National
+Institute of Standards and Technology, Special Publication 811). Other factors are derived from
+these. Seconds, radians and numbers without a unit are unchanged.
 """
 
 from __future__ import annotations
@@ -23,20 +23,23 @@ _SI = {
 
 
 def si_unit(unit: str) -> str:
-    """Return the SI unit of an English one: m/s for ft/s, N m for ft lbf."""
+    """Return the SI unit that corresponds to an English unit, for example m/s for ft/s."""
     return re.sub(r"\b(ft|lbf|slug)\b", lambda word: _SI[word[0]][0], unit).replace("m N", "N m")
 
 
 def si_factor(unit: str) -> float:
-    """Return the number of SI units in one English unit: 0.3048 for ft/s.
+    """Return the number of SI units in one English unit, for example 0.3048 for ft/s.
 
-    Units after "/" divide, up to the end of a bracket.
+    All units after "/" divide, up to the end of the bracket.
     """
     return _product(iter(re.findall(r"\(|\)|/|\^-?\d+|[^\s()/^]+", unit)))
 
 
 def _product(words: Iterator[str]) -> float:
-    """Return the factor of a unit's words, up to the end of its bracket."""
+    """Return the conversion factor of a product of units.
+
+    words: units, exponents, "/" and brackets, in order. They are read up to the closing bracket.
+    """
     product = 1.0
     sign = 1
     last = 1.0
@@ -54,9 +57,10 @@ def _product(words: Iterator[str]) -> float:
 
 
 def conversion(stated: str, unit: str) -> float | None:
-    """Return the factor from one unit to another.
+    """Return the factor that converts numbers in unit `stated` to numbers in `unit`.
 
-    The result is None unless the units are equal, or an English unit and its SI unit.
+    The factor is known for equal units, and for an English unit and its SI unit. For other units
+    None is returned.
     """
     if stated == unit:
         return 1.0

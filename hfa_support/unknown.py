@@ -1,6 +1,6 @@
-"""Resolution of unknown attributes, arguments and public names.
+"""Handling of unknown attributes, arguments and public names.
 
-Installed packages may supply them. Otherwise an error suggests the nearest known names.
+An installed package may supply them. Otherwise the error suggests the nearest known names.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from hfa_support.errors import BadInputError, advice, numbers_in, shown
 def attribute_of(value: Any, name: str, *more: str) -> Any:
     """Return an attribute that an installed package adds to a result.
 
-    more: further attributes for the message
+    more: further attribute names that the message may suggest
 
-    Raises an AttributeError, which suggests the nearest attributes, where no package adds it.
+    Raises AttributeError with the nearest attributes if no package supplies it.
     """
     if "notebook.attribute" in offered(PARTS):
         return part(PARTS, "notebook.attribute", "")(value, name, *more)
@@ -29,11 +29,11 @@ def attribute_of(value: Any, name: str, *more: str) -> Any:
 
 
 def no_attribute(value: object, name: str, *more: str) -> AttributeError:
-    """Return the AttributeError of an unknown attribute, with the nearest attributes.
+    """Return the AttributeError for an unknown attribute, with the nearest attributes.
 
-    An error inside a property of that name is raised itself.
+    If the class has a property of this name, the property's own error is raised.
 
-    more: further attributes
+    more: further attribute names that the message may suggest
     """
     if hasattr(type(value), name):
         object.__getattribute__(value, name)
@@ -42,12 +42,12 @@ def no_attribute(value: object, name: str, *more: str) -> AttributeError:
 
 
 def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
-    """Return the error of an argument that does not match its annotation.
+    """Return the BadInputError for an argument that does not match its annotation.
 
-    Raises a BadInputError that names the faulty row of rows that are not an array of numbers.
+    If an array was expected, a BadInputError that names the faulty row is raised instead.
 
-    name: name of the function in messages
-    wanted: description of the argument
+    name: name of the function, for the message
+    wanted: description of a valid argument
     """
     if wanted.endswith("an array of numbers") and type(value) in (list, tuple, np.ndarray):
         numbers_in(f"{name}: {parameter}", value)
@@ -56,7 +56,11 @@ def misfit(name: str, parameter: str, value: Any, wanted: str) -> BadInputError:
 
 
 def _said(value: Any) -> str:
-    """Return a value for a message: its text where that is short, otherwise its type."""
+    """Return a description of a value for messages.
+
+    Numbers, texts and None are shown. An array is described by its shape, another object by its
+    type.
+    """
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
         return shown(value)
     if isinstance(value, np.ndarray):
@@ -72,11 +76,12 @@ def mismatch(
     named: dict[str, Any],
     error: TypeError,
 ) -> BadInputError:
-    """Return the error of a missing, unknown or superfluous argument.
+    """Return the BadInputError for a call with missing, unknown or too many arguments.
 
-    Raises the TypeError of the call where the arguments fit.
+    Raises `error` itself if the arguments match the signature.
 
-    name: name of the function in messages
+    name: name of the function, for the message
+    error: TypeError that the call raised
     """
     signature = inspect.signature(function)
     try:
@@ -94,10 +99,10 @@ def result_as_meant(
     named: dict[str, Any],
     error: BadInputError,
 ) -> Any:
-    """Return the result of a failed call with the arguments that an installed package reads from
-    it.
+    """Repeat a failed call with arguments that an installed package corrects, and return its
+    result.
 
-    Raises the error where no other reading is known.
+    Raises `error` if no package corrects the arguments.
     """
     meant = None
     if "notebook.call" in offered(PARTS):
@@ -111,12 +116,12 @@ def result_as_meant(
 def unknown_name(
     package: str, name: str, get: Callable[[str], Any], known: Iterable[str]
 ) -> Callable[..., Any]:
-    """Return the function that an installed package means by an unknown public name.
+    """Return the function that an installed package supplies for an unknown public name.
 
-    Raises an AttributeError with the nearest names where there is none.
-
-    get: returns the object of a public name
+    get: function that returns the object with a public name
     known: the public names
+
+    Raises AttributeError with the nearest names if no package supplies it.
     """
     is_module = find_spec(f"{package}.{name}") is not None  # Python imports it after this error
     if not is_module and package == "hfa" and "notebook.function" in offered(PARTS):

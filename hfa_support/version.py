@@ -1,7 +1,7 @@
-"""Version of the program, which `pyproject.toml` reads here.
+"""Version of the program. `pyproject.toml` reads it from this module.
 
-The metadata of the installation would be slower to import. Resumable results record the version,
-because another one may give other numbers.
+Importing it is faster than reading the metadata of the installation. Resumable results record the
+version, because another version may compute other numbers.
 """
 
 VERSION = "0.4.0"

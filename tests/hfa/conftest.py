@@ -1,4 +1,4 @@
-"""Each test of the command line runs in a new empty folder."""
+"""Fixture that runs each test of the command line in a new empty folder."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def _in_a_folder(folder: Path) -> None:
-    """Run every test in the fixture `folder`."""
+    """Run every test in the empty folder that the fixture `folder` creates."""

@@ -1,4 +1,4 @@
-"""Output of `hfa`: text for people, JSON with its aircraft for scripts, and exit codes."""
+"""Output of `hfa` commands: text, JSON with provenance, and exit codes."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ LINEAR_MODEL_KEYS = {
 
 
 def text(*words: str, code: int = DONE) -> str:
-    """Return the printed text of `hfa words...`.
+    """Run `hfa` with these words and return the printed text.
 
-    It must have no escape codes, and standard error must be empty.
+    Assert the exit code, an empty standard error, no control characters and no trailing blanks.
     """
     result = hfa(*words)
     assert (result.code, result.err) == (code, "")
@@ -51,7 +51,10 @@ def text(*words: str, code: int = DONE) -> str:
 
 
 def test_help_names_every_command() -> None:
-    """The help lists every command, and every command has a help."""
+    """`hfa --help` lists every command, and the help of each command fits on a screen.
+
+    The short help mentions every option that the long help explains.
+    """
     overview = text("--help")
     assert text() == overview
     for command in commands():
@@ -64,8 +67,9 @@ def test_help_names_every_command() -> None:
 
 
 def test_trim_json() -> None:
-    """JSON of `hfa trim` has the documented names, units and residuals, and the paper's
-    condition.
+    """The JSON of `hfa trim` contains the documented names, units and residuals.
+
+    Speed, altitude and alpha are those of the paper's level flight.
     """
     data = answer("trim", "--dihedral", "10")
     point = data["operating_point"]
@@ -88,7 +92,7 @@ def test_trim_json() -> None:
 
 
 def test_degrees_go_in_and_radians_come_out() -> None:
-    """Held values and limits are given in degrees, and JSON has radians."""
+    """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -103,7 +107,9 @@ def test_degrees_go_in_and_radians_come_out() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "linearize"])
 def test_a_saved_point_starts_the_next_trim(command: str) -> None:
-    """A trim from a saved neighbouring point gives the linear model of a plain trim."""
+    """A trim that starts from a saved point at 14 deg gives the same result as one without
+    --start.
+    """
     assert hfa(command, "--dihedral", "14", "-o", "saved.json").code == DONE
     words = ("linearize", "--dihedral", "15")
     again = answer(*words, "--start", "saved.json")
@@ -114,7 +120,11 @@ def test_a_saved_point_starts_the_next_trim(command: str) -> None:
 
 
 def test_linearize_json_keeps_the_contract() -> None:
-    """JSON of `hfa linearize` has the documented keys and shapes; A is near the printed one."""
+    """The JSON of `hfa linearize` has the documented keys and shapes.
+
+    A agrees with the printed matrix within 1.5e-4, and the modes are the eigenvalues of A. The
+    printed matrix is omitted at another speed.
+    """
     data = answer("linearize", "--dihedral", "15")
     assert set(data) >= LINEAR_MODEL_KEYS
     assert {"states", "inputs", "residuals"} <= set(data["operating_point"])
@@ -132,7 +142,9 @@ def test_linearize_json_keeps_the_contract() -> None:
 
 
 def test_sweep_text_and_json() -> None:
-    """`hfa sweep` prints a column for each mode. The eigenvalues of a point are those of its A."""
+    """`hfa sweep` prints a column for each mode. In JSON, the eigenvalues of each point belong to
+    its A.
+    """
     shown = text("sweep", "--dihedral", "0:15:5")
     assert shown.startswith("Sweep, published dynamics: trimmed at 4 of 4 points\n")
     assert re.search(
@@ -151,7 +163,10 @@ def test_sweep_text_and_json() -> None:
 
 
 def test_sweep_keeps_failed_points_as_rows() -> None:
-    """A point without a trim is a row of nulls with its reason; the first line counts it."""
+    """A sweep point without a trim is a row of nulls with a reason, and the first line counts it.
+
+    If no point has a trim, the exit code is 1.
+    """
     data = answer("sweep", "--dihedral", "0", "--hold", "speed=20,68")
     assert data["reasons"][0].startswith("no trim")
     assert data["reasons"][1] == ""
@@ -168,7 +183,9 @@ def test_sweep_keeps_failed_points_as_rows() -> None:
 
 
 def test_regenerate_passes_with_the_shipped_parameters() -> None:
-    """All checks of both printed pairs pass, and every entry is within 1.3 half units."""
+    """With the identified parameters, every entry of both printed pairs is within 1.3 half
+    units.
+    """
     shown = text("regenerate")
     assert "Both printed pairs regenerated: yes\n" in shown
     assert shown.count(" PASS\n") == 4
@@ -211,7 +228,10 @@ CHOSEN = (
 
 
 def test_without_names_every_state_is_an_output() -> None:
-    """By default C is the identity, D is 0, and E has a column for each component of wind."""
+    """By default C is the identity, D is 0, and E has a column for each wind component.
+
+    With --states, the outputs are the selected states.
+    """
     data = answer("linearize", *AT_15)
     assert (data["outputs"], data["output_units"]) == (data["states"], data["state_units"])
     np.testing.assert_array_equal(data["C"], np.eye(6))
@@ -231,7 +251,9 @@ def test_without_names_every_state_is_an_output() -> None:
 
 
 def test_names_choose_rows_and_columns_in_their_order() -> None:
-    """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
+    """--states, --inputs and --outputs select rows and columns of A, B, C, D and E in the given
+    order.
+    """
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
     part = answer("linearize", *AT_15, *CHOSEN)
     rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
@@ -252,8 +274,9 @@ def test_names_choose_rows_and_columns_in_their_order() -> None:
 
 
 def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> None:
-    """The file contains E and F of all winds, as returned by `linearize`. The printed text
-    omits E.
+    """The .npz file contains E and F for all winds, equal to those of `linearize` in Python.
+
+    The printed text omits E.
     """
     assert "E  " not in hfa("linearize", *AT_15, *CHOSEN, "-o", "model.npz").out
     point = find_operating_point(published_aircraft, level_flight(np.radians(15.0)))
@@ -274,7 +297,7 @@ def test_every_file_has_the_columns_of_all_winds(published_aircraft: Model) -> N
 
 
 def test_a_files_wind_is_not_its_games_disturbance() -> None:
-    """The wind in a file of a linear model is not used as the disturbance of the game."""
+    """The wind columns in a linear-model file are not used as the disturbance of a game."""
     assert hfa("linearize", *AT_15, "--outputs", "gamma", "-o", "model.mat").code == 0
     assert answer("solve", "--model", "model.mat")["P"] == answer("solve", *AT_15)["P"]
 
@@ -284,7 +307,7 @@ def test_a_files_wind_is_not_its_games_disturbance() -> None:
 
 @pytest.fixture(scope="module")
 def heavy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the identified aircraft with heavier panels."""
+    """Write a parameter file of the identified aircraft with heavier panels and return its path."""
     usual = default_parameters()
     path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
     heavier = replace(
@@ -299,7 +322,7 @@ def hash_of(path: Path) -> str:
 
 
 def test_text_says_which_aircraft(heavy: Path) -> None:
-    """The last line of the text names the parameters, their hash, and edited values."""
+    """The last lines of the text name the parameter set, its hash, and each changed parameter."""
     plain = hfa("solve", "--dihedral", "12")
     edited = hfa("solve", "--dihedral", "12", "--parameters", str(heavy))
     assert (
@@ -314,7 +337,7 @@ def test_text_says_which_aircraft(heavy: Path) -> None:
 
 
 def test_json_has_the_whole_condition(heavy: Path) -> None:
-    """The provenance contains imposed, free and limited variables, changed parameters and the
+    """The provenance in JSON contains the trim condition, the changed parameters and the
     command.
     """
     words = (

@@ -1,6 +1,4 @@
-"""A flight condition is given with the same options to every command that trims one point or
-many.
-"""
+"""Trim conditions given by the same options to every command that trims one point or many."""
 
 from __future__ import annotations
 
@@ -15,8 +13,9 @@ from scipy.io import loadmat
 
 
 def test_it_matters_which_variable_is_held() -> None:
-    """At 10 deg and 60 ft/s, holding alpha as in the paper and holding the outer aileron at 0 give
-    different trims.
+    """At 10 deg and 60 ft/s, the held variable determines the short period.
+
+    Alpha is held as in the paper, or alpha is free and the outer aileron is held at 0.
     """
     words = ("--dihedral", "10", "--hold", "speed=60")
     held = answer("linearize", *words)
@@ -31,7 +30,9 @@ def test_it_matters_which_variable_is_held() -> None:
 
 @pytest.mark.parametrize("command", ["trim", "solve"])
 def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None:
-    """Every command that trims uses the condition: each refuses one that cannot be trimmed."""
+    """Every command that trims uses the condition, and refuses one that has no trim or is
+    misspelled.
+    """
     words = (
         "--dihedral",
         "10",
@@ -56,7 +57,7 @@ def test_every_command_takes_the_condition(command: str, tmp_path: Path) -> None
 
 
 def test_a_held_alpha_in_the_way_is_named() -> None:
-    """If a held alpha makes a trim impossible, the message names it."""
+    """If a trim fails because alpha is held, the message advises to free alpha."""
     refused = hfa("solve", "--dihedral", "10", "--hold", "speed=50")
     assert refused.code == 1
     assert refused.err.rstrip().endswith(
@@ -80,7 +81,9 @@ ALPHA_FREE = ("--free", "alpha", "--hold", "aileron_outer=0")
     ],
 )
 def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
-    """A point of a sweep equals the result of `linearize`."""
+    """A and B of a sweep point equal those of `linearize`. If there is no trim, both give one
+    reason.
+    """
     swept = hfa("sweep", "--dihedral", "10", *words, "--json")
     single = hfa("linearize", "--dihedral", "10", *words, "--json")
     assert swept.code == single.code
@@ -94,7 +97,7 @@ def test_a_sweep_point_equals_linearize(words: tuple[str, ...]) -> None:
 
 
 def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
-    """A sweep over the throttle with gamma free finds the known glide angles and stores its
+    """A sweep over the throttle with free gamma gives the known glide angles and stores its
     grid.
     """
     target = tmp_path / "glide.npz"
@@ -123,7 +126,7 @@ def test_whatever_is_held_can_be_swept(tmp_path: Path) -> None:
 
 
 def test_a_range_ends_at_or_before_its_stop() -> None:
-    """FIRST:LAST:STEP includes LAST only if a step reaches it; lists keep their order."""
+    """A range start:stop:step includes stop only if a step reaches it. A list keeps its order."""
     for words, values in (
         ("60:70:4", [60.0, 64.0, 68.0]),
         ("60:70:5", [60.0, 65.0, 70.0]),
@@ -138,7 +141,10 @@ def test_a_range_ends_at_or_before_its_stop() -> None:
 
 
 def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
-    """In .mat files the last axis counts the points of a sweep, and the grid keeps its units."""
+    """In a .mat file, the last axis of A and B numbers the points of the sweep.
+
+    The grid is stored in radians with its units.
+    """
     target = tmp_path / "grid.mat"
     data = answer("sweep", *GRID, "-o", str(target))
     loaded = loadmat(target, simplify_cells=True)
@@ -152,7 +158,7 @@ def test_matrices_are_stacked_as_matlab_does(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_store_keeps_to_its_condition(tmp_path: Path) -> None:
-    """A store contains its condition and refuses to be continued with another one."""
+    """A store contains its trim condition. A run with another condition cannot be resumed in it."""
     store = str(tmp_path / "a.zarr")
     words = ("sweep", *GRID, *ALPHA_FREE, "-o", store)
     assert hfa(*words, "--workers", "2").code == 0

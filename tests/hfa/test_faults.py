@@ -1,4 +1,6 @@
-"""Faults of the system: a full disk, a home folder that cannot be written, invalid settings."""
+"""Faults of the system: a full disk, closed streams, a home folder without access, and little
+memory.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ __all__ = ["small_disk"]
 
 @pytest.mark.parametrize("lost", [pytest.param("2>&-", marks=pytest.mark.slow), "2>/dev/full"])
 def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -> None:
-    """A refusal that cannot be printed still has its exit code."""
+    """If a standard stream is closed, bad input still gives exit code 2."""
     done = shell(f'exec "$0" "$@" {lost}', "trim", "--dihedral", "abc", folder=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (BAD_INPUT, "", "")
 
@@ -32,7 +34,7 @@ def test_a_refusal_without_streams_is_its_exit_code(tmp_path: Path, lost: str) -
     ],
 )
 def test_outputs_are_neither_inputs_nor_other_outputs(tmp_path: Path, words: str) -> None:
-    """An output file may be neither an input nor another output of the same run."""
+    """An output file that is also an input or another output of the run is refused."""
     path = tmp_path / "plant.json"
     path.write_text("{}")
     assert_refused(hfa(*words.format(path, "./plant.json").split()), BAD_INPUT)
@@ -54,7 +56,7 @@ PICTURE = "linearize --dihedral 15 --picture a.png"
     ],
 )
 def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> None:
-    """The result is written if the home folder cannot be written."""
+    """A sweep with a picture succeeds if the home folder is missing or not writable."""
     works_without_a_home(tmp_path, "sweep --dihedral 14:16:1 --picture a.png", home)
 
 
@@ -69,13 +71,14 @@ def test_a_missing_home_does_not_lose_the_result(tmp_path: Path, home: str) -> N
     ],
 )
 def test_a_full_disk_leaves_no_result(small_disk: Path, words: str, left: int) -> None:
-    """A full disk leaves no part of a result."""
+    """If the disk is full, no part of a result is left."""
     has_no_room(small_disk, words, left)
 
 
 def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
-    """Too little address space ends in one line, although OpenBLAS would wait for memory while it
-    loads.
+    """A limit of 200 MB on the address space is refused in one line.
+
+    Without this check, OpenBLAS would wait for memory while it is loaded.
     """
     done = shell('ulimit -v 204800; exec "$0" "$@"', "solve", "--dihedral", "15", folder=tmp_path)
     assert (done.returncode, done.stdout) == (BAD_INPUT, "")
@@ -85,7 +88,7 @@ def test_too_little_address_space_is_one_line(tmp_path: Path) -> None:
 
 
 def test_too_little_memory_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A failed allocation ends with one line and exit code 2."""
+    """An allocation that fails gives one line and exit code 2."""
     # A sweep that needs this much memory would fill the machine of the tests.
     monkeypatch.setattr("trim.sweeps.points._settled_together", lambda *_, **__: np.empty(10**15))
     assert_refused(hfa("sweep", "--dihedral", "0:5:1"), 2, "not enough memory")

@@ -1,5 +1,5 @@
-"""Files that `hfa` writes: full precision, names, units, offsets and schema, equal bytes in every
-run, and pictures.
+"""Files written by `hfa`: full precision, names, units, schema, equal bytes in every run, and
+reports.
 """
 
 from __future__ import annotations
@@ -38,7 +38,12 @@ COMMANDS = {
 
 
 def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
-    """Return the file that a command writes and the JSON that it prints."""
+    """Run a command with -o and --json, and return (path of the file, printed JSON data).
+
+    Assert that the command writes no other file.
+
+    name: key of COMMANDS
+    """
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.{suffix}"
     with contextlib.chdir(folder):  # an output bears its command: the same words in every folder
@@ -51,7 +56,7 @@ def written(folder: Path, name: str, suffix: str) -> tuple[Path, Any]:
 
 
 def numbers(data: Any) -> list[float]:
-    """Return every number of nested JSON data in order. null becomes nan, true 1, and false 0."""
+    """Return all numbers of nested JSON data in order. null becomes nan, true 1 and false 0."""
     return [
         np.nan if value is None else float(value)
         for _, value in leaves(data)
@@ -64,7 +69,7 @@ def texts(data: Any) -> list[str]:
 
 
 def plain(value: Any) -> Any:
-    """Return the structs, cells and arrays of `loadmat` as JSON data."""
+    """Convert data read by `loadmat` to nested dictionaries, lists and scalars, as in JSON."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
     if isinstance(value, (np.ndarray, list)):
@@ -74,7 +79,9 @@ def plain(value: Any) -> Any:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
-    """A .npz file contains exactly the numbers and texts of the JSON data, without pickles."""
+    """A .npz file contains exactly the numbers and texts of the JSON data, and no pickled
+    object.
+    """
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
     with np.load(path, allow_pickle=False) as archive:
@@ -98,7 +105,7 @@ def test_npz_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["full", "trim"])  # of stacked matrices test_conditions.py
 def test_mat_keeps_every_number_and_name(tmp_path: Path, name: str) -> None:
-    """A .mat file contains all keys, numbers and texts of the JSON."""
+    """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
     assert list(loaded) == list(data)
@@ -116,7 +123,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.parametrize("name", ["plane", "failing"])
 def test_sweep_csv(tmp_path: Path, name: str) -> None:
-    """Each row of the .csv has the values, status, reason, state, A and B of the JSON data."""
+    """Each row of a sweep's .csv equals the JSON data: values, status, reason, states, A and B."""
     path, data = written(tmp_path, name, "csv")
     rows = rows_of(path)
     assert len(rows) == len(data["values"])
@@ -147,7 +154,7 @@ def test_sweep_csv(tmp_path: Path, name: str) -> None:
 def test_two_runs_write_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, suffix: str
 ) -> None:
-    """Two runs write equal bytes, because files do not contain the time of writing."""
+    """Two runs at different times write equal bytes, because files contain no time of writing."""
     first, data = written(tmp_path / "first", name, suffix)
     # Another day: nothing in a file may tell when it was written.
     monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")
@@ -158,7 +165,7 @@ def test_two_runs_write_the_same_bytes(
 
 
 def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
-    """With exit code 1 the result is also written, with ok = false."""
+    """A command that fails a check (exit code 1) still writes its result, with ok = false."""
     path = tmp_path / "newton.json"
     assert hfa("regenerate", "--dynamics", "newton", "-o", str(path)).code == FAILED
     assert json.loads(path.read_text(encoding="utf-8"))["ok"] is False
@@ -166,7 +173,7 @@ def test_a_failed_check_still_delivers_its_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "opening"), [("a.md", "|---|"), ("a.html", "<table>")])
 def test_a_report_is_written_as_text(name: str, opening: str) -> None:
-    """-o FILE.md and FILE.html contain the report, without links to pictures."""
+    """-o FILE.md or FILE.html writes the report to one file, without links to pictures."""
     assert hfa("solve", "--dihedral", "15", "-o", name).code == DONE
     assert [path.name for path in Path().iterdir()] == [name]
     text = Path(name).read_text(encoding="utf-8")

@@ -1,6 +1,4 @@
-"""Plants and gains of other tools are solved and checked. Tables of `hfa` are read by pandas and
-polars.
-"""
+"""Exchange of files with other tools: plants, gains, and tables for pandas and polars."""
 
 from __future__ import annotations
 
@@ -37,7 +35,7 @@ SLOW_TABLES = {
 
 @pytest.fixture(scope="module")
 def known() -> dict[str, Any]:
-    """Return the data of `hfa solve` without its text."""
+    """Return the JSON data of `hfa linearize` at 10 deg, with the gain K of `hfa solve`."""
     model = json.loads(hfa("linearize", "--dihedral", "10", "--json").out)
     return model | {"K": json.loads(hfa("solve", "--dihedral", "10", "--json").out)["K"]}
 
@@ -51,9 +49,7 @@ def assert_solved_and_checked(plant: Path, gain: Path, known: dict[str, Any]) ->
 
 
 def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Path) -> None:
-    """The attributes of a StateSpace of python-control as JSON are read as a plant. One with a time
-    step is refused.
-    """
+    """A python-control StateSpace written as JSON is read as a plant. A positive dt is refused."""
     names = {"states": known["states"], "inputs": known["inputs"]}
     system = control.ss(known["A"], known["B"], np.eye(6), 0, **names)
     content = {
@@ -70,7 +66,7 @@ def test_a_system_of_python_control_as_json(known: dict[str, Any], tmp_path: Pat
 
 
 def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
-    """A, B and K in three CSV files with headers are solved and verified."""
+    """`hfa solve` and `hfa verify` read A, B and K from three CSV files with headers."""
     for name, columns in (("A", known["states"]), ("B", known["inputs"]), ("K", known["states"])):
         np.savetxt(
             tmp_path / f"{name}.csv",
@@ -89,8 +85,9 @@ def test_plain_csv_files(known: dict[str, Any], tmp_path: Path) -> None:
 def test_tables_are_read_as_they_are(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """pandas and polars read numbers of our tables to the last digit, and each column states its
-    unit in its name or in the column "unit".
+    """pandas and polars read every number of a .csv table of `hfa` to the last digit.
+
+    Each column states its unit in its name or in the column "unit", except for the listed names.
     """
     if "learn.npz" in command:
         assert (

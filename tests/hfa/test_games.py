@@ -1,4 +1,4 @@
-"""`hfa solve`, `hfa learn`, `hfa verify` and `hfa design`, on plants of users and on designs."""
+"""`hfa solve`, `hfa learn` and `hfa verify` on the aircraft and on plants from files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hfa_model.vectors import INPUT_UNITS, STATE_UNITS
 
 @pytest.mark.parametrize(("degrees", "dynamics"), [("5", "published"), ("15", "newton")])
 def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None:
-    """`hfa solve` reports P and K with the bits of `solve_game`, its certificate, delta_min and
+    """`hfa solve` reports P and K bit by bit as `solve_game`, a valid certificate, delta_min and
     margins.
     """
     data = answer("solve", "--dihedral", degrees, "--dynamics", dynamics)
@@ -54,7 +54,7 @@ def test_solve_gives_the_certified_solution(degrees: str, dynamics: str) -> None
     ],
 )
 def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str) -> None:
-    """Below the smallest delta `hfa solve` reports no P and names a delta that has a solution."""
+    """If delta is below delta_min, `hfa solve` fails, advises a larger delta and writes no file."""
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1
@@ -93,7 +93,7 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta: str, failed: str
     ],
 )
 def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None:
-    """`hfa solve`, `learn` and `verify` accept plants without E or delta, and with states without
+    """`hfa solve`, `learn` and `verify` accept plants without E or delta, or with states without
     cost.
     """
     plant = small("plant.json", **changes)
@@ -106,7 +106,7 @@ def test_every_command_takes_plants_at_the_edge(changes: dict[str, Any]) -> None
 
 
 def test_learn_keeps_the_history_for_files() -> None:
-    """`hfa learn` prints the outcome and stores the history in files only."""
+    """`hfa learn` prints the final weights and writes their history only to the file."""
     printed = answer("learn", *AT_15, *QUICK, "-o", "run.json")
     assert (
         set(printed)
@@ -126,8 +126,9 @@ def test_learn_keeps_the_history_for_files() -> None:
 
 @pytest.mark.parametrize(("command", "suffix"), [("learn", "npz"), ("solve", "mat")])
 def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> None:
-    """`hfa verify` reads the files of `learn` and `solve`, passes them, and keeps their names and
-    provenance.
+    """`hfa verify` passes critics written by `learn` and `solve`.
+
+    The names of the plant and its provenance are kept.
     """
     plant = small("plant.json")
     quick = QUICK if command == "learn" else ()
@@ -141,7 +142,9 @@ def test_verify_reads_what_learn_and_solve_write(command: str, suffix: str) -> N
 
 
 def test_a_linear_model_keeps_its_names() -> None:
-    """The game of a plant written by `linearize` keeps its names, units and provenance."""
+    """A game on a linear model from `hfa linearize` keeps the model's names, units and
+    provenance.
+    """
     assert hfa("linearize", "--dihedral", "12", "-o", "plant.json").code == 0
     data = answer("solve", "--model", "plant.json")
     assert (tuple(data["states"]), tuple(data["inputs"])) == (LINEAR_STATES, INPUTS)

@@ -1,4 +1,4 @@
-"""The help of every command is short, and ends with an example that runs."""
+"""The help of every command is short and ends with an example that runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ QUICK = [name for name in ("trim", "linearize", "sweep", "solve", "printed") if 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_help_is_short_and_ends_with_an_example(name: str) -> None:
-    """The help of a command is short and ends with its example."""
+    """The help of a command has at most 60 lines and ends with the example of the command.
+
+    No line of the long help exceeds 80 columns.
+    """
     text = hfa(*name.split(), "--help").out
     *_, last = text.splitlines()
     assert last.removeprefix("example: ") == commands()[name].example
@@ -34,7 +37,7 @@ def test_help_is_short_and_ends_with_an_example(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
-    """The help of a command for another aircraft shows no option, value or text of the HFA."""
+    """The help of a command for the user's aircraft does not mention the HFA or the paper."""
     if "--aircraft" not in hfa(*name.split(), "--help").out:
         return
     own = f"{ROOT / 'examples' / 'navion.py'}:NAVION"
@@ -47,8 +50,9 @@ def test_help_for_an_own_aircraft_names_no_hfa(name: str) -> None:
 def ran(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, examples: list[str], *more: str
 ) -> dict[str, int]:
-    """Run examples with these extra words one after the other in a folder. Return each one's exit
-    code.
+    """Run examples one after the other in a folder, and return example -> exit code.
+
+    more: words added to each example
     """
     monkeypatch.chdir(tmp_path)
     for folder in ("examples", "studies"):
@@ -57,7 +61,7 @@ def ran(
 
 
 def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The examples of quick commands end with exit code 0."""
+    """The examples of quick commands return exit code 0."""
     codes = ran(tmp_path, monkeypatch, [commands()[name].example for name in QUICK])
     assert list(codes.values()) == [0 for _ in QUICK]
 
@@ -66,7 +70,7 @@ def test_the_quick_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_every_example_runs_and_its_json_is_published(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The example of each command runs with --json, and its JSON has the published format."""
+    """The example of each command returns exit code 0 with --json."""
     codes = ran(tmp_path, monkeypatch, EXAMPLES, "--json")
     assert {name: code for name, code in codes.items() if code} == {}
     assert len(codes) == len(NAMES)

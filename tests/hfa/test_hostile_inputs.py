@@ -1,6 +1,4 @@
-"""Hostile inputs of every kind give a result, or one line and no file. `make fuzz` makes many more
-of them.
-"""
+"""Hostile inputs give a result, or one line and no file. `make fuzz` runs many more of them."""
 
 from __future__ import annotations
 
@@ -31,7 +29,7 @@ FIRST = int(os.environ.get("HOSTILE_FIRST", "0"))
     "way", [pytest.param(way, marks=IN_FILES if WAYS[way] else ()) for way in WAYS]
 )
 def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
-    """A hostile input gives a result or one line."""
+    """Every hostile variant of this input gives a result, or an error of one line."""
     faults = {number: attempt(*case(way, number)) for number in range(FIRST, FIRST + INPUTS)}
     assert {
         number: (case(way, number)[0], fault) for number, fault in faults.items() if fault
@@ -47,7 +45,7 @@ def test_a_hostile_input_is_a_result_or_line(way: str) -> None:
     ],
 )
 def test_the_unchanged_file_is_accepted(way: str) -> None:
-    """Each input is accepted before it is made hostile."""
+    """Each input file is accepted before it is corrupted."""
     for name, content in seeds().items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
         Path(name).write_bytes(content)
@@ -84,7 +82,9 @@ def _hang(_: object) -> int:
     ],
 )
 def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str) -> None:
-    """The harness reports runs that crash, hang, write wrong files or fail silently."""
+    """The test harness reports a command that crashes, hangs, writes a wrong file or fails
+    silently.
+    """
     # The planted faults of a command, which the judge must see.
     monkeypatch.setattr(trim, "trim", Command(trim.trim.request, run))
     monkeypatch.setattr(hostile, "LONGEST", 0.05 if run is _hang else 10.0)
@@ -102,6 +102,8 @@ def test_planted_faults_are_seen(monkeypatch: pytest.MonkeyPatch, run, said: str
     ],
 )
 def test_wrong_words_are_seen(result: Result, said: str) -> None:
-    """The harness reports messages of several lines, unprintable ones and too long ones."""
+    """The test harness reports an error message that is too long, unprintable or on several
+    lines.
+    """
     assert said in (said_wrongly(result) or "")
     assert said_wrongly(Result(2, "", "hfa: a\n")) is None

@@ -1,6 +1,4 @@
-"""An output never overwrites a file that the run has read, under any name. A failed run leaves no
-file.
-"""
+"""An output never overwrites a file that the run has read. A failed run leaves no file."""
 
 from __future__ import annotations
 
@@ -16,7 +14,7 @@ from hfa.main import BAD_INPUT, DONE
 
 
 def plant_of_parts() -> None:
-    """Write a plant whose matrices are in the files A.csv and B.csv."""
+    """Write the matrices of a plant to A.csv and B.csv."""
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
 
@@ -37,8 +35,9 @@ OF_PARTS = "--Q 1,1 --R 1 --delta inf"
     ],
 )
 def test_no_output_is_an_input(words: str, kept: str) -> None:
-    """An output that is an input of the run, also through a link, is refused, and the input is
-    unchanged.
+    """An output that is also an input of the run is refused, even through a link.
+
+    The input is unchanged.
     """
     plant_of_parts()
     Path("link.csv").symlink_to("A.csv")
@@ -53,14 +52,14 @@ def test_no_output_is_an_input(words: str, kept: str) -> None:
 
 
 def test_an_output_beside_the_inputs_is_written() -> None:
-    """An output in the folder of the inputs is written."""
+    """An output is written into the folder of the input files."""
     plant_of_parts()
     assert hfa("solve", "--model", "A.csv", *OF_PARTS.split(), "-o", "result.csv").code == DONE
     assert Path("result.csv").is_file()
 
 
 def test_no_picture_is_left_when_the_file_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    """If the file of -o cannot be written, neither the file nor the picture remains."""
+    """If the file of -o cannot be written, neither this file nor the picture is left."""
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

@@ -1,4 +1,4 @@
-"""The equations and the condition of a trim are built once in a command."""
+"""A command builds the equations and the condition of a trim only once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trim.point.system import TrimSystem
 
 
 def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[..., Any]:
-    """Return a function that records its calls."""
+    """Return a function that appends `name` to `calls` and then calls `make`."""
 
     def called(*arguments: Any, **options: Any) -> Any:
         calls.append(name)
@@ -27,7 +27,7 @@ def _counted(make: Callable[..., Any], calls: list[str], name: str) -> Callable[
 def test_one_trim_makes_one_system_and_one_condition(
     options: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`hfa trim` builds the equations and the condition of the trim once."""
+    """`hfa trim` builds one TrimSystem and one trim condition."""
     calls: list[str] = []
     begin = _counted(TrimSystem.__init__, calls, "system")
     # Nothing but a count of the calls shows how often it is made.

@@ -1,4 +1,4 @@
-"""Notes, colors and progress on standard error and on terminals."""
+"""Notes and progress on standard error, and text on terminals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOTE = "dihedral 16 deg lies beyond the paper's range, which ends at 15 deg"
 
 
 def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
-    """A command notes once that a dihedral angle is beyond the range of the paper."""
+    """A dihedral angle beyond the paper's range gives one note, in the text and in JSON."""
     for degrees, warnings in (("16", [NOTE]), ("15", [])):
         result = hfa("solve", "--dihedral", degrees, "--json")
         assert result.err == "".join(f"hfa: note: {note}\n" for note in warnings)
@@ -24,7 +24,7 @@ def test_a_dihedral_beyond_the_paper_is_noted_once() -> None:
 
 
 def test_quiet_prints_errors_alone() -> None:
-    """--quiet suppresses notes and progress, and errors are still printed."""
+    """--quiet suppresses notes and progress, but not errors."""
     words = ("sweep", "--dihedral", "14:20:2")
     for quiet in ("-q", "--quiet"):
         terminal = Terminal()
@@ -35,7 +35,9 @@ def test_quiet_prints_errors_alone() -> None:
 
 @needs("hfa_stores")
 def test_a_stored_sweep_notes_its_farthest_dihedral() -> None:
-    """The note of a stored sweep names its largest dihedral angle and is kept in the store."""
+    """The note of a sweep into a store names the largest dihedral angle, and the store contains
+    it.
+    """
     import zarr
 
     result = hfa("sweep", "--dihedral", "14:20:2", "--json", "-o", "far.zarr")
@@ -53,8 +55,10 @@ COLOR = re.compile("\033\\[[0-9;]*m")
 def test_a_terminal_gets_colors(
     environment: dict[str, str], colored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A terminal gets colors unless NO_COLOR is set; pipes and JSON get none; the text is
-    unchanged."""
+    """Text is colored on a terminal unless colors are turned off. Pipes and JSON have no color.
+
+    The words are the same in all cases.
+    """
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "400")
@@ -71,7 +75,7 @@ def test_a_terminal_gets_colors(
 def test_tables_fit_a_terminal_of_80_columns(
     command: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Wide tables are wrapped on a terminal, with every word and number unbroken."""
+    """Wide tables are wrapped to the width of the terminal without breaking a name or number."""
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     shown = hfa(*command, out=Terminal()).out
@@ -84,7 +88,9 @@ def test_tables_fit_a_terminal_of_80_columns(
 def test_a_minutes_work_is_announced_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Work that takes more than a minute is announced once."""
+    """A run expected to take more than a minute is announced once. A shorter run is not
+    announced.
+    """
     clock = iter(range(0, 1000, 2))
     # A clock of its own, in place of minutes.
     monkeypatch.setattr(output.time, "monotonic", lambda: float(next(clock)))
@@ -101,8 +107,9 @@ def test_a_minutes_work_is_announced_once(
 def test_time_before_the_first_part_is_no_pace(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The announced time ignores preparation: 40 s and then 2 s for each of 1,000 parts are half an
-    hour.
+    """The estimate of the remaining time ignores preparation.
+
+    After 40 s of preparation, 1,000 parts of 2 s each take half an hour.
     """
     times = iter([0.0, 40.0, 42.0, 44.0])
     # A clock of its own, in place of minutes.

@@ -1,6 +1,4 @@
-"""`hfa` as a child process: exit codes, pipes, full disks, simple terminals, and modules that it
-does not import.
-"""
+"""`hfa` as a child process: exit codes, pipes, full disks, terminals, and imported modules."""
 
 from __future__ import annotations
 
@@ -26,7 +24,7 @@ def test_the_module_is_the_command(tmp_path: Path) -> None:
 
 
 def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
-    """The output depends neither on the hash seed nor on variables that control color."""
+    """The output of a child process does not depend on the hash seed or on color settings."""
     words = ("sweep", "--dihedral", "14:16:1")
     inside = hfa(*words)
     assert inside.code == DONE
@@ -43,7 +41,9 @@ def test_a_process_says_the_same_as_any_other(tmp_path: Path) -> None:
     ],
 )
 def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuffered: str) -> None:
-    """A closed pipe on standard output changes neither exit code nor standard error."""
+    """If the reader of the pipe has stopped, the exit code is unchanged and standard error is
+    empty.
+    """
     reader, writer = os.pipe()
     os.close(reader)
     with os.fdopen(writer, "wb") as pipe:
@@ -59,7 +59,7 @@ def test_a_reader_that_leaves_changes_no_exit_code(words: str, code: int, unbuff
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
 def test_a_full_disk_is_one_line() -> None:
-    """A full disk on standard output gives exit code 2 and one line."""
+    """If standard output is a full disk, the command prints one line and returns exit code 2."""
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
             [SCRIPT, "trim", "--dihedral", "15"],
@@ -72,7 +72,7 @@ def test_a_full_disk_is_one_line() -> None:
 
 
 def test_progress_leaves_a_clean_line(tmp_path: Path) -> None:
-    """On a real terminal the progress is erased and leaves a clean line."""
+    """On a pseudo-terminal, the progress line is erased at the end."""
     controller, terminal = pty.openpty()
     with os.fdopen(terminal, "wb") as stream:
         done = subprocess.run(
@@ -104,7 +104,7 @@ for commands in {lists}:
 
 
 def test_what_commands_do_not_import() -> None:
-    """Commands do not import the listed heavy libraries, even if they refuse their arguments."""
+    """Light commands do not import the listed heavy packages."""
     program = IN_TURN.format(lists=[commands for commands, _ in LIGHT])
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True

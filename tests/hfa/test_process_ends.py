@@ -1,4 +1,4 @@
-"""The end of a run by a signal at any moment, and the conversion of warnings to notes."""
+"""The end of a run by a signal, and the conversion of warnings to notes."""
 
 from __future__ import annotations
 
@@ -47,9 +47,7 @@ sys.exit(entry.main())
 def test_a_signal_ends_the_run_wherever_it_comes(
     module: str, where: str, name: str, code: int, said: str
 ) -> None:
-    """A signal at any moment, also while modules load, ends the run with its exit code and one
-    line.
-    """
+    """A signal ends the run with its exit code and one line, even while modules are imported."""
     program = EDGE.format(name=name, module=module, where=where.format(name=name))
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=15
@@ -59,7 +57,10 @@ def test_a_signal_ends_the_run_wherever_it_comes(
 
 @pytest.mark.filterwarnings("default")
 def test_warnings_are_notes_of_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Warnings become notes of a result, and are not printed before a refusal."""
+    """Each distinct warning of a successful run is printed as a note. A failed run prints none.
+
+    Deprecation warnings are not printed, and --quiet suppresses all notes.
+    """
     from hfa.commands import game
 
     extreme = small(tmp_path / "extreme.json", A=[[1e200, 1e200], [-1e200, 3e150]])

@@ -1,4 +1,4 @@
-"""Reports in Python equal those of the commands, and name no option of a command."""
+"""Reports in Python equal those of the commands, and mention no command-line option."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def without_source(text: str) -> str:
 def test_a_points_report_equals_the_commands(
     aircraft: str, hold: dict[str, float], words: tuple[str, ...]
 ) -> None:
-    """The report of a point in Python equals the text of the command."""
+    """The report of an operating point in Python equals the text of `hfa trim`."""
     model = hfa.load_model(aircraft) if aircraft else hfa.aircraft()
     point = hfa.find_operating_point(model, hold=hold)
     assert without_source(command("trim", *words).out) == point.report().text()
@@ -43,7 +43,7 @@ def test_a_points_report_equals_the_commands(
 
 
 def reports() -> list[Report]:
-    """Return a report of each kind of result that could mention the command line."""
+    """Return seven reports of trims, a linear model, verdicts and a regeneration."""
     model = hfa.aircraft()
     point = hfa.find_operating_point(model, hold={"dihedral": 0.2})
     two = {"dihedral": np.radians(10.0), "throttle": 45.0, "aileron_outer": np.radians(1.0)}
@@ -60,6 +60,6 @@ def reports() -> list[Report]:
 
 
 def test_reports_in_python_name_no_option() -> None:
-    """Reports of Python functions mention no option of the command line."""
+    """Reports of results in Python mention no option of the command line."""
     assert [OPTION.findall(report.text()) for report in reports()] == [[]] * 7
     assert OPTION.search("3 checks passed; --json has all")

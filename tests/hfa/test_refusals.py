@@ -1,4 +1,4 @@
-"""Refusals of `hfa` have exit code 1 or 2, one line with cause and remedy, and write no file."""
+"""Refused requests give exit code 1 or 2 and one line with cause and remedy, and write no file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DIGITS = "9" * 5000
 
 
 def snapshot(folder: Path) -> dict[str, bytes | None]:
-    """Return path -> content of every file below a folder, with None for a folder."""
+    """Return path -> content for everything below a folder. The content of a folder is None."""
     return {
         str(path): path.read_bytes() if path.is_file() else None
         for path in sorted(folder.rglob("*"))
@@ -28,9 +28,9 @@ def snapshot(folder: Path) -> dict[str, bytes | None]:
 
 @pytest.fixture(autouse=True)
 def untouched(tmp_path: Path) -> Iterator[None]:
-    """Run a test in a folder with a few files, and assert that they are unchanged afterwards.
+    """Create files and folders before a test, and assert afterwards that they are unchanged.
 
-    Files named `given...` belong to the test itself.
+    Files named `given...` are ignored. They are created by the test.
     """
     for name in ("folder.json", "folder.png", "folder.html"):
         (tmp_path / name).mkdir()
@@ -162,7 +162,7 @@ REFUSED_BY_EXTENSIONS = (
     ],
 )
 def test_bad_requests(command: str, words: str, named: str) -> None:
-    """Each bad request gives exit code 2 and one short printable line that names the fault."""
+    """Each bad request gives exit code 2 and one short, printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
     result = hfa(command, *words.split())
@@ -185,7 +185,7 @@ def test_bad_requests(command: str, words: str, named: str) -> None:
     ],
 )
 def test_unknown_commands_and_options(words: str, named: str) -> None:
-    """Unknown commands and options are refused with the nearest name."""
+    """An unknown command or option is refused, and the message suggests the nearest name."""
     assert_refused(hfa(*words.split()), BAD_INPUT, named)
 
 
@@ -201,7 +201,7 @@ def test_unknown_commands_and_options(words: str, named: str) -> None:
     ],
 )
 def test_bad_plants(changes: dict[str, Any], code: int, named: str) -> None:
-    """Each faulty plant file is refused by one line that names the fault."""
+    """Each faulty plant file is refused in one line that names the fault."""
     assert_refused(
         hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named
     )

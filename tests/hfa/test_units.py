@@ -1,5 +1,5 @@
-"""`--units si`: written numbers obey the laws of physics. In every command, quantities with a unit
-of length, mass or force are converted, and nothing else changes.
+"""The option --units si: lengths, masses and forces are converted, and physical laws are
+satisfied.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ ENGLISH = ("ft", "lbf", "slug")
 
 
 def physics(data: dict[str, Any]) -> dict[str, float]:
-    """Return ratios between the numbers of a trim that are 1 by the laws of physics."""
+    """Return name -> ratio of two values of a trim in SI units. Each ratio is 1 by a physical
+    law.
+    """
     performance = data["performance"]
     loads = data["loads"]
     states = data["operating_point"]["states"]
@@ -40,14 +42,14 @@ def physics(data: dict[str, Any]) -> dict[str, float]:
 
 
 def test_the_laws_of_physics_hold_in_si() -> None:
-    """Ratios of physical laws are 1 for a trim in SI units."""
+    """A trim in SI units satisfies the physical laws within 1e-4."""
     for name, value in physics(answer(*TRIM, "--units", "si")).items():
         assert value == pytest.approx(1.0, abs=1e-4), name
 
 
 @pytest.mark.parametrize("unit", ENGLISH)
 def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> None:
-    """A wrong factor planted in the table of units violates the laws of physics."""
+    """An error of 0.1 % planted in a conversion factor violates a physical law."""
     name, factor = units._SI[unit]
     monkeypatch.setitem(units._SI, unit, (name, 1.001 * factor))
     wrong = [
@@ -57,9 +59,7 @@ def test_a_wrong_factor_is_seen(monkeypatch: pytest.MonkeyPatch, unit: str) -> N
 
 
 def test_matrices_are_similar() -> None:
-    """A in SI units is T A T⁻¹, with T from the units in its file. Other matrices are converted
-    accordingly.
-    """
+    """In SI units A becomes T A T⁻¹, where T converts the states. B to F are converted likewise."""
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
     after = answer(*words, "--units", "si")
@@ -93,8 +93,9 @@ def test_matrices_are_similar() -> None:
 
 
 def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
-    """Plants and points that were written in SI units are converted on reading. A point in km/h is
-    refused.
+    """Plants and operating points written in SI units are converted when they are read.
+
+    An operating point with a speed in km/h is refused.
     """
     for suffix in ("json", "npz", "mat"):
         plant = str(tmp_path / f"plant.{suffix}")
@@ -113,8 +114,9 @@ def test_what_was_written_in_si_is_read(tmp_path: Path) -> None:
 
 
 def test_the_trim_that_was_printed_can_be_typed() -> None:
-    """Values printed with --units si and given again in m and m/s define the same trim. Read as
-    feet, they define another one.
+    """Values printed with --units si define the same trim when they are typed with --units si.
+
+    The same values converted to feet define this trim in English units.
     """
     words = ("trim", "--dihedral", "10", "--units", "si", "--free", "alpha")
     first = answer(*words, "--hold", "altitude=12000", "--hold", "speed=21")["operating_point"][
@@ -145,7 +147,7 @@ AT = ("--dihedral", "12")
 
 @pytest.mark.parametrize("suffix", ["npz", pytest.param("mat", marks=pytest.mark.slow)])
 def test_a_critic_in_other_units_is_the_same(suffix: str, tmp_path: Path) -> None:
-    """P, K and plants written in metres are right for plants in feet, and vice versa."""
+    """P and K written in SI units are correct for plants in English units, and vice versa."""
     files = {}
     for system in ("english", "si"):
         for command in ("solve", "linearize"):

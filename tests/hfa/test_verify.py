@@ -1,4 +1,4 @@
-"""`hfa verify`: right critics pass, and planted mistakes are refused with their reason."""
+"""`hfa verify` passes correct critics, and fails planted mistakes with their reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_verify_keeps_the_contract() -> None:
-    """The JSON of `hfa verify` has the published keys, and the learned critic passes."""
+    """The JSON of `hfa verify` has the documented keys, and the learned critic passes every
+    check.
+    """
     data = answer("verify", *AT_15)
     assert data["ok"] is True
     assert max(data["P_rel_error"], data["K_rel_error"]) <= 1e-11
@@ -34,14 +36,14 @@ def test_verify_keeps_the_contract() -> None:
 
 
 def test_verify_names_the_critic_that_it_judges() -> None:
-    """The first paragraph of the report names the law and seed of the critic, or its file."""
+    """The report names the learning law and seed of the critic."""
     shown = hfa("verify", *AT_15).out.split("\n\n")[1]
     assert shown.startswith("Critic of the law 'certified', seed 0, on the aircraft at dihedral 15")
 
 
 @pytest.mark.parametrize(("kind", "suffix"), [("P", "npz"), ("K", "mat"), ("W", "json")])
 def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suffix: str) -> None:
-    """Files with the exact P, K or W pass. P is compared unless only K is given."""
+    """A file with the exact P, K or W passes. The error of P is null if only K is given."""
     exact = solve_game(game)
     row, column = np.triu_indices(6)
     weights = np.where(row == column, 1.0, 2.0) * exact.P[row, column]
