@@ -56,7 +56,7 @@ def test_verify_passes_an_exact_critic_from_elsewhere(game: Game, kind: str, suf
 
 
 def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
-    """Progress of `hfa verify` appears on a terminal and is erased at the end."""
+    """`hfa verify` shows its progress on a terminal and erases it at the end."""
     file = stored("critic.npz", K=solve_game(game).K)
     message = hfa("verify", *AT_15, "--weights", file, err=Terminal()).err
     assert message == "\r\033[Kcompare:   0 %\r\033[Kcompare: 100 %\r\033[K"
@@ -64,7 +64,9 @@ def test_verify_shows_on_a_terminal_that_it_works(game: Game) -> None:
 
 @needs("hfa_reasons")
 def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
-    """A wrong weight that changes neither P nor K is refused with its reason."""
+    """A wrong weight fails even if it changes neither P nor K, and the diagnosis names the
+    cause.
+    """
     P = solve_game(game).P
     row, column = np.triu_indices(6)
     weights = np.concatenate([np.where(row == column, 1.0, 2.0) * P[row, column], np.zeros(4)])
@@ -85,7 +87,7 @@ def test_a_weight_beyond_P_and_K_is_refused(game: Game) -> None:
 
 
 def test_the_limit_of_errors_is_the_users(game: Game) -> None:
-    """--limit-error decides whether an error of 1e-5 in P passes."""
+    """An error of 1e-5 in P fails by default and passes with --limit-error 2e-5."""
     file = stored("P.json", P=(1.0 + 1e-5) * solve_game(game).P)
     assert answer("verify", *AT_15, "--weights", file, code=FAILED)["P_rel_error"] == pytest.approx(
         1e-5, rel=1e-6
@@ -97,7 +99,7 @@ def test_the_limit_of_errors_is_the_users(game: Game) -> None:
 
 
 def test_verify_draws_a_run() -> None:
-    """`hfa verify --picture` writes a PNG of a training run."""
+    """`hfa verify --picture` draws a training run into a PNG file."""
     assert (
         hfa("verify", "--model", small("plant.json"), *QUICK, "--picture", "check.png").code == DONE
     )
@@ -109,7 +111,10 @@ def test_verify_draws_a_run() -> None:
 
 @needs("hfa_discrete")
 def test_a_critic_over_time_keeps_its_time() -> None:
-    """A critic over time must settle within its predefined time."""
+    """A critic over time passes only if it settles within its predefined time.
+
+    The setting is refused for a critic without time and together with --discount.
+    """
     plant = small("plant.json")
     exact = solve_game(load_game("plant.json")).P
     times = np.arange(0.0, 4.5, 0.5)
@@ -151,7 +156,7 @@ def test_a_critic_over_time_keeps_its_time() -> None:
 
 
 def test_the_cost_of_a_critic_can_decide(game: Game) -> None:
-    """The cost of a critic is printed, and with a limit it decides the verdict."""
+    """The cost of a critic is reported, and with --limit-cost it decides the exit code."""
     file = stored("P.json", P=1.004 * solve_game(game).P)
     words = ("verify", *AT_15, "--weights", file)
     graded = answer(*words, code=FAILED)["graded"]

@@ -1,6 +1,4 @@
-"""Public functions with wrong arguments give a result or one line that names the fault. They never
-end in an internal traceback.
-"""
+"""Public functions called with wrong arguments return a result or raise an error of one line."""
 
 from __future__ import annotations
 
@@ -139,7 +137,10 @@ def wrong_values() -> list[Any]:
 
 
 def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
-    """Return the fault in a function's treatment of its arguments, or "" without one."""
+    """Call a function, and return a description of an improper error, or "" if there is none.
+
+    Proper errors are BadInputError and NoSolutionError with a message of one line.
+    """
     try:
         function(**arguments)
     except (BadInputError, NoSolutionError) as error:
@@ -150,7 +151,9 @@ def fault(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str:
 
 
 def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, str]:
-    """Replace each argument of a function in turn by every wrong value, and return the faults."""
+    """Call a function with each wrong value for each argument, and return case -> improper
+    error.
+    """
     found = {}
     for argument in arguments:
         for number, value in enumerate(wrong_values()):
@@ -163,7 +166,9 @@ def faults(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[s
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", ["linearize", "find_operating_point", "from_gain", "modes_of"])
 def test_a_wrong_argument_is_named(name: str) -> None:
-    """Wrong values of each argument of four functions are refused by name."""
+    """A function of the core accepts its arguments and refuses every wrong value with a proper
+    error.
+    """
     function, arguments = right_calls()[name]
     function(**arguments)
     assert faults(function, arguments) == {}
@@ -173,7 +178,9 @@ def test_a_wrong_argument_is_named(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_every_wrong_argument_of_every_function_is_named() -> None:
-    """All wrong values for all public functions of core and extensions are refused by name."""
+    """All public functions, also those of extensions, refuse every wrong value with a proper
+    error.
+    """
     count = 0
     for name, (function, arguments) in (right_calls() | right_calls_of_extensions()).items():
         function(**arguments)
@@ -183,7 +190,7 @@ def test_every_wrong_argument_of_every_function_is_named() -> None:
 
 
 def test_a_function_that_does_not_check_is_seen() -> None:
-    """The harness reports a function without a check of its arguments."""
+    """The test harness reports a function that does not check its arguments."""
 
     def unchecked(point: Any) -> Any:
         return point.refuse_other()

@@ -1,4 +1,4 @@
-"""Arguments compared with annotations: accepted types, and refusals in one line."""
+"""Checks of arguments against annotations: accepted values, and refusals in one line."""
 
 from __future__ import annotations
 
@@ -104,13 +104,13 @@ WRONG = [
 
 @pytest.mark.parametrize("arguments", RIGHT)
 def test_what_an_annotation_names_is_taken(arguments: dict[str, Any]) -> None:
-    """Values that match their annotation are accepted."""
+    """A value that matches the annotation is accepted."""
     assert public(**{"thing": Thing(), **arguments}) == "done"
 
 
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
 def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: str) -> None:
-    """Values of other types are refused by one line that names the argument."""
+    """A value of another type is refused in one line that names the argument."""
     with pytest.raises(BadInputError) as refused:
         public(**{"thing": Thing(), **arguments})
     assert message in str(refused.value)
@@ -118,13 +118,13 @@ def test_what_it_does_not_name_is_refused(arguments: dict[str, Any], message: st
 
 
 def test_an_argument_by_its_place_is_checked_too() -> None:
-    """Positional arguments are checked as keywords are."""
+    """Positional arguments are checked as keyword arguments are."""
     with pytest.raises(BadInputError, match="number is 'x'"):
         public(Thing(), "x")
 
 
 def test_missing_and_unknown_arguments_are_named() -> None:
-    """Missing and unknown arguments are named, with all arguments of the function."""
+    """The error for a missing or unknown argument lists the arguments of the function."""
     for call in (public, lambda: public(Thing(), other=1), lambda: public(*[Thing()] * 40)):
         with pytest.raises(BadInputError, match=r"^public: "):
             call()
@@ -135,7 +135,7 @@ def test_missing_and_unknown_arguments_are_named() -> None:
 
 
 def test_the_function_keeps_its_name_and_its_text() -> None:
-    """A checked function keeps its name and docstring, and wraps the original."""
+    """A checked function keeps its name and has the original as `__wrapped__`."""
     assert public.__name__ == "public"
     assert public.__wrapped__.__defaults__[0] == 0.0
 
@@ -148,7 +148,7 @@ class Declared:
 
 
 def test_of_a_class_the_constructor_is_checked() -> None:
-    """Errors for wrong arguments of a checked dataclass begin with the name of the class."""
+    """Wrong arguments for the constructor of a checked class are refused under the class's name."""
     assert Declared(Thing(), 2).number == 2
     with pytest.raises(BadInputError, match="Declared: thing is 3; give a Thing, made by Thing"):
         Declared(3)

@@ -1,4 +1,4 @@
-"""Files that are not regular, are too large or are not text are refused before they are read."""
+"""Input files that are not regular, too large, or not valid text are refused."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hfa_support.files import LARGEST, read_json, read_toml
 
 @pytest.mark.parametrize("read", [read_json, read_toml])
 def test_a_fifo_and_a_device_are_refused(tmp_path: Path, read) -> None:
-    """A FIFO and a device are refused without waiting."""
+    """FIFOs and devices are refused immediately, without reading them."""
     os.mkfifo(tmp_path / "fifo")
     for path in (tmp_path / "fifo", "/dev/zero"):
         with pytest.raises(OSError, match="not a regular file"):
@@ -30,7 +30,7 @@ def test_a_fifo_and_a_device_are_refused(tmp_path: Path, read) -> None:
     ],
 )
 def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
-    """Input files that are FIFOs are refused and do not block."""
+    """A command refuses a FIFO as input and does not block."""
     os.mkfifo("fifo.json")
     assert_refused(hfa(*words.split(), "fifo.json"), 2, "fifo")
 
@@ -43,7 +43,7 @@ def test_every_command_refuses_a_fifo(folder: Path, words: str) -> None:
     ],
 )
 def test_no_result_takes_the_place_of_a_fifo(folder: Path, words: str) -> None:
-    """An output file that is a FIFO is refused and remains."""
+    """A command refuses a FIFO as output file and leaves it in place."""
     fifo = folder / words.split()[-1]
     os.mkfifo(fifo)
     assert_refused(hfa(*words.split()), 2, "it is not a regular file; name another")
@@ -62,7 +62,7 @@ def test_a_large_file_is_refused_by_its_size(tmp_path: Path) -> None:
 def test_an_archive_beyond_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An archive that unpacks to more than the memory is refused."""
+    """An archive is refused if its unpacked size exceeds the limit."""
     import numpy as np
 
     from controller.game import array_file
@@ -80,7 +80,7 @@ def test_an_archive_beyond_memory_is_refused(
 def test_text_that_no_parser_survives_is_one_line(
     tmp_path: Path, content: bytes, said: str
 ) -> None:
-    """Deeply nested and undecodable JSON and TOML files are refused."""
+    """JSON and TOML files that are nested too deeply or not UTF-8 are refused."""
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(BadInputError, match=f"is not JSON .*{said}"):

@@ -1,4 +1,4 @@
-"""A written file is complete, or the old file is unchanged."""
+"""A file is written completely, or the old file is unchanged."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def stored(path: Path) -> list[float]:
 
 
 def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interruption while a file is written leaves the old content and no temporary file."""
+    """If writing a file is interrupted, the old content remains and no temporary file is left."""
     path = tmp_path / "kept.npz"
     save(path, np.arange(4.0))
 
@@ -51,7 +51,7 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    """Saving to a missing folder is refused with advice."""
+    """Writing into a missing folder is refused with a remedy."""
     with pytest.raises(BadInputError, match="choose a writable folder"):
         save(tmp_path / "no" / "state.npz", np.zeros(1))
 
@@ -59,7 +59,7 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
 def test_the_mode_of_an_existing_file_is_kept(
     tmp_path: Path,
 ) -> None:
-    """An existing file keeps its mode, and a new file has the ordinary mode."""
+    """An overwritten file keeps its mode. A new file has the default mode of the process."""
     write_text(tmp_path / "new", "1")
     (tmp_path / "ordinary").touch()
     assert (tmp_path / "new").stat().st_mode == (tmp_path / "ordinary").stat().st_mode
@@ -70,7 +70,9 @@ def test_the_mode_of_an_existing_file_is_kept(
 
 
 def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
-    """Cleaning removes temporary files and folders, and nothing else."""
+    """`remove_unfinished` removes the temporary files and folders of this process and nothing
+    else.
+    """
     theirs = {tmp_path / ".a.json.0123456789abcdef.part", tmp_path / ".hfa-theirs"}
     for path in theirs:
         path.mkdir()
@@ -91,7 +93,7 @@ def test_only_temporary_files_are_removed(tmp_path: Path) -> None:
 
 
 def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
-    """A signal between the renaming of two files is deferred until both have their names."""
+    """A signal between the renaming of two files is handled only after both are renamed."""
     seen: list[list[str]] = []
     sent: list[str] = []
 
@@ -118,7 +120,7 @@ def test_a_signal_between_two_names_waits(tmp_path: Path) -> None:
 def test_a_file_is_registered_before_it_exists(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A signal directly after a temporary file was created leaves no file."""
+    """A temporary file is removed even if a signal arrives immediately after its creation."""
     made = os.open
 
     def interrupted(path: Any, *arguments: Any, **options: Any) -> int:

@@ -1,4 +1,4 @@
-"""Written JSON has one row of a table on each line, and the same values."""
+"""Conversion of values to JSON, with each innermost list or object on one line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hfa_support.jsonable import json_text, jsonable
 
 
 def test_a_row_is_a_line() -> None:
-    """Each row of a table or a matrix is one line."""
+    """Each row of a matrix and each entry of a list of objects is written on one line."""
     value = {
         "schema": "x",
         "A": np.eye(2),
@@ -23,7 +23,7 @@ def test_a_row_is_a_line() -> None:
 
 
 def test_numbers_of_every_width_are_numbers() -> None:
-    """NumPy numbers of each width become Python numbers; infinity becomes None."""
+    """NumPy numbers of every width become Python numbers. Infinity becomes None."""
     kinds = (np.float16, np.float32, np.longdouble, np.int8, np.uint64)
     converted = jsonable(
         [[kind(3), np.array([kind(3)])] for kind in kinds] + [np.longdouble("inf"), np.bool_(True)]
@@ -33,13 +33,13 @@ def test_numbers_of_every_width_are_numbers() -> None:
 
 
 def test_what_is_not_finite_is_null() -> None:
-    """Numbers that are not finite become None, also within nested values."""
+    """A number that is not finite becomes None, even inside nested values."""
     assert jsonable({"a": (np.float64(np.inf), np.int64(3), True, None, "x")}) == {
         "a": [None, 3, True, None, "x"]
     }
 
 
 def test_brackets_in_a_text_change_no_value() -> None:
-    """Brackets and line breaks in texts survive the compact layout of JSON."""
+    """Brackets and line breaks inside texts are unchanged by the compact layout."""
     value = {"]{": ["[", "\n }", "\ud800"], "[": {"a": ["}\n ]", {"b": "[\n  {"}]}}
     assert json.loads(json_text(value)) == value

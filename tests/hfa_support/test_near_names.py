@@ -1,4 +1,4 @@
-"""Suggestions of known names for an unknown one."""
+"""Suggestions of known names in messages on an unknown name."""
 
 import pytest
 
@@ -19,21 +19,20 @@ from hfa_support.other_words import MEANINGS
     ],
 )
 def test_names_alike_are_all_offered(name, known, meant):
-    """A name that differs in case only is offered alone. Otherwise names with the same beginning
-    are offered, or else the most similar ones.
+    """Known names similar to an unknown name are suggested.
+
+    A name that differs only in case is suggested alone.
     """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
 
 
 def test_words_of_other_tools_are_other_names():
-    """Each word of another tool differs from its translation and is stored in the compared
-    spelling.
-    """
+    """Each synonym is in lower case and is not listed as its own meaning."""
     for word, meanings in MEANINGS.items():
         assert word == word.lower()
         assert word not in meanings
 
 
 def test_names_without_likeness_are_listed_alone():
-    """Without a similar name the message only lists the known names."""
+    """If no known name is similar, the message lists the known names and suggests none."""
     assert choice_of("xyz", ("alpha", "beta")) == "choose from alpha, beta"

@@ -1,4 +1,4 @@
-"""The provenance of an output differs if inputs differ and is equal if they are equal."""
+"""Provenance of outputs: changed parameters, hash and date."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_support.provenance import Change, Provenance, parameter_hash
 
 
 def test_an_edited_aircraft_is_told(parameter_set: ParameterSet) -> None:
-    """The provenance names each changed parameter, in text and in JSON."""
+    """The provenance contains each changed parameter, in text and in JSON."""
     edited = replace(parameter_set, values=parameter_set.values._replace(panel_mass=10.5))
     assert changed_parameters(edited) == {
         "panel_mass": Change(10.5, parameter_set.values.panel_mass, "slug")
@@ -31,7 +31,7 @@ def test_the_smallest_change_changes_the_hash(parameter_set: ParameterSet) -> No
 
 
 def test_the_date_can_be_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    """SOURCE_DATE_EPOCH replaces the date."""
+    """SOURCE_DATE_EPOCH replaces the current date."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     assert Provenance("hfa trim").date == "1970-01-01T00:00:00Z"
     monkeypatch.delenv("SOURCE_DATE_EPOCH")

@@ -1,4 +1,4 @@
-"""Public names of packages."""
+"""Public names of the packages, which are imported when they are used."""
 
 import re
 from collections import Counter
@@ -17,7 +17,7 @@ STUBS = [
 
 
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
-    """The error on an unknown public name suggests the nearest ones."""
+    """The AttributeError for an unknown public name suggests the nearest name."""
     with pytest.raises(AttributeError, match="'linearise'; did you mean linearize"):
         hfa.linearise  # noqa: B018
     with pytest.raises(AttributeError, match="'modes_off'; did you mean modes_of"):
@@ -29,7 +29,7 @@ def test_an_unknown_name_is_answered_with_the_nearest() -> None:
 
 
 def test_one_name_stands_in_one_package() -> None:
-    """No public name is declared by two packages."""
+    """No public name is declared in two stubs."""
     names = Counter(
         name for stub in STUBS for name in re.findall(r" as (\w+)", stub.read_text("utf-8"))
     )
@@ -38,9 +38,7 @@ def test_one_name_stands_in_one_package() -> None:
 
 
 def test_the_core_stubs_name_no_extension() -> None:
-    """Of the core packages only `hfa` offers names of extensions. Each is imported when it is
-    used.
-    """
+    """The stubs of core packages, except `hfa`, import no name of an extension."""
     core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
     assert len(core) >= 6
     for stub in core:
@@ -49,6 +47,6 @@ def test_the_core_stubs_name_no_extension() -> None:
 
 
 def test_the_version_and_inner_packages_are_public() -> None:
-    """The version and the subpackages are public."""
+    """`hfa.__version__` and the subpackage `hfa.paper` are public."""
     assert hfa.__version__ == VERSION
     assert hfa.paper.__name__ == "hfa.paper"

@@ -1,6 +1,4 @@
-"""Declared formats of users' files: right values are returned, and wrong ones are refused in one
-line that names their place.
-"""
+"""Validation of users' files: valid data are returned, and an error names the invalid entry."""
 
 from __future__ import annotations
 
@@ -23,7 +21,7 @@ DECLARED = {
 
 
 def test_what_is_declared_is_read_as_floats() -> None:
-    """Data that match the declaration are returned, with their numbers as floats."""
+    """Data that match the declaration are returned with numbers as floats."""
     value = {
         "name": "x",
         "sizes": [[1, 2.5]],
@@ -58,7 +56,7 @@ def test_what_is_declared_is_read_as_floats() -> None:
     ],
 )
 def test_what_is_not_declared_is_named(change: dict[str, Any], said: str) -> None:
-    """Data that do not match the declaration are refused in one line that names their place."""
+    """Data that do not match the declaration are refused in one line that names the entry."""
     with pytest.raises(BadInputError) as refusal:
         checked("f.toml", {"name": "x"} | change, DECLARED)
     assert str(refusal.value).startswith(said)

@@ -1,4 +1,4 @@
-"""Names and factors of SI units."""
+"""Conversion of English units to SI units."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ FORCE = 0.45359237 * 9.80665
     ],
 )
 def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
-    """Units convert to SI and back by the stated factor."""
+    """Each unit has the stated SI unit and conversion factor, and the inverse conversion is
+    exact.
+    """
     assert si_unit(unit) == si
     assert si_factor(unit) == pytest.approx(factor, rel=1e-15)
     assert si_factor(si) == 1.0
@@ -39,5 +41,5 @@ def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
 
 
 def test_only_units_with_an_si_unit_are_converted() -> None:
-    """A unit is converted only if its SI unit is known."""
+    """The conversion between two unrelated units is None."""
     assert conversion("km/h", "ft/s") is None

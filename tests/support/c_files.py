@@ -1,4 +1,4 @@
-"""Helpers for exported C: compile it without warnings, call it through ctypes, and measure its
+"""Helpers for tests of exported C: compile without warnings, load by ctypes, and measure the
 size.
 """
 
@@ -24,15 +24,20 @@ def compiled(folder: Path, *words: str) -> None:
 
 
 def ran(folder: Path, *words: str) -> dict[str, float]:
-    """Return the output of a compiled loop: name -> number, without units."""
+    """Compile and run an exported loop, and return name -> number from its output.
+
+    words: source files and options of the compiler
+    """
     compiled(folder, *words, "-o", "loop")
     printed = subprocess.run([folder / "loop"], check=True, capture_output=True, text=True).stdout
     return {line[:32].strip(): float(line[32:].split()[0]) for line in printed.splitlines()}
 
 
 def written(folder: Path, texts: Mapping[str, str], source: str) -> Path:
-    """Write the texts into a folder, compile the library of `source`, which is one of them, and
-    return the folder.
+    """Write C files to a folder, compile one of them to library.so, and return the folder.
+
+    texts: file name -> content
+    source: name of the file to compile
     """
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -57,9 +62,7 @@ def called(folder: Path, name: str, *values: np.ndarray | float) -> int:
 
 
 def footprint(folder: Path, source: str) -> tuple[int, int, int, set[str]]:
-    """Return the bytes of code and constants, of data and of writable data, and the symbols of
-    other libraries.
-    """
+    """Compile a C file and return (text, data, bss, undefined symbols), with sizes in bytes."""
     compiled(folder, "-c", source, "-o", "sized.o")
     wanted, sizes = (
         subprocess.run(

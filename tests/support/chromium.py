@@ -1,4 +1,4 @@
-"""Chromium for tests of pages."""
+"""Fixture with the browser Chromium for tests of HTML pages."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FLAGS = (
 
 @contextmanager
 def browser() -> Iterator[Any]:
-    """Yield Chromium driven by selenium.
+    """Yield a selenium driver of Chromium.
 
-    Without a browser the test is skipped, and the message names the package to install.
+    If the browser or selenium is missing, the test is skipped with the command that installs it.
     """
     selenium = pytest.importorskip(
         "selenium.webdriver", reason="needs selenium: pip install '.[dev]'"
@@ -49,7 +49,7 @@ def browser() -> Iterator[Any]:
 
 
 def seen_at(driver: Any, width: int, medium: str = "screen") -> None:
-    """Show the page at this width (px), on the screen or as printed."""
+    """Set the width of the page in pixels and the medium, "screen" or "print"."""
     metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
     driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": medium})

@@ -1,4 +1,4 @@
-"""Run `hfa` in this process, which is fast, or in a child process, and keep its output."""
+"""Helpers that run `hfa` in this process or in a child process and return its output."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SCRIPT = Path(sys.executable).with_name("hfa")
 
 
 class Result(NamedTuple):
-    """The exit code, standard output and standard error of a run."""
+    """Exit code, standard output and standard error of a run."""
 
     code: int
     out: str
@@ -39,7 +39,7 @@ class Result(NamedTuple):
 
 
 class Terminal(io.StringIO):
-    """A stream that reports to be a terminal."""
+    """Text stream that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -48,8 +48,9 @@ class Terminal(io.StringIO):
 def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = None) -> Result:
     """Run `hfa words...` in this process and return its result.
 
-    Its output goes to `out` and `err`, by default no terminals. JSON that it prints, or writes with
-    -o, must have the published format.
+    JSON that the command prints or writes with -o must conform to the published format.
+
+    out, err: streams for the output; default: streams that are not terminals
     """
     result = unchecked_hfa(*words, err=err, out=out)
     if "--json" in words and result.out:
@@ -62,9 +63,9 @@ def hfa(*words: str, err: io.StringIO | None = None, out: io.StringIO | None = N
 def unchecked_hfa(
     *words: str, err: io.StringIO | None = None, out: io.StringIO | None = None
 ) -> Result:
-    """Return the result of a run without a check of its JSON.
+    """Run `hfa words...` in this process and return its result without checking JSON output.
 
-    The test is skipped if the command's extension is not installed.
+    The test is skipped if the command belongs to an extension that is not installed.
     """
     if words[:1] and words[0] in COMMANDS_OF_EXTENSIONS and words[0] not in commands():
         pytest.skip(f"hfa {words[0]} is not installed")
@@ -76,10 +77,10 @@ def unchecked_hfa(
 
 
 def answer(*words: str, code: int = DONE) -> dict[str, Any]:
-    """Return the one JSON object that `hfa words... --json` prints.
+    """Run `hfa words... --json` and return the printed JSON object.
 
-    Standard error must contain nothing but its warnings. Those of `trim` and `linearize` are in
-    their report.
+    Assert the exit code, and that standard error contains only the warnings listed in the JSON. For
+    `trim` and `linearize`, it must contain no warning.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err
@@ -92,7 +93,10 @@ def answer(*words: str, code: int = DONE) -> dict[str, Any]:
 
 
 def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Return every text, number and null of nested JSON data with its path of names and indices."""
+    """Yield (path, value) for every text, number and null in nested JSON data.
+
+    A path consists of keys and indices, each after a dot.
+    """
     if isinstance(data, (dict, list)):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
             yield from leaves(value, f"{path}.{key}")
@@ -101,7 +105,7 @@ def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def written_json(words: tuple[str, ...]) -> list[Path]:
-    """Return the .json files given by -o, or that are in the folder that it names."""
+    """Return the .json files that -o names, including those in a folder named by -o."""
     targets = [Path(path) for option, path in pairwise(words) if option in ("-o", "--output")]
     inside = [
         path
@@ -113,7 +117,10 @@ def written_json(words: tuple[str, ...]) -> list[Path]:
 
 
 def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
-    """Run `hfa words...` as a child process in a folder."""
+    """Run `hfa words...` as a child process in a folder and return its result.
+
+    environment: additional environment variables
+    """
     done = subprocess.run(
         [SCRIPT, *words],
         cwd=folder,
@@ -128,8 +135,9 @@ def hfa_process(*words: str, folder: Path, **environment: str) -> Result:
 
 
 def assert_refused(result: Result, code: int, *named: str) -> None:
-    """Assert a failure with this exit code, no standard output, and one line with the given
-    words.
+    """Assert that a run failed with this exit code and printed only one line, on standard error.
+
+    named: texts that the line must contain
     """
     assert (result.code, result.out) == (code, "")
     assert result.err.startswith("hfa: ")
@@ -144,8 +152,9 @@ _SEEN: set[tuple[str, ...]] = set()
 
 
 def assert_published(text: str) -> None:
-    """Assert that every key of the JSON is published and has its type, once for each set of
-    keys.
+    """Assert that JSON output conforms to the published format.
+
+    Output with the same keys is checked only once.
     """
     data = json.loads(text)
     shape = (str(data.get("schema")), *data)
@@ -156,7 +165,10 @@ def assert_published(text: str) -> None:
 
 
 def complaints_about(data: dict[str, Any]) -> list[str]:
-    """Return the faults of an output: errors of the schema, and keys that it does not list."""
+    """Return the errors of JSON data against the published schema, including unlisted keys.
+
+    The list is empty if the extension with the schema is not installed.
+    """
     name = str(data.get("schema")).removeprefix("hfa.").partition("/")[0]
     if formats is None:
         return []
@@ -180,7 +192,10 @@ def _validator(name: str) -> Any:
 
 
 def refusal(load: Callable[[str], object], path: Path) -> str:
-    """Return the message with which a file is refused: one line that names the file."""
+    """Load a file that must be refused, and return the message of the BadInputError.
+
+    Assert that the message is one line and contains the path.
+    """
     with pytest.raises(BadInputError) as caught:
         load(str(path))
     message = str(caught.value)

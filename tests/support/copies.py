@@ -1,11 +1,12 @@
-"""Copies of a problem that differ by something on which no verdict may depend.
+"""Equivalent copies of a problem, for tests that the verdict does not depend on the representation.
 
-They differ by the last bits of the numbers, by the order of the states, by their units (powers of
-two), or by an orthogonal change of coordinates. The change applies in units in which the states are
-comparable. In other units small parts are lost in the rounding of the largest.
+Copies differ in the last bits of the numbers, the order of the states, the units of the states
+(powers of two), or by an orthogonal change of coordinates. The orthogonal change is applied in
+units in which the states have similar magnitudes. Otherwise small entries would be lost by
+rounding.
 
-Copies can be made of any dataclass with the matrices of a game, of a game in discrete time, of a
-generalized plant, and of the matrices of a critic.
+A problem is any dataclass with the matrices of a game, a discrete-time game or a generalized plant.
+The matrices of a critic can be converted too.
 """
 
 from __future__ import annotations
@@ -35,11 +36,9 @@ MOST_DRAWS = 20
 
 
 class Copy(NamedTuple):
-    """A changed copy of a problem.
+    """An equivalent copy of a problem and of a critic.
 
-    kind: one of `KINDS`
-    problem: the changed problem
-    critic: the changed critic
+    kind: kind of the change, one of `KINDS`
     """
 
     kind: str
@@ -50,9 +49,9 @@ class Copy(NamedTuple):
 def copies(
     problem: Any, seed: int, count: int, critic: Mapping[str, np.ndarray] | None = None
 ) -> Iterator[Copy]:
-    """Return this number of copies, of each kind in turn.
+    """Yield `count` copies of a problem, with the kinds of `KINDS` in turn.
 
-    critic: matrices P, K or L of the same states
+    critic: matrices P, K or L to convert to the coordinates of the copy
     """
     rng = np.random.default_rng([seed, 44])
     A = problem.step.A if hasattr(problem, "step") else problem.A
@@ -72,16 +71,18 @@ def copies(
 
 
 def in_units(problem: Any, units: np.ndarray) -> Any:
-    """Return the problem in the state y with z_i = u_i y_i.
+    """Return the problem with states y, where z_i = u_i y_i.
 
-    units: (n,)
+    units: u, (n,)
     """
     change = _Change(np.diag(1.0 / units), np.diag(units))
     return _copy(problem, change, np.random.default_rng())
 
 
 class _Change(NamedTuple):
-    """The change of coordinates y = T z. Without T the last bits change."""
+    """Change of coordinates y = T z and its inverse. If T is None, only the last bits are
+    changed.
+    """
 
     T: np.ndarray | None
     inverse: np.ndarray | None

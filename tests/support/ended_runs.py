@@ -1,4 +1,4 @@
-"""Runs of `hfa` that are ended by a signal, and the files that they leave."""
+"""Helpers for runs of `hfa` that are ended by a signal, and checks of the files that remain."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ proc = pytest.mark.skipif(
 
 
 class Ended(NamedTuple):
-    """An ended run: exit code, standard output and error, seconds, and the observed worker
-    processes.
+    """Result of a run that was ended by a signal.
+
+    seconds: duration of the run
+    workers: process numbers of its workers
     """
 
     code: int
@@ -39,7 +41,9 @@ class Ended(NamedTuple):
 
 
 def stat(process: int) -> list[str]:
-    """Return state, parent, ... of a process, and "X" for one that has ended."""
+    """Return the fields of /proc/PID/stat from the state on. The state of an ended process is
+    "X".
+    """
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -47,7 +51,10 @@ def stat(process: int) -> list[str]:
 
 
 def workers(parent: int) -> list[int]:
-    """Return the worker processes of a run, without the resource tracker."""
+    """Return the process numbers of the workers of a run, without Python's resource tracker.
+
+    parent: process number of the run
+    """
     processes = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
     children = [process for process in processes if int(stat(process)[1]) == parent]
     return [
@@ -56,7 +63,7 @@ def workers(parent: int) -> list[int]:
 
 
 def until(holds: Callable[[], bool], seconds: float = 60.0) -> bool:
-    """Wait for a condition. Return whether it became true."""
+    """Wait until a condition is true, at most `seconds` s. Return whether it is true."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
         time.sleep(0.05)
@@ -70,13 +77,15 @@ def run(
     after: float = 0.0,
     working: int = 0,
 ) -> Ended:
-    """Run a command in a folder, with temporary files in folder/temporary, and end it by a signal.
+    """Run a command in a folder, end it by a signal, and return the result.
 
-    The signal is sent `after` seconds after this number of workers has started.
+    number: signal, or None to let the run finish
+    after: delay in seconds between the start of the workers and the signal
+    working: number of workers to wait for before the delay
 
-    Ctrl-C is sent to all processes of the run, as from a terminal, and other signals to its first
-    process. A run ignores the signals that its parent process ignores, as nohup does with SIGHUP.
-    Therefore the signal is first given its default action.
+    Ctrl-C is sent to all processes of the run, as a terminal does. Other signals are sent only to
+    the first process. The temporary files of the run are in folder/temporary. If this process
+    ignores the signal (as under nohup), the run is started with the default action of the signal.
     """
     (folder / "temporary").mkdir(parents=True, exist_ok=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
@@ -106,7 +115,9 @@ def run(
 
 
 def result_of(folder: Path) -> dict[str, Any]:
-    """Return the content of each file, without date and command."""
+    """Return path -> content for each file in a folder, without dates and commands in JSON
+    files.
+    """
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     # What a kill may leave.
     killed = {path for path in files if path.suffix == ".partial" or ".hfa-" in str(path)}
@@ -128,10 +139,9 @@ def _plain(value: Any) -> Any:
 
 
 def leaves_nothing(folder: Path, words: tuple[str, ...], number: signal.Signals) -> Ended:
-    """Assert that a run that is ended while two workers compute leaves no worker and no temporary
-    file.
+    """End a run while two workers compute, and return its result.
 
-    After SIGKILL temporary files may remain.
+    Assert that no worker remains and, except after SIGKILL, no temporary file.
     """
     ended = run(folder, *words, number=number, after=0.3, working=2)
     assert len(ended.workers) == 2
@@ -146,8 +156,9 @@ RUNS = 17
 
 
 def in_one_line(ended: Ended, said: str) -> bool:
-    """Assert that a run ended in one line, was ended by Python before the command began, or had
-    finished.
+    """Return whether an ended run printed only the line `said`.
+
+    The result is also True if Python ended the process before `hfa` started or if the run finished.
     """
     lines = [
         line for line in ended.err.splitlines(keepends=True) if not line.startswith("hfa: note: ")
@@ -158,8 +169,8 @@ def in_one_line(ended: Ended, said: str) -> bool:
 
 
 def comes_to_the_same_bits(folder: Path, words: tuple[str, ...]) -> None:
-    """Assert that a run that is ended at random moments and continued has the bits of one that is
-    not.
+    """Assert that a run that is ended at random times and resumed writes the same bytes as a full
+    run.
     """
     whole = run(folder / "whole", *words)
     assert whole.code == 0

@@ -1,4 +1,4 @@
-"""Files of plants and critics for tests of `hfa solve`, `hfa learn` and `hfa verify`."""
+"""Helpers that write plants and critics to files, for tests of commands."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL: dict[str, Any] = {
 
 
 def stored(path: str | Path, **content: Any) -> str:
-    """Write a file in the format of its suffix. Return its name for the command line."""
+    """Write arrays to a .json, .npz or .mat file and return its path as text."""
     path = Path(path)
     if path.suffix == ".json":
         plain = {
@@ -42,7 +42,7 @@ def stored(path: str | Path, **content: Any) -> str:
 
 
 def small(path: str | Path, **changes: Any) -> str:
-    """Write the small plant with changes. A change to None omits the entry."""
+    """Write the plant `SMALL`, with changed entries, and return the path. None omits an entry."""
     content = {key: value for key, value in (SMALL | changes).items() if value is not None}
     return stored(path, **content)
 

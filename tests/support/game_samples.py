@@ -1,4 +1,4 @@
-"""Games on which the exact solution is tested: games of the aircraft, and random ones."""
+"""Games for tests of the exact solution: games of the aircraft, and random games."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ANGLES = (0, 5, 10, 15, 20)
 
 
 def game_models() -> dict[str, Game]:
-    """Return the games of the two printed models by name."""
+    """Return name -> game for the two printed linear models."""
     return {
         f"published-{model.dihedral_deg:g}": published_game(model.A, model.B)
         for model in published_models()
@@ -29,9 +29,7 @@ def game_models() -> dict[str, Game]:
 
 
 def regenerated_models() -> dict[str, Game]:
-    """Return the games of our models between 0 and 20 degrees, for both variants of the equations,
-    by name.
-    """
+    """Return name -> game for the dihedral angles `ANGLES` and all dynamics of the HFA."""
     return {
         f"regenerated-{dynamics}-{angle}": game_at(float(angle), dynamics)
         for dynamics in VARIANTS
@@ -42,10 +40,10 @@ def regenerated_models() -> dict[str, Game]:
 def random_game(rng: np.random.Generator, *, scaled: bool) -> Game:
     """Return a random game with six states.
 
-    It has one to five inputs, one to six disturbances, a Q of rank one to six, and delta from 0.3
-    to 30.
+    The game has one to five inputs and one to six disturbances. Q has rank one to six, and delta is
+    between 0.3 and 30.
 
-    scaled: whether the units of the states differ by up to 1e8
+    scaled: whether the states are in units that differ by up to 1e8
     """
     n = 6
     m = int(rng.integers(1, 6))
@@ -82,14 +80,16 @@ def game(request: pytest.FixtureRequest) -> Game:
 
 @pytest.fixture(scope="session")
 def first() -> tuple[Game, np.ndarray]:
-    """Return one of the games and its P."""
+    """Return the game of the printed model at 15 deg, and its solution P."""
     game = game_models()["published-15"]
     return game, solve_game(game).P
 
 
 def game_in(state: float, of_input: float = 1.0) -> Game:
-    """Return a plant of two states and two inputs with numbers near 1, the second of each in other
+    """Return a game with two states and two inputs, whose second state and input are in other
     units.
+
+    state, of_input: scale of the second state and the second input
     """
     u = np.array([1.0, state])
     v = np.array([1.0, of_input])

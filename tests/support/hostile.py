@@ -1,7 +1,7 @@
-"""Hostile inputs of every kind to `hfa`, and checks of its reaction.
+"""Hostile inputs to `hfa`, and checks of the reaction of the command.
 
-Input `number` of a kind is always the same. It is a command line with replaced words, or a file
-with replaced tokens, arrays or bytes. `hostile_files` makes these files.
+An input is a command line with replaced words, or a file with replaced tokens, arrays or bytes.
+`hostile_files` corrupts the files. Inputs are reproducible: each is defined by its kind and number.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 
 
 class Hanging(BaseException):
-    """An exception for a run that takes too long. No command catches it."""
+    """Exception for a run that exceeds its time limit. Commands do not catch it."""
 
 
 def _hostile_words(chance: random.Random) -> list[str]:
@@ -139,7 +139,11 @@ def _hostile_words(chance: random.Random) -> list[str]:
 
 
 def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
-    """Return input `number` of a kind: the words and the files that exist before the run."""
+    """Return (command-line words, name -> content of the input files) for a hostile input.
+
+    way: kind of input, a key of `WAYS`
+    number: number of the input, which seeds its random changes
+    """
     chance = random.Random(f"{way} {number}")
     if not WAYS[way]:
         return _hostile_words(chance), {}
@@ -157,7 +161,7 @@ def case(way: str, number: int) -> tuple[list[str], dict[str, bytes]]:
 
 @cache
 def seeds() -> Mapping[str, bytes]:
-    """Return valid files as the commands write them: name -> content."""
+    """Return name -> content of valid files, most of which are written by commands."""
     from controllers import small_controller
     from known_models import exact_gain
     from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
@@ -211,9 +215,9 @@ def seeds() -> Mapping[str, bytes]:
 
 
 def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
-    """Return the fault in the reaction of `hfa` to an input, or None without one.
+    """Run `hfa` with a hostile input and return the fault in its reaction, or None.
 
-    It runs below a folder that must stay empty.
+    given: name -> content of the input files
     """
     with tempfile.TemporaryDirectory() as name:
         inside = Path(name) / "inside"
@@ -238,10 +242,10 @@ def attempt(words: Sequence[str], given: Mapping[str, bytes]) -> str | None:
 
 
 def said_wrongly(result: Result) -> str | None:
-    """Return the fault of the exit code and the output, or None.
+    """Return the fault in the exit code and output of a run, or None.
 
-    Exit codes are 0, 1 or 2. The output is a result with notes, or one line that a terminal can
-    show.
+    The exit code must be 0, 1 or 2. The run must print a result with notes, or one printable line
+    that is not too long.
     """
     lines = result.err.splitlines()
     others = [line for line in lines if not line.startswith("hfa: note: ")]
@@ -260,10 +264,12 @@ def said_wrongly(result: Result) -> str | None:
 def _left_wrongly(
     folder: Path, words: Sequence[str], given: Mapping[str, bytes], result: Result
 ) -> str | None:
-    """Return the fault of the remaining files, or None.
+    """Return the fault in the files that a run left, or None.
 
-    A run may leave nothing outside its folder, nothing that was not requested, nothing after a
-    refusal, and no partial file.
+    A run must leave nothing outside its folder, no file that the command line does not name, no
+    file after exit code 2, and no incomplete JSON file.
+
+    given: names of the input files
     """
     if outside := [path.name for path in folder.iterdir() if path.name != "inside"]:
         return f"left outside: {outside}"
@@ -286,8 +292,9 @@ def _left_wrongly(
 
 @contextlib.contextmanager
 def _alarm() -> Iterator[None]:
-    """Raise `Hanging` in the block after a limit of processor time, or ten times that limit of
-    clock time.
+    """Raise `Hanging` if the block exceeds `LONGEST` seconds of processor time.
+
+    The limit of elapsed time is ten times as long.
     """
 
     def end(*_: object) -> None:

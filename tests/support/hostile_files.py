@@ -1,5 +1,6 @@
-"""Hostile files: texts with replaced tokens, arrays, archives and bytes, and false claims with
-right digests.
+"""Corrupted input files: replaced tokens, arrays, archive members and bytes.
+
+Certificates with false claims and correct digests are included.
 """
 
 from __future__ import annotations
@@ -155,9 +156,9 @@ _NAMES = (
 
 
 def damaged(content: bytes, chance: random.Random) -> bytes:
-    """Return the content after one to four damages.
+    """Return the content after one to four random changes.
 
-    A damage flips a bit, replaces a byte, removes or doubles bytes, or cuts the end.
+    A change flips a bit, replaces a byte, removes or repeats bytes, or cuts off the end.
     """
     result = bytearray(content)
     for _ in range(chance.randint(1, 4)):
@@ -244,7 +245,7 @@ def hostile_file(name: str, content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
-    """Return a valid archive with members damaged, omitted, or twice as long."""
+    """Return a valid zip archive with one or two members damaged, omitted or doubled in length."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     for _ in range(chance.randint(1, 2)):
@@ -264,7 +265,9 @@ def _hostile_zip(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
-    """Return a file with another header, or with a wrong length of its header."""
+    """Return a safetensors file with a corrupted header and, in some cases, a wrong header
+    length.
+    """
     length = struct.unpack("<Q", content[:8])[0]
     header = _hostile_text(content[8 : 8 + length], chance)
     said = len(header)

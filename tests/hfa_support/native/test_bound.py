@@ -1,6 +1,4 @@
-"""Chunks computed by several threads of one process, as by workers of a cluster, have the bits of a
-single thread.
-"""
+"""Sweeps computed by several threads of one process equal those of a single thread bit by bit."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ from trim.sweeps.sweep import run_points
 
 @pytest.mark.parametrize("compile_code", [False, True])
 def test_a_sweep(compile_code: bool) -> None:
-    """Sweeps computed in several threads at once equal those computed alone."""
+    """Five sweeps computed in concurrent threads equal those computed one after the other."""
 
     def chunk(number: int) -> Rows:
         rng = np.random.default_rng(number)

@@ -1,4 +1,4 @@
-"""Rows computed column by column have the bits of rows computed one by one."""
+"""CasADi Functions of many rows: results by columns equal those of single rows bit by bit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def of_every_operation() -> ca.Function:
 
 
 def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
-    """Return the results of a Function that is called for each row."""
+    """Evaluate a Function for each row separately and return its results (N, entries)."""
     rows = [function.call([ca.DM(row) for row in each]) for each in zip(*tables, strict=True)]
     return [
         np.array([np.array(entry).ravel("F") for entry in side]) for side in zip(*rows, strict=True)
@@ -44,8 +44,9 @@ def one_by_one(function: ca.Function, *tables: np.ndarray) -> list[np.ndarray]:
 
 
 def test_every_operation_has_the_same_bits() -> None:
-    """Every operation has the same bits by columns, also at the ends of the range and in an
-    incomplete last block.
+    """Every scalar operation gives equal bits by columns and by rows.
+
+    Special values and an incomplete last block are included.
     """
     function = of_every_operation()
     pairs = [(a, b) for a in _SPECIAL for b in _SPECIAL]
@@ -63,7 +64,7 @@ def test_every_operation_has_the_same_bits() -> None:
 
 
 def test_matrices_constants_and_empty_arguments() -> None:
-    """Empty arguments, matrices, and constant results are computed by columns."""
+    """Evaluation by columns supports matrices, constant results and empty arguments."""
     x, nothing = ca.SX.sym("x", 2, 3), ca.SX.sym("nothing", 0)
     function = ca.Function("matrix", [x, nothing], [x.T, ca.DM([[1.0, 2.0]]), ca.SX(0, 1)])
     table = np.random.default_rng(0).normal(size=(2101, 6))
@@ -74,7 +75,7 @@ def test_matrices_constants_and_empty_arguments() -> None:
 
 
 def test_a_function_called_inside_stays_a_call() -> None:
-    """A Function that calls another one is not split into scalar operations."""
+    """A Function that calls another Function is evaluated by rows."""
     x = ca.SX.sym("x", 2)
     inner = ca.Function("inner", [x], [ca.sin(x[::-1])], {"never_inline": True})
     X = ca.MX.sym("X", 2)
@@ -86,7 +87,7 @@ def test_a_function_called_inside_stays_a_call() -> None:
 
 @pytest.mark.parametrize("name", ["hfa", "f16"])
 def test_equations_of_aircraft_have_the_same_bits(name: str) -> None:
-    """Residuals, Jacobians and linear models of a trim have the same bits by columns."""
+    """Trim residuals, Jacobians and linear models have equal bits by columns and by rows."""
     model = hfa.aircraft() if name == "hfa" else hfa.load_model(f"{_F16}:F16")
     system = TrimSystem(model, usual_condition(model))
     random = np.random.default_rng(0)

@@ -1,5 +1,5 @@
-"""Machine code gives the same numbers, is compiled once, and is replaced where no compiler is
-available.
+"""Machine code gives equal results, is compiled once, and is not used without a working
+compiler.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def test_a_broken_compiler_is_noted_and_replaced(
     cache: Path,
     broken: str,
 ) -> None:
-    """With a broken compiler the virtual machine is used, and a note reports it."""
+    """Without a working compiler, a note is printed and the function itself is returned."""
     does, warning = _BROKEN.get(broken, ("", "no C compiler found; running without machine code"))
     compiler = tmp_path / "cc"
     script = does if isinstance(does, str) else 'exec cc "$@"'
@@ -91,7 +91,9 @@ def test_a_broken_compiler_is_noted_and_replaced(
 
 @needs_compiler
 def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
-    """Machine code is compiled once and gives the same numbers."""
+    """A function is compiled once, and the compiled function gives equal results within
+    rounding.
+    """
     x = ca.SX.sym("x", 3)
     function = ca.Function("step", [x], [ca.sin(x) * x])  # `step` is also a symbol of the C library
     compiled = generated.machine_code(function)
@@ -106,8 +108,9 @@ def test_machine_code_gives_the_same_numbers(cache: Path) -> None:
 @needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "flipped"])
 def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
-    """A damaged library in the cache is compiled again. Loading it would end the process by a bus
-    error.
+    """A damaged library in the cache is compiled again.
+
+    Loading it could end the process with a bus error.
     """
     function = cube()
     generated.machine_code(function)
@@ -123,7 +126,7 @@ def test_another_library_is_compiled_again(cache: Path, damage: str) -> None:
 
 @needs_compiler
 def test_the_cache_is_closed_to_others(cache: Path) -> None:
-    """Only the owner can access the folder and the libraries of the cache."""
+    """The cache folder and its libraries are accessible only to their owner."""
     cache.mkdir(mode=0o777, parents=True)
     before = os.umask(0)  # the compiler would let everybody write
     try:
@@ -136,7 +139,7 @@ def test_the_cache_is_closed_to_others(cache: Path) -> None:
 
 @needs_compiler
 def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
-    """If the cache is a link, nothing is written to its target, and the mode of the target is
+    """If the cache folder is a link, nothing is written into its target, whose mode is
     unchanged.
     """
     target = tmp_path / "target"
@@ -150,7 +153,7 @@ def test_a_linked_cache_is_left_alone(cache: Path, tmp_path: Path) -> None:
 
 @needs_compiler
 def test_a_library_of_another_text_is_compiled_again(cache: Path) -> None:
-    """A library of another function, or a link, in the cache is not used."""
+    """A library in the cache is rejected if it is a link or contains another function."""
     x = ca.SX.sym("x")
     generated.machine_code(ca.Function("square", [x], [x**2]))
     (square,) = cache.glob("*.so")

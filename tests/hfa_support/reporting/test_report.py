@@ -1,6 +1,4 @@
-"""A report as text, Markdown, HTML and data has the same content. Every word is escaped, and a
-picture is drawn once.
-"""
+"""Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 from __future__ import annotations
 
@@ -49,7 +47,7 @@ def report(drawn: list[str]) -> Report:
 
 
 def test_empty_lines_stand_between_parts_only() -> None:
-    """The text has an empty line between parts and none within a block."""
+    """The text of a report has a blank line between parts, but not inside a tuple of parts."""
     assert (
         report([]).text() == "Title & more\nof it\n\nfirst\n\nInner\n\n"
         "load      value\nlift <1>    2.5\na|b          10\nbelow the table\n\nNote: take care"
@@ -66,7 +64,10 @@ def test_markdown_has_headings_and_tables() -> None:
 
 
 def test_html_has_real_tables_and_escapes_every_word() -> None:
-    """HTML has headings, scrollable tables and embedded pictures, drawn once, with escaped text."""
+    """The HTML of a report has headings, tables and pictures, and every text is escaped.
+
+    A picture is drawn once even if the HTML is made twice.
+    """
     drawn: list[str] = []
     made = report(drawn)
     html = made.html(2)
@@ -85,7 +86,7 @@ def test_html_has_real_tables_and_escapes_every_word() -> None:
 
 
 def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
-    """JSON, .npz, .mat and .csv contain the data and records; another suffix is refused."""
+    """.json, .npz, .mat and .csv files contain the data or records. Another suffix is refused."""
     made = report([]).with_data(more=[1])
     expected = {
         "schema": "hfa.test/1",
@@ -108,7 +109,7 @@ def test_json_and_files_hold_the_data(tmp_path: Path) -> None:
 
 
 def test_a_toned_cell_has_color_and_class() -> None:
-    """A toned cell has its color on a terminal and its class in HTML."""
+    """A cell with a tone is colored on a terminal and has a class in HTML."""
     table = Table(
         ("check", "value", "verdict"), [("a", "1.5", Cell("pass", "good")), ("longer", "2", "-")]
     )
@@ -124,7 +125,7 @@ def test_a_toned_cell_has_color_and_class() -> None:
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
 def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
-    """Control characters in a name do not reach a terminal."""
+    """Control characters in a name are escaped in text, Markdown and HTML."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
         lines = text.replace("\n", "")
@@ -136,9 +137,7 @@ def test_no_name_controls_a_terminal(name: str, tmp_path: Path) -> None:
 
 
 def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
-    """Names of users cannot become formulas in a spreadsheet, or links, tags and columns in
-    Markdown.
-    """
+    """A user's name never becomes a spreadsheet formula, or a link, tag or column in Markdown."""
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")
@@ -154,7 +153,7 @@ def test_names_are_no_formulas_links_or_columns(tmp_path: Path) -> None:
 
 
 def test_checks_judge_and_give_reasons() -> None:
-    """Checks pass at their limit, fail for nan, and have a reason only if they fail."""
+    """A check passes at an inclusive limit, fails for nan, and has a reason only if it fails."""
     assert at_most("x", 1.0, 1.0, "too large") == Check("x", 1.0, 1.0, True, "")
     assert at_most("x", 1.1, 1.0, "too large") == Check("x", 1.1, 1.0, False, "too large")
     assert at_least("x", 1.0, 1.0, "small").ok
@@ -167,7 +166,9 @@ def test_checks_judge_and_give_reasons() -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
-    """The file contains its origin, and a new run writes the same file."""
+    """A picture file contains its provenance, and saving the same figure again gives equal
+    bytes.
+    """
     paths = [tmp_path / f"{number}{suffix}" for number in (1, 2)]
     for path in paths:
         figure = new_figure(4.0, 3.0)
@@ -187,9 +188,7 @@ def test_the_origin_is_in_the_file(suffix: str, tmp_path: Path) -> None:
 def test_a_name_with_dollar_signs_is_no_formula(
     name: str, suffixes: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """Dollar signs in titles, legends and axis labels are printed, and powers of ten remain
-    formulas.
-    """
+    """Dollar signs in titles and labels are printed literally. Powers of ten remain formulas."""
 
     figure: Figure = new_figure(4.0, 3.0)
     axes = figure.subplots()
@@ -205,9 +204,7 @@ def test_a_name_with_dollar_signs_is_no_formula(
 
 
 def test_stacks_in_mat_files_have_numbers_last(tmp_path: Path) -> None:
-    """An array or list of matrices (N, rows, columns) has the shape (rows, columns, N) in
-    MATLAB.
-    """
+    """In a .mat file, N matrices (N, rows, columns) are stored as (rows, columns, N)."""
     stack = np.arange(24.0).reshape(4, 2, 3)
     data = {"array": stack, "lists": stack.tolist(), "inner": {"deep": stack}, "flat": stack[0]}
     save_data(tmp_path / "stack.mat", data, Table((), []))

@@ -1,4 +1,4 @@
-"""Numbers for people: degrees for radians, and matrices with the necessary digits."""
+"""Formatting of angles, matrices and tables as text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_support.reporting.text import (
 
 
 def test_radians_become_degrees() -> None:
-    """Angles and rates in rad are shown in degrees, other units unchanged."""
+    """Angles and angular rates are printed in degrees. Other units are unchanged."""
     angle = math.radians(15.0)
     assert in_degrees(angle) == 15.0
     assert degrees(angle, "rad/s") == ("15.00000", "deg/s")
@@ -43,9 +43,7 @@ def test_a_matrix_is_not_hidden_by_its_decimals(largest: float, cells: tuple[str
 
 
 def test_a_small_entry_does_not_look_like_zero() -> None:
-    """A small entry is not printed as zero. Rounding errors, such as cos(pi/2), and 0 itself
-    are.
-    """
+    """A small matrix entry is not printed as zero, but rounding errors are."""
     entries = np.array([[155.6092, -2.6e-5, 4.9e-5, 5.1e-5, 1e-17, -0.0, 0.0]])
     table = matrix_table("B", ("alpha",), ("a", "b", "c", "d", "e", "f", "g"), entries)
     small = ("-2.6e-05", "4.9e-05", "0.0001")
@@ -53,7 +51,7 @@ def test_a_small_entry_does_not_look_like_zero() -> None:
 
 
 def test_wide_tables_continue_below() -> None:
-    """Columns that do not fit are printed below, with the first column repeated."""
+    """Columns beyond the width are printed in a block below, which repeats the first column."""
     header = ("mode", "eigenvalue", "damping")
     rows = [("phugoid", "-69.4807 ± 10.2273i", "0.4125")]
     shown = columns(header, rows, width=30).split("\n\n")
@@ -66,7 +64,7 @@ def test_wide_tables_continue_below() -> None:
 
 
 def test_a_paragraph_is_broken_between_words_alone() -> None:
-    """Wrapping breaks a paragraph only between words, not at an underscore."""
+    """Lines are wrapped only at blanks, not at an underscore."""
     text = "the unknowns speed_of_sound and alpha\nbind"
     assert wrapped(text, 14) == "the unknowns\nspeed_of_sound\nand alpha\nbind"
     assert wrapped(text, None) == text
