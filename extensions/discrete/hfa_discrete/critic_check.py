@@ -96,9 +96,9 @@ def check_discrete(
     a value that is not quadratic, is also searched and simulated over a box of states. L2 gain and
     margins apply only to continuous time and are not checked.
 
-    limit: largest permitted relative error more: further matrices of the critic: L (k, n) of w = L
-    x, and H of its Q-function over (x, u, w)
-      or (x, u)
+    limit: largest permitted relative error
+    more: further matrices of the critic: L (k, n) of w = L x, and H of its Q-function over (x, u,
+      w) or (x, u)
     scope: extent of the checks of a network; by default its default values
 
     Raises BadInputError if an entry of the critic is not finite, or L has a wrong shape. Raises

@@ -19,10 +19,11 @@ class DiscreteGame(Reported):
 
     u minimizes and w maximizes J.
 
-    step: A, B, E, Q, R and delta of one step discount: α, 0 < α <= 1 N: (n, m), cross weights; None
-    means 0 A_low: (n, n), difference between A and its double-precision value, used for short
-    steps, where A
-      is nearly I; None means 0
+    step: A, B, E, Q, R and delta of one step
+    discount: α, 0 < α <= 1
+    N: (n, m), cross weights; None means 0
+    A_low: (n, n), difference between A and its double-precision value, used for short steps, where
+      A is nearly I; None means 0
 
     Raises BadInputError for a wrong shape or number, and if [[Q, N], [N', R]] is not positive
     semidefinite.

@@ -35,12 +35,12 @@ class AnalysedDiscreteGame(Result, Reported):
 
     @property
     def delta_margin(self) -> float:
-        """Return delta / delta_min."""
+        """Ratio delta / delta_min."""
         return self.delta_min.margin(self.solution.game.delta)
 
     @property
     def closed_loop_eigenvalues(self) -> Roots:
-        """Return the eigenvalues of A - B K, (n,), in discrete time."""
+        """Eigenvalues of A - B K, (n,), in discrete time."""
         step = self.solution.game
         return np.linalg.eigvals(step.A - step.B @ self.solution.K)
 

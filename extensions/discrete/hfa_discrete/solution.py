@@ -44,10 +44,14 @@ FAINT_REACH = 1e-9
 class DiscreteSolution(Reported):
     """Certified solution of a discrete-time game.
 
-    P: (n, n), of the value x'P x K: (m, n), of the policy u = -K x disturbance_gain: L, (k, n), of
-    the worst disturbance w = L x problem: the game certificate: the tests that were passed radius:
-    spectral radius of A - B K; the policy stabilizes if it is below 1 discounted_radius: spectral
-    radius of sqrt(discount) (A - B K); the cost is finite if it is below 1
+    P: (n, n), of the value x'P x
+    K: (m, n), of the policy u = -K x
+    disturbance_gain: L, (k, n), of the worst disturbance w = L x
+    problem: the game
+    certificate: the tests that were passed
+    radius: spectral radius of A - B K; the policy stabilizes if it is below 1
+    discounted_radius: spectral radius of sqrt(discount) (A - B K); the cost is finite if it is
+      below 1
     """
 
     P: Matrix
@@ -60,22 +64,22 @@ class DiscreteSolution(Reported):
 
     @property
     def game(self) -> Game:
-        """Return A, B, E, Q, R and delta of one step."""
+        """A, B, E, Q, R and delta of one step."""
         return self.problem.step
 
     @property
     def names(self) -> PlantNames:
-        """Return the names of the states and inputs."""
+        """Names of the states and inputs."""
         return self.game.names
 
     @property
     def discount(self) -> float:
-        """Return the discount α of one step."""
+        """Discount α of one step."""
         return self.problem.discount
 
     @property
     def H(self) -> Matrix:
-        """Return the matrix of the Q-function over (x, u, w) (`DiscreteGame.q_function`)."""
+        """Matrix of the Q-function over (x, u, w) (`DiscreteGame.q_function`)."""
         return self.problem.q_function(self.P)
 
 

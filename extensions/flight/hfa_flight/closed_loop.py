@@ -180,10 +180,14 @@ def _values(winds: Winds, model: Model) -> list[Any]:
 class Expressions(NamedTuple):
     """Expressions of a loop at (t, y, held).
 
-    rate: y' error: (k,), x - x_d inputs: (m,), inputs of the plant winds: nonzero disturbances of
-    the model, in the order of `wind_names` angle: (1,), deviation of the angle of attack through
-    the air, or (0,) if it equals that of alpha command: (m,), command of the policy measured: (n,),
-    states of the plant with sensor noise
+    rate: y'
+    error: (k,), x - x_d
+    inputs: (m,), inputs of the plant
+    winds: nonzero disturbances of the model, in the order of `wind_names`
+    angle: (1,), deviation of the angle of attack through the air, or (0,) if it equals that of
+      alpha
+    command: (m,), command of the policy
+    measured: (n,), states of the plant with sensor noise
     """
 
     rate: ca.SX

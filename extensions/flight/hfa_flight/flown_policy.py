@@ -127,7 +127,9 @@ class PythonPolicy(Policy):
     It is called at the beginning of each tick, and U is constant during the tick.
 
     function: (t in s, X by name) -> U, (m,), or by name; inputs that it does not name remain at
-    trim point: the trim tick: s
+      trim
+    point: the trim
+    tick: s
     """
 
     is_held = True
