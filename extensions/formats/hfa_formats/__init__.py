@@ -1,1 +1,1 @@
-"""The published formats of outputs: a JSON Schema, made from the classes of results."""
+"""The published formats of outputs: a JSON Schema, derived from the classes of results."""

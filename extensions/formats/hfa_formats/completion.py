@@ -1,4 +1,7 @@
-"""Completion of commands and options: complete -C "python -m hfa_formats.completion" hfa."""
+"""Completion of commands and options in bash.
+
+Enable it with: complete -C "python -m hfa_formats.completion" hfa
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ from hfa_support.errors import BadInputError
 
 
 def candidates(words: list[str]) -> list[str]:
-    """Return the possible last words of a command line, without `hfa`.
+    """Return the completions of the last word of a command line, in alphabetical order.
 
-    words: the words typed so far, the last of which may be empty
+    words: the words typed so far, without `hfa`; the last word may be empty
     """
     *before, begun = words
     try:
@@ -31,7 +34,10 @@ def candidates(words: list[str]) -> list[str]:
 
 
 def main() -> int:
-    """Print the possible last words of the command line in COMP_LINE, one word on each line."""
+    """Print the completions of the command line in the variable COMP_LINE, one word on each line.
+
+    The line is cut at the cursor position in the variable COMP_POINT. Returns the exit code 0.
+    """
     typed = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "10000"))]
     words = typed.split()[1:]
     if not typed or typed[-1].isspace():

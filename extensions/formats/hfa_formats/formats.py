@@ -26,9 +26,9 @@ class Stamp(Result):
 
 
 def written() -> tuple[str, ...]:
-    """Return the results that commands write, and the keys that options add.
+    """Return the declarations of the results that commands write and of the keys that options add.
 
-    Each has the form of `CommandEntry.results`.
+    Each declaration has the form of `CommandEntry.results`.
     """
     import_module("verification.critic.error_table")  # verdicts name it for type checkers alone
     of_commands = [text for entry in commands().values() for text in entry.results]
@@ -37,8 +37,9 @@ def written() -> tuple[str, ...]:
 
 
 def classes_of(text: str) -> list[type[Result]]:
-    """Return the classes of "module:Class module:Class?", without the format that they are added
-    to.
+    """Return the classes that a declaration "module:Class module:Class?" names.
+
+    A first word without ":" is the format to which the classes are added. It is skipped.
     """
     places = (place.removesuffix("?").split(":") for place in text.split() if ":" in place)
     return [getattr(import_module(module), name) for module, name in places]
@@ -46,8 +47,9 @@ def classes_of(text: str) -> list[type[Result]]:
 
 @cache
 def formats() -> dict[str, Any]:
-    """Return the schema of all outputs. Its `oneOf` has one schema for each value of the key
-    `schema`.
+    """Return the JSON Schema of all outputs.
+
+    Its `oneOf` contains one schema for each format, such as trim.
     """
     results = {_name(classes_of(text)[0]): _joined(text) for text in written() if _is_whole(text)}
     for text in written():
@@ -71,25 +73,28 @@ def formats() -> dict[str, Any]:
 
 
 def _is_whole(text: str) -> bool:
-    """Return whether a text declares a result and not an addition to one."""
+    """Return whether a declaration defines a result, and not an addition to a result."""
     return ":" in text.split()[0]
 
 
 def _name(result: type[Result]) -> str:
-    """Return the name of a format without its version: trim of hfa.trim/1."""
+    """Return the name of a class's format without prefix and version: "trim" for hfa.trim/1."""
     return result.schema.removeprefix("hfa.").partition("/")[0]
 
 
 def _part(result: type[Result]) -> dict[str, Any]:
-    """Return the schema of a result within another result.
+    """Return the schema of a result that is part of another result.
 
-    Its title states that it is not an output there.
+    The title is removed because it names the command that writes the result as an output.
     """
     return {key: value for key, value in json_schema(result).items() if key != "title"}
 
 
 def _joined(text: str) -> dict[str, Any]:
-    """Return the schema of a result with the entries that are added to it."""
+    """Return the schema of a declared result, including the entries added to it.
+
+    The entries of a class with "?" are optional. All others remain required.
+    """
     first, *added = classes_of(text)
     schema = json_schema(first)
     for kind, place in zip((*added, Stamp), (*text.split()[1:], ""), strict=True):

@@ -30,10 +30,13 @@ _PLAIN: dict[Any, dict[str, Any]] = {
 
 
 def meaning(kind: Any, path: tuple[str, ...]) -> str:
-    """Return the meaning of an entry.
+    """Return the description of an entry.
 
-    It is the line "name: meaning" of the docstring of its class or of a base, or the docstring of
-    the property. Raises KeyError if both are missing.
+    It is the line "name: ..." in the docstring of the entry's class or of a base class. Without
+    this line it is the docstring of the property. Raises KeyError if both are missing.
+
+    kind: class of the result
+    path: names of the fields that lead to the entry, such as ("leaf", "name")
     """
     kind = _without_none(annotation(kind, path[:-1]))
     name = path[-1]
@@ -51,9 +54,10 @@ def meaning(kind: Any, path: tuple[str, ...]) -> str:
 
 
 def annotation(kind: Any, path: tuple[str, ...]) -> Any:
-    """Return the annotation of the field or property to which a path leads.
+    """Return the annotation of the field or property that a path of names leads to.
 
-    An empty path leads to the class itself.
+    The annotation includes None if any step of the path may be None. An empty path leads to the
+    class itself.
     """
     none = types.NoneType
     is_optional = False
@@ -64,9 +68,10 @@ def annotation(kind: Any, path: tuple[str, ...]) -> Any:
 
 
 def _annotation(kind: Any, name: str) -> Any:
-    """Return the annotation of a property or field of a class or of its nearest base.
+    """Return the evaluated annotation of a field or property.
 
-    Raises KeyError without one.
+    It is read from the class or from the nearest base class that declares it. Raises KeyError if no
+    class declares it.
     """
     for ancestor in kind.__mro__:
         written = _written_annotation(ancestor, name)
@@ -79,9 +84,9 @@ def _annotation(kind: Any, name: str) -> Any:
 
 
 def _written_annotation(kind: type, name: str) -> Any:
-    """Return the annotation in the body of a class, unevaluated, or None without one.
+    """Return the unevaluated annotation of a field or property in the body of a class, or None.
 
-    The annotation of a property is that of the value which its function returns.
+    The annotation of a property is the return annotation of its function.
     """
     value = vars(kind).get(name)
     if isinstance(value, cached_property):
@@ -92,9 +97,7 @@ def _written_annotation(kind: type, name: str) -> Any:
 
 
 def _imported_for_type_checkers(module: types.ModuleType, annotation: str) -> dict[str, Any]:
-    """Return the classes, by name, that a module imports for type checkers alone and that occur in
-    an annotation.
-    """
+    """Return name -> class for each class in an annotation that is imported under TYPE_CHECKING."""
     classes = {}
     for name, defined_in in _type_checking_imports(module).items():
         if name in annotation:
@@ -104,9 +107,7 @@ def _imported_for_type_checkers(module: types.ModuleType, annotation: str) -> di
 
 @cache
 def _type_checking_imports(module: types.ModuleType) -> dict[str, str]:
-    """Return the names that a module imports under `if TYPE_CHECKING`: name -> module that defines
-    it.
-    """
+    """Return name -> defining module for each name that a module imports under `if TYPE_CHECKING`."""
     defined_in: dict[str, str] = {}
     for block in ast.parse(inspect.getsource(module)).body:
         if not (isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"):
@@ -119,7 +120,10 @@ def _type_checking_imports(module: types.ModuleType) -> dict[str, str]:
 
 
 def json_schema(kind: type[Result]) -> dict[str, Any]:
-    """Return the JSON Schema of a class of results, with its parts as references "#/$defs/NAME"."""
+    """Return the JSON Schema of a class of results.
+
+    Results that are parts of the class are references "#/$defs/NAME".
+    """
     properties: dict[str, Any] = {}
     required = []
     if kind.schema:
@@ -137,7 +141,10 @@ def json_schema(kind: type[Result]) -> dict[str, Any]:
 
 
 def type_schema(hint: Any) -> dict[str, Any]:
-    """Return the JSON Schema of an annotation."""
+    """Return the JSON Schema of an annotation.
+
+    Raises TypeError if results do not support the annotation.
+    """
     if isinstance(hint, type) and issubclass(hint, Result):
         return {"$ref": f"#/$defs/{hint.__name__}"}
     if hint in _PLAIN:
@@ -178,7 +185,10 @@ def parts_of(kind: type[Result]) -> list[type[Result]]:
 
 
 def _without_none(hint: Any) -> Any:
-    """Return the annotation without `| None`, for an entry that is omitted where it is None."""
+    """Return the annotation without `| None`.
+
+    It describes an entry that is omitted if its value is None.
+    """
     kinds = tuple(each for each in get_args(hint) if each is not types.NoneType)
     return typing.Union[kinds] if types.NoneType in get_args(hint) else hint  # noqa: UP007
 

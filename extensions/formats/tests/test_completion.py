@@ -21,12 +21,12 @@ from hfa_formats.completion import candidates
     ],
 )
 def test_words_of_a_line_are_completed(typed: list[str], expected: list[str]) -> None:
-    """Commands, their second words and the options of a command are completed."""
+    """Commands, second words of commands, and options are completed."""
     assert candidates(typed) == expected
 
 
 def test_bash_completes_a_command() -> None:
-    """bash obtains the candidates from the module by `complete -C`."""
+    """bash calls the module (`complete -C`) and reads the candidates from its output."""
     line = "hfa li"
     done = subprocess.run(
         [sys.executable, "-m", "hfa_formats.completion", "hfa", "li", "hfa"],

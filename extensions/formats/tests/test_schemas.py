@@ -1,4 +1,4 @@
-"""Results declared once: their data and their JSON Schema follow from fields and docstrings."""
+"""Data and JSON Schema of results, derived from the fields and docstrings of their classes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_the_data_are_the_fields() -> None:
 
 
 def test_schema_says_types_and_meanings_and_accepts_data() -> None:
-    """The schema contains types and descriptions, and accepts the data."""
+    """The schema contains types and descriptions. It accepts valid data and rejects wrong types."""
     schema = json_schema(Whole)
     assert meaning(Leaf, ("roots",)) == "(k,) complex, 1/s."
     assert schema["properties"]["size"]["description"] == "a number."
@@ -95,7 +95,7 @@ class Value(Result):
 
     @property
     def twice(self) -> tuple[str, ...]:
-        """The name, two times."""
+        """The name, repeated twice."""
         return (self.leaf.name, self.leaf.name)
 
 

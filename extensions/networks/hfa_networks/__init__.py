@@ -1,1 +1,1 @@
-"""Critics that are networks: reading of their files, search and proof of their errors."""
+"""Critics that are neural networks: their files, and the search for and proof of their errors."""

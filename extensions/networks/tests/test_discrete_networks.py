@@ -1,4 +1,4 @@
-"""Networks and other values that are not quadratic, judged on plants in discrete time."""
+"""Checks of networks and of other nonquadratic values in discrete time."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
-    """Exact networks of V, of its slopes, and of u pass."""
+    """Networks that equal the exact V, its gradient or the exact u pass, with a proof."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     for outputs in (
@@ -87,8 +87,9 @@ def test_exact_networks_of_v_slopes_and_u_pass(name: str) -> None:
 
 
 def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
-    """A policy that is exact only at the origin fails: with u = -1e-3 tanh(1e3 K x) the loop
-    diverges from (0.01, 0).
+    """A policy that is exact only at the origin fails.
+
+    With u = -1e-3 tanh(1e3 K x), the loop diverges from every tested multiple of the box.
     """
     problem = problem_of()
     u = -1e-3 * ca.tanh(1e3 * ca.DM(exact_of(problem).K) @ Z)
@@ -101,7 +102,10 @@ def test_policy_saturates_exact_at_origin_alone_and_fails() -> None:
 
 
 def test_constant_in_u_off_origin_rests_off_trim() -> None:
-    """A policy with a constant in u is wrong at the origin, and its equilibrium is not the trim."""
+    """A constant added to u is reported at the origin and in the box.
+
+    The equilibrium of the loop is not the trim.
+    """
     problem = problem_of()
     exact = exact_of(problem)
     verdict = check_discrete(
@@ -115,7 +119,7 @@ def test_constant_in_u_off_origin_rests_off_trim() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
-    """A value that is wrong away from the origin fails."""
+    """A value that is exact to second order at the origin and wrong away from it fails."""
     problem = PROBLEMS[name]
     V = exact_value(problem)
     size = float(BOX @ np.abs(exact_of(problem).P) @ BOX)
@@ -129,7 +133,7 @@ def test_value_that_is_wrong_away_from_origin_fails(name: str) -> None:
 
 
 def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
-    """In discrete time weights beyond the quadratic ones are judged."""
+    """In discrete time, the weights of quartic functions are checked too."""
     problem = problem_of()
     functions = basis("quadratic+quartic", 2)
     weights = functions.weights(exact_of(problem).P)
@@ -142,8 +146,10 @@ def test_weights_beyond_quadratic_ones_count_in_discrete_time() -> None:
 
 
 def test_implied_policy_best_of_one_step_value_behind() -> None:
-    """The policy of a value that is not quadratic equals the best u of a grid, at the worst w of
-    each.
+    """The policy of a nonquadratic value is a saddle point of Q(u, w).
+
+    Its u has a lower cost than u ± 0.001, each with its worst w. It differs from the linearized
+    policy.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     step = problem.step
@@ -169,7 +175,10 @@ def test_implied_policy_best_of_one_step_value_behind() -> None:
 
 
 def test_policy_that_is_not_found_is_no_number() -> None:
-    """A policy that is not found is nan, here because the slope of V jumps at the saddle."""
+    """The policy is nan where no saddle point is found.
+
+    Here the slope of V jumps at the saddle point.
+    """
     problem = problem_of(delta=np.inf)
     exact = exact_of(problem)
     slope = ca.Function("slope", [Z], [1e3 * ca.sign(Z[1]) * ca.vertcat(0.0, 1.0)])
@@ -178,7 +187,7 @@ def test_policy_that_is_not_found_is_no_number() -> None:
 
 
 def test_cost_in_flight_linear_loop_where_network_linear() -> None:
-    """Where the network is linear, the cost in flight is that of the linear loop."""
+    """For a linear network, the simulated cost equals the cost computed for the linear loop."""
     problem = problem_of(discount=0.97)
     exact = exact_of(problem)
     K = 1.2 * exact.K
@@ -198,8 +207,10 @@ def test_cost_in_flight_linear_loop_where_network_linear() -> None:
 
 @pytest.mark.slow
 def test_network_of_discounted_game_is_searched_and_flown(game: Game) -> None:
-    """Exact weights of a discounted game in a state dict pass, and the same behind a saturating
-    tanh do not.
+    """Networks are checked for a discounted game.
+
+    The exact gain in a state dict passes. The same gain followed by a saturating tanh fails away
+    from the origin.
     """
     from hfa_discrete import solve_discounted
 
@@ -235,7 +246,7 @@ def test_command_says_how_network_read_on_discrete_plant() -> None:
 
 
 def test_linear_critic_in_discrete_time_judged_as_before() -> None:
-    """A linear critic in discrete time is judged as without the extension."""
+    """A linear critic in discrete time passes without a search in the box."""
     problem = problem_of()
     exact = exact_of(problem)
     for critic in (

@@ -1,4 +1,4 @@
-"""Proved statements about a network are true, and false statements are not proved."""
+"""Proofs about networks: proved bounds are true, and false bounds are not proved."""
 
 from __future__ import annotations
 
@@ -39,8 +39,11 @@ ACTIVATIONS: dict[str, Callable[[ca.SX], ca.SX]] = {
 
 
 def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.Function:
-    """Return a random function of four inputs with two layers of 8, a linear and a quadratic
-    part.
+    """Return a random function of four inputs.
+
+    It is the sum of a network with two hidden layers of 8, a linear and a quadratic part.
+
+    of_gradient: whether the network is replaced by the gradient of its first output
     """
     rng = np.random.default_rng(seed)
     y = ca.SX.sym("y", 4)
@@ -59,8 +62,9 @@ def random_network(activation: str, seed: int, of_gradient: bool = False) -> ca.
 @pytest.mark.parametrize("of_gradient", [False, True])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool) -> None:
-    """No sample exceeds the bound of its box, for boxes down to 1e-4 of the whole, where rounding
-    dominates.
+    """No sample in a box exceeds the bound over the box.
+
+    The half-widths range from 1 to 1e-5. Small boxes have bounds close to the sampled values.
     """
     if of_gradient and activation in ("relu", "clip"):
         return  # its gradient has steps
@@ -83,8 +87,10 @@ def test_no_sample_of_box_is_above_its_bound(activation: str, of_gradient: bool)
 
 
 def test_rounding_is_in_the_bound() -> None:
-    """The bound includes rounding: 1e8 (a + 1/3 b) - 1e8 (...) of relu units in rational numbers is
-    below it, although doubles give 0.
+    """The bound includes rounding errors.
+
+    At single points, the bound is at least the value of Σ max(w'y, 0) - Σ w'y in rational
+    arithmetic. The weights w are of size 1e8, so double precision has large errors.
     """
     rng = np.random.default_rng(1)
     weights = rng.normal(size=(16, 3)) * 1e8
@@ -117,8 +123,10 @@ def test_the_enclosure_of_tanh_holds_at_every_scale() -> None:
 
 @pytest.mark.parametrize("kind", LINES)
 def test_every_node_is_between_its_lines_to_ends(kind: str) -> None:
-    """Every node lies between its lines at both ends of its range, at 0, and at points between
-    them. Half of the nodes come within 10 % of a line.
+    """Each nonlinear operation lies within its enclosure.
+
+    It is evaluated at 21 points between the ends of each range, for each argument. For half of the
+    ranges, the largest deviation exceeds 90 % of the enclosure's radius.
     """
     of = {
         "tanh": np.tanh,
@@ -168,8 +176,10 @@ def linear(game: Game, z: ca.SX) -> ca.SX:
 
 
 def test_a_linear_policy_of_relu_pairs_is_proved(game: Game) -> None:
-    """K z = K max(W z, 0) / W - K max(-W z, 0) / W is proved for matrices W with rows of several
-    states.
+    """A linear policy written with pairs max(t, 0) - max(-t, 0), t = W z, is proved exact in one
+    box.
+
+    W is a full matrix. Without time for a proof, the headline states the number of states searched.
     """
     W = np.random.default_rng(3).normal(size=(6, 6))
     back = ca.DM(solve_game(game).K @ np.linalg.inv(W))
@@ -200,8 +210,9 @@ def test_other_operations_are_searched_alone(game: Game) -> None:
 
 
 def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
-    """Return a relu function of two layers that is 1 at y = at, and 0 where any |y_i - at_i| >=
-    half_width.
+    """Return a two-layer relu function with a single bump.
+
+    It is 1 at y = at, and 0 if |y_i - at_i| >= half_width for any i.
     """
     t = (y - ca.DM(at)) / half_width
     hats = ca.fmax(t + 1.0, 0.0) - 2.0 * ca.fmax(t, 0.0) + ca.fmax(t - 1.0, 0.0)
@@ -210,7 +221,10 @@ def bump(y: ca.SX, at: np.ndarray, half_width: float) -> ca.SX:
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> None:
-    """The proof finds an error of 300 % of the first input in a bump 0.05 of the box wide."""
+    """The proof finds a narrow error that the search misses.
+
+    The first input has an error of 300 % in a bump with 0.05 times the half-widths of the box.
+    """
     rng = np.random.default_rng(seed)
     at = rng.uniform(-0.9, 0.9, 6)
     exact = solve_game(game)
@@ -231,8 +245,9 @@ def test_a_narrow_bump_that_search_misses_is_found(game: Game, seed: int) -> Non
 
 
 def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
-    """The report names the proved expression: CasADi makes 0 of 1e20 (0.1 (10 x) - x), which is 1e3
-    in floating point.
+    """The report states that the proof is of the expression as CasADi simplified it.
+
+    CasADi simplifies 1e20 (0.1 (10 x) - x) to 0, but floating-point arithmetic gives about 1e3.
     """
     verdict = judged(
         game,
@@ -243,8 +258,9 @@ def test_report_says_of_which_expression_it_is_proved(game: Game) -> None:
 
 
 def test_a_fraction_ends_before_the_first_error() -> None:
-    """The proved fraction of the box ends before the first error: 1.25 at (1, 1), and above 0.5
-    from |y| = 0.8 on.
+    """The proved fraction of the box excludes the nearest state with an error above the bound.
+
+    The words for the fraction round down. A bound that is true in the whole box is proved there.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [ca.fmax(5.0 * ca.tanh(y[0]) - 3.0, 0.0) + 0.2 * y[1] ** 2])
@@ -260,9 +276,7 @@ def test_a_fraction_ends_before_the_first_error() -> None:
 
 
 def test_where_there_is_no_bound_nothing_is_proved() -> None:
-    """Nothing is proved of an error without a bound: one that is 1 at 0, and one beyond all
-    doubles.
-    """
+    """Nothing is proved of an error that equals the bound at 0 or overflows double precision."""
     y = ca.SX.sym("y", 2)
     squares = ca.tanh(y[0]) ** 2 + ca.tanh(y[1]) ** 2
     proof = prove("error", ca.Function("f", [y], [1.0 - 0.1 * squares]), np.ones(2), 1.0, 0.1)
@@ -277,8 +291,9 @@ def test_where_there_is_no_bound_nothing_is_proved() -> None:
 
 @pytest.mark.slow
 def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
-    """The stored policy of 6-32-32-5 is proved within its error. Its equilibrium is not the trim,
-    so that its cost is unbounded.
+    """The error of the stored 6-32-32-5 policy is proved to be at most 0.051.
+
+    Its equilibrium is not the trim, so its cost is unbounded.
     """
     critic = from_network(game, TRAINED / "policy.npz", activation="tanh", scale=1.0 / BOX)
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=1))

@@ -1,1 +1,1 @@
-"""The files of networks as policies and values of a critic."""
+"""Files of networks that represent the policy or the value of a critic."""

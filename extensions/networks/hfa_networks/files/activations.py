@@ -1,6 +1,6 @@
-"""Activation functions of networks on NumPy arrays of CasADi scalars.
+"""Activation functions on NumPy arrays whose entries are CasADi scalars.
 
-NumPy broadcasts, reshapes and multiplies such arrays, CasADi differentiates the result exactly.
+NumPy broadcasts, reshapes and multiplies such arrays. CasADi differentiates the result exactly.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ import numpy as np
 
 
 def on_entries(function: Callable[..., Any]) -> Callable[..., np.ndarray]:
-    """Return the function applied to every entry of an array; keywords are common to all
-    entries."""
+    """Return a function that applies `function` to each entry of an array of CasADi scalars.
+
+    Keyword arguments are passed unchanged to each call.
+    """
     return np.vectorize(function, otypes=[object])
 
 

@@ -40,15 +40,15 @@ def from_network(
     scale: np.ndarray | None = None,
     features: Basis | ca.Function | None = None,
 ) -> Critic:
-    """Return the critic of a network: a file read by `network_in`, a CasADi Function of the state,
-    or a torch.nn.Sequential.
+    """Return the critic that a network defines.
 
-    A network of the state and the input is a Q. Its policy, found by `policy_of`, is judged.
+    A network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
 
     game: the game that the critic should solve
-    source: the file, the Function, or the Sequential of linear layers and activations
+    source: a file that `network_in` reads, a CasADi Function of the state, or a
+        torch.nn.Sequential of linear layers and activations
     network: the parts of a file and their kinds, such as "value", "V=value" or
-        "V=value,policy=actor"; without a name of `OUTPUTS` the number of outputs decides
+        "V=value,policy=actor"; if it contains no kind of `OUTPUTS`, the number of outputs decides
     activation: activation between the layers of a state dict
     scale: (n,), factors on the states at the inputs of the network, none of them 0
     features: functions on which a single layer acts (default: the quadratic basis), so that the
@@ -100,10 +100,13 @@ def from_network(
 
 
 def read_critic(game: Game, path: str | Path, reading: Reading) -> Critic:
-    """Return the critic of a file with a network.
+    """Return the critic of the network in a file.
 
-    Warns if the file contains the network of a policy without its normalizer. Raises BadInputError
-    if an activation is given for a file that already states it."""
+    Warns that a .zip file is read without its normalizer, clip and action map. Raises BadInputError
+    if an activation is given for an ONNX file.
+
+    reading: the options of the command that describe the network
+    """
     suffix = Path(path).suffix.lower()
     if suffix == ".onnx" and reading.activation is not None:
         raise BadInputError(
@@ -133,9 +136,13 @@ def _of_states(
     variants: Mapping[str, Callable[[], Critic]],
     asked: str = "",
 ) -> Critic:
-    """Return the critic of a network of the states, or of a Q of states and inputs.
+    """Return the critic of a network whose inputs are the states, or states and inputs (a Q).
 
-    asked: requested part of the file.
+    stored: content of the file
+    scales: (n,), factors on the states
+    origin: description of the critic
+    variants: mistake -> function that reads the network with this mistake corrected
+    asked: requested part of the file
     """
     n, m = game.B.shape
     functions = {}
@@ -175,14 +182,16 @@ def _on_basis(
     parts: Mapping[str, str],
     origin: str,
 ) -> Critic:
-    """Return the critic of a single layer on the basis.
+    """Return the critic V of a single layer whose inputs are the functions of a basis.
 
-    game: game of the critic.
-    stored: content of the file.
-    functions: functions of the basis.
-    scales: (n,), of the states.
-    parts: the requested ones of `OUTPUTS`.
-    origin: description of the critic.
+    game: game of the critic
+    stored: content of the file
+    functions: functions of the basis
+    scales: (n,), factors on the states
+    parts: kind of `OUTPUTS` -> requested part of the file
+    origin: description of the critic
+
+    Raises BadInputError if the layer has several outputs, or if another kind than V is requested.
     """
     layer = stored.on_basis
     assert layer is not None
@@ -199,9 +208,9 @@ def _on_basis(
 
 
 def _parts(network: str) -> dict[str, str]:
-    """Return kind in `OUTPUTS` -> the part of the file, from text such as "V=value,policy=actor".
+    """Return kind -> part of the file, read from text such as "V=value,policy=actor".
 
-    The kind of a text without "=" is "".
+    The kind of an item without "=" is "". Raises BadInputError for a kind that is not in `OUTPUTS`.
     """
     parts: dict[str, str] = {}
     for item in network.split(","):
@@ -215,19 +224,28 @@ def _parts(network: str) -> dict[str, str]:
 
 
 def is_taken_as_policy(name: str, size: int, m: int) -> bool:
-    """Return whether a single output on a plant with one input is u and not V.
+    """Return whether an output without a stated kind is read as the policy u and not as V.
 
-    This applies where no option states its kind.
+    This is the case for a single output on a plant with one input.
+
+    name: name of the output
+    size: number of its entries
+    m: number of inputs of the plant
     """
     return name not in OUTPUTS and size == m == 1
 
 
 def _kinds(sizes: Mapping[str, int], n: int, m: int, part: str) -> dict[str, str]:
-    """Return the kind of each output of a network, by its name or else by its size.
+    """Return name -> kind for each output of a network.
 
-    The name decides where it is one of `OUTPUTS`.
+    A name in `OUTPUTS` is its kind. The kind of another output follows from its size.
 
+    sizes: name -> number of entries
+    n, m: number of states and of inputs of the plant
     part: the requested part of the file
+
+    Raises BadInputError if no kind has this size, if several kinds have it, or if several outputs
+    are not one V and one policy.
     """
     counts = {"V": 1, "gradient": n, "policy": m, "V+policy": 1 + m}
     kinds = {}

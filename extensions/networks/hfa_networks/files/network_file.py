@@ -1,9 +1,10 @@
 """Feed-forward networks in files: ONNX graphs, and state dicts of linear layers and LayerNorms.
 
-Nothing is guessed. A state dict does not state the order of its layers. Where the format keeps the
-order of the file (torch), it is used. Otherwise the numbers in the names and the widths must allow
-a single order. The network is returned as a chain, `6 -> tanh 64 -> 1`, for comparison with the
-trained one. Weights keep the digits of the file. All arithmetic is in doubles.
+A state dict does not contain the order of its layers. torch files keep the order in which the
+layers were saved. For other formats, the numbers in the names and the widths must allow only one
+order. Nothing is guessed. The layers in order are described as text, `6 -> tanh 64 -> 1`, for
+comparison with the trained network. Weights keep the precision of the file. Arithmetic is in
+double precision.
 """
 
 from __future__ import annotations
@@ -45,8 +46,10 @@ _EPSILON = 1e-5
 class Layer(NamedTuple):
     """Layer y = weight x + bias, or LayerNorm y_i = weight_i (x_i - mean) / deviation + bias_i.
 
-    name: in the file, without ".weight".
-    weight: (k, n), of a LayerNorm (k,).
+    mean, deviation: of the entries of x.
+
+    name: name in the file, without ".weight".
+    weight: (k, n) of a linear layer, (k,) of a LayerNorm.
     bias: (k,).
     """
 
@@ -73,14 +76,14 @@ class Layer(NamedTuple):
 class NetworkFile(NamedTuple):
     """Content of a network's file.
 
-    functions: requested part, or name of an output -> function from x (n,) to its numbers (k,).
-    chain: the operations in their order, as "6 -> tanh 64 -> 1".
-    precision: precision of the weights in the file, as "float32".
-    on_basis: the only layer, where it acts on the basis and not on the states; then there are no
-        functions.
-    rows: `functions` for many rows at once, where that is faster.
-    squashes: operations after some of the functions, which do not include them.
-    normalizers: operations before some of the functions, which include them.
+    functions: requested part, or name of an output -> function from x (n,) to the output (k,).
+    chain: the operations in their order, such as "6 -> tanh 64 -> 1".
+    precision: precision of the weights in the file, such as "float32".
+    on_basis: the single layer, if its inputs are the functions of the basis and not the states;
+        `functions` is empty then.
+    rows: versions of `functions` that are faster for many rows.
+    squashes: operations after some of the functions, not included in these functions.
+    normalizers: operations before some of the functions, included in these functions.
     """
 
     functions: dict[str, ca.Function]
@@ -100,13 +103,14 @@ def network_in(
     features: int = 0,
     inputs: int = 0,
 ) -> NetworkFile:
-    """Return the network in a file.
+    """Read the network in a file.
 
-    states: number of states of the plant, its inputs.
-    activation: one of `ACTIVATIONS`, between the layers of a state dict; after a comma that of its
-        output.
-    parts: requested kind -> its tensors, by words in their names with + between them, or an output
-        of an ONNX graph; "policy" without a word means all tensors outside critics.
+    path: .onnx file, or file of a state dict.
+    states: number of states of the plant.
+    activation: one of `ACTIVATIONS`, between the layers of a state dict; the activation of the
+        output follows after a comma.
+    parts: requested kind -> words in the names of its tensors, joined by +, or an output of an
+        ONNX graph; "policy" without a word selects all tensors that do not belong to a critic.
     features: size of the basis; a single layer with this number of inputs acts on the basis.
     inputs: number of inputs of the plant, which follow the states in a Q.
 
@@ -169,7 +173,13 @@ def network_in(
 def _refuse_unread(
     found: Mapping[str, Parts], networks: Mapping[str, list[Layer]], name: str
 ) -> None:
-    """Raise BadInputError for tensors of the file that may act on one of its networks."""
+    """Raise BadInputError if a tensor that is not read may act on the network `name`.
+
+    Its normalizer and its squash must have as many entries as it has inputs and outputs.
+
+    found: name -> tensors of a network, by function
+    networks: name -> layers of a network, in order
+    """
     read = {tensor for parts in found.values() for tensor in parts.layers}
     others = {key: array for key, array in found[name].others.items() if key not in read}
     unused = {key: array for key, array in found[name].unused.items() if key not in read}
@@ -190,10 +200,12 @@ def _refuse_unread(
 
 
 def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: str) -> list[Layer]:
-    """Return the layers in order of evaluation.
+    """Return the layers of a state dict in order of evaluation.
 
     widths: permitted numbers of inputs of the first layer
     suffix: suffix of the file
+
+    Raises BadInputError if the tensors are not a chain of linear layers and LayerNorms.
     """
     layers = []
     for name, array in tensors.items():
@@ -222,8 +234,13 @@ def _layers(tensors: Mapping[str, np.ndarray], widths: Collection[int], suffix: 
 def _no_chain(
     name: str, array: np.ndarray, reason: str, tensors: Mapping[str, np.ndarray]
 ) -> BadInputError:
-    """Return the error of a tensor that is not in the chain. For several networks it proposes
-    one."""
+    """Return the error for a tensor that is not part of the chain of layers.
+
+    If the file contains several networks, the message proposes one of them.
+
+    reason: predicate of the message, such as "is not a weight"
+    tensors: all tensors of the file
+    """
     message = f"tensor {shortened(name)!r} {array.shape} {reason}"
     networks = roots(tensors)
     if len(networks) < 2:
@@ -238,8 +255,10 @@ def _no_chain(
 
 
 def _kind(layer: Layer) -> str:
-    """Return the name without its numbers; layers of one kind are evaluated in order of their
-    numbers."""
+    """Return the name of a layer with # for each number.
+
+    Layers of equal kind are evaluated in the order of their numbers.
+    """
     return re.sub(r"\d+", "#", layer.name)
 
 
@@ -248,8 +267,10 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers unchanged. Raises BadInputError if their order is not that of the numbers
-    in their names."""
+    """Return the layers unchanged.
+
+    Raises BadInputError if the numbers in the names of equal kind decrease.
+    """
     last: dict[str, Layer] = {}
     for layer in layers:
         before = last.get(_kind(layer))
@@ -264,11 +285,13 @@ def _as_saved(layers: list[Layer]) -> list[Layer]:
 
 
 def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
-    """Return the only order in which the sizes of consecutive layers fit and the numbers in the
-    names of one kind increase.
+    """Return the only order of the layers in which the sizes of consecutive layers fit.
 
-    Raises BadInputError where several orders fit. Where none fits, the order of the numbers is
-    returned.
+    The numbers in the names of one kind increase. If no order fits, the layers are returned kind by
+    kind in the order of these numbers. Raises BadInputError if several orders fit, or if there are
+    more than `_MOST_KINDS` kinds.
+
+    widths: permitted numbers of inputs of the first layer
     """
     by_kind: dict[str, list[Layer]] = {}
     for layer in sorted(layers, key=_numbers):
@@ -292,7 +315,12 @@ def _only_order(layers: list[Layer], widths: Collection[int]) -> list[Layer]:
 
 
 def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterator[list[Layer]]:
-    """Yield every order of the layers that begins with one of the widths."""
+    """Yield every order of the layers in which the sizes of consecutive layers fit.
+
+    The layers of each group keep their order.
+
+    widths: permitted numbers of inputs of the first layer
+    """
     if not any(groups):
         yield []
     for index, group in enumerate(groups):
@@ -303,7 +331,10 @@ def _orders(groups: tuple[list[Layer], ...], widths: Collection[int]) -> Iterato
 
 
 def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple[Layer, str]]:
-    """Return each layer with the name of its activation, "" for none."""
+    """Return each layer with the name of its activation, or "" if it has none.
+
+    activation: activation between the linear layers, and after a comma that of the output
+    """
     between, last = _activations(layers, activation)
     names = [""] * len(layers)
     if between:
@@ -314,9 +345,10 @@ def _with_activations(layers: list[Layer], activation: str | None) -> list[tuple
 
 
 def _activated(layers: list[Layer]) -> list[int]:
-    """Return the layers with one activation between each two linear layers.
+    """Return the indices of the layers after which the activations act.
 
-    Raises BadInputError where the names leave open whether it is before or after a LayerNorm.
+    One activation acts between two consecutive linear layers. Raises BadInputError if the names do
+    not determine whether it acts before or after a LayerNorm.
     """
     linear = [index for index, layer in enumerate(layers) if layer.is_linear]
     open_places = [
@@ -346,9 +378,9 @@ def _unknown_place(norm: Layer) -> BadInputError:
 
 
 def _follows(before: Layer, layer: Layer) -> bool:
-    """Return whether the numbers in the names are consecutive.
+    """Return whether the numbers in the names of two layers are consecutive.
 
-    In a torch.nn.Sequential an activation between two layers has a number too.
+    No activation acts between such layers, because a torch.nn.Sequential counts activations too.
     """
     numbers = _numbers(before)
     numbers[-1:] = [number + 1 for number in numbers[-1:]]
@@ -358,9 +390,11 @@ def _follows(before: Layer, layer: Layer) -> bool:
 def composed(
     steps: list[tuple[Layer, str]], normalizer: Normalizer | None
 ) -> tuple[ca.Function, RowNetwork | None]:
-    """Return the function x -> output of the last layer, and the function for rows.
+    """Return the function x (n,) -> output of the last layer (k,), and its version for many rows.
 
-    The latter is None where it is no faster.
+    The second is None if it is not faster.
+
+    steps: layers with the names of their activations, "" for none
     """
     x = ca.SX.sym("x", steps[0][0].inputs)
     products = Products(x)
@@ -383,7 +417,10 @@ def composed(
 
 
 def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
-    """Return the normalized entries, CasADi scalars."""
+    """Return the normalized entries (n,) as CasADi scalars.
+
+    h: (n,), CasADi scalars
+    """
     normal = (h - normalizer.mean) / normalizer.deviation
     if np.isinf(normalizer.clip):
         return np.asarray(normal)
@@ -391,7 +428,7 @@ def _normal(h: np.ndarray, normalizer: Normalizer) -> np.ndarray:
 
 
 def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
-    """Return the network with its normalizer, x (N, n) -> (N, k)."""
+    """Return the function x (N, n) -> (N, k) that normalizes x and then calls `on_rows`."""
 
     def normalized_first(x: np.ndarray) -> np.ndarray:
         normal = (x - normalizer.mean) / normalizer.deviation
@@ -401,7 +438,13 @@ def _normalized_rows(on_rows: RowNetwork, normalizer: Normalizer) -> RowNetwork:
 
 
 def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]:
-    """Return the names of the activations between the layers and at the output, "" for none."""
+    """Return the names of the activations between the linear layers and at the output.
+
+    "" means no activation. Raises BadInputError if the activation of several linear layers is
+    missing or unknown.
+
+    activation: text "BETWEEN" or "BETWEEN,OUTPUT"
+    """
     if activation is None and sum(layer.is_linear for layer in layers) > 1:
         raise BadInputError(
             'a state dict does not contain its activation; give activation="tanh" (or '
@@ -415,7 +458,10 @@ def _activations(layers: list[Layer], activation: str | None) -> tuple[str, str]
 
 
 def _chain(name: str, steps: list[tuple[Layer, str]], parts: Parts) -> str:
-    """Return the layers in order as text: "6 -> tanh 64 -> 1 (layers 0, 2)"."""
+    """Return the description of a network: "6 -> tanh 64 -> 1 (layers 0, 2)".
+
+    name: name of the network, or ""
+    """
     words = [str(steps[0][0].inputs)]
     if parts.normalizer is not None:
         words.append(f"normalized by {shortened(parts.normalizer.name)}")

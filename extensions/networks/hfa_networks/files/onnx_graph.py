@@ -26,7 +26,7 @@ _MOST_SCALARS = 200_000
 
 
 def _divided(a: Any, b: Any) -> Any:
-    """Return a / b, truncated for integers, as ONNX defines it."""
+    """Return a / b as defined by ONNX: the quotient of integers is truncated."""
     quotient = a / b
     if np.asarray(a).dtype.kind == "i" and np.asarray(b).dtype.kind == "i":
         return np.trunc(quotient).astype(int)
@@ -110,7 +110,10 @@ def _cast(x: np.ndarray, to: int, **_: Any) -> np.ndarray:
 def _split(
     x: np.ndarray, sizes: Any = None, axis: int = 0, num_outputs: int = 1, split: Any = None
 ) -> tuple[np.ndarray, ...]:
-    """Return the parts of x along an axis, of equal length by default; the last may be shorter."""
+    """Split x along an axis, by default into `num_outputs` parts of equal length.
+
+    The last part may be shorter. `sizes` or `split` sets the lengths of the parts.
+    """
     sizes = split if sizes is None else sizes
     if sizes is None:
         length = -(-x.shape[axis] // num_outputs)
@@ -310,11 +313,11 @@ _ELEMENTWISE = (
 class GraphFunctions(NamedTuple):
     """Functions of an ONNX graph.
 
-    functions: requested kind, or name of the output -> function of x (states,), of a Q (states +
-        inputs,).
-    rows: name -> function of many x at once, where a product is large.
-    precision: precision of its weights, "float32" or "float64".
-    operators: operators on x with the sizes of their results, as one line.
+    functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
+        (states + inputs,) for a Q.
+    rows: name -> function of x (N, states); empty if no product in the graph is large.
+    precision: precision of the weights, "float32" or "float64".
+    operators: operators that depend on x with the sizes of their results, in one line.
     """
 
     functions: dict[str, ca.Function]
@@ -326,14 +329,14 @@ class GraphFunctions(NamedTuple):
 def graph_functions(
     path: Path, states: int, inputs: int, outputs: Mapping[str, str]
 ) -> GraphFunctions:
-    """Return the functions of the graph in a file.
+    """Convert the ONNX graph in a file to functions.
 
-    path: path of the file; external weights are read from files of its folder.
-    states: their number in the plant.
-    inputs: their number in the plant.
+    path: path of the file; external weights are read from files in its folder.
+    states: number of states of the plant.
+    inputs: number of inputs of the plant.
     outputs: requested kind -> name of an output of the graph, or "" for all.
 
-    Raises BadInputError without the package onnx, and for a graph that is not supported.
+    Raises BadInputError if the package onnx is missing or the graph is not supported.
     """
     try:
         import onnx
@@ -386,10 +389,14 @@ def _evaluate(
     operators: Mapping[str, Callable[..., Any]],
     arrays: dict[str, Any],
 ) -> tuple[list[str], str]:
-    """Add the results of all nodes to the arrays.
+    """Evaluate the nodes and add their results to `arrays`.
 
-    Return the operators on symbols with the sizes of their results, and the lowest precision of the
-    nodes' constants. Raises BadInputError where the results have too many numbers.
+    Returns the operators that depend on the network's inputs, with the sizes of their results, and
+    the lowest precision of the nodes' constants. Raises BadInputError if the results contain too
+    many numbers.
+
+    operators: name -> function of the operator
+    arrays: name -> array of each input and constant
     """
     steps = []
     precision = "float64"
@@ -418,10 +425,12 @@ def _evaluate(
 def _inputs_of(
     graph: Any, constants: set[str], states: int, inputs: int
 ) -> dict[str, tuple[int, ...]]:
-    """Return the name and the shape of each input.
+    """Return name -> shape of each input of a graph.
 
-    The inputs are the state, or those of a Q: the state and the input of the plant, in one row or
-    in two. Raises BadInputError for anything else.
+    The inputs are the state of the plant, or for a Q the state and the input in one row or in two
+    rows. Raises BadInputError for other inputs.
+
+    constants: names of the inputs that are constants
     """
     shapes = {}
     for item in graph.input:
@@ -450,9 +459,10 @@ def _inputs_of(
 
 
 def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless a network has as many inputs as the plant has states.
+    """Raise BadInputError unless `width` is the number of states, or for a Q of states and inputs.
 
-    A Q must have as many inputs as states and inputs.
+    width: number of inputs of the network
+    states, inputs: number of states and of inputs of the plant
     """
     if width == states:
         return
@@ -468,9 +478,9 @@ def check_width(width: int, states: int, inputs: int) -> None:
 def _constants(
     onnx: Any, tensors: Mapping[str, Any], folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Arrays of ONNX tensors by name, and their precision.
+    """Return the arrays of ONNX tensors by name, and their precision.
 
-    folder: where the data of a tensor may be in another file.
+    folder: folder of the files that may contain the data of a tensor
     """
     arrays = {}
     for name, tensor in tensors.items():
@@ -483,7 +493,10 @@ def _constants(
 
 
 def _external(onnx: Any, tensor: Any, folder: Path | None) -> np.ndarray:
-    """Return the numbers of a tensor stored in a file of the folder, and nowhere else."""
+    """Return the array of a tensor stored in a separate file.
+
+    Raises BadInputError if the file is not in the folder of the graph.
+    """
     entries = {entry.key: entry.value for entry in tensor.external_data}
     location = entries.get("location", "")
     beside = folder is not None and (folder / location).resolve().parent == folder.resolve()
@@ -505,9 +518,13 @@ def _evaluated(
     node: Any,
     arrays: Mapping[str, Any],
 ) -> tuple[list[np.ndarray], str]:
-    """Return the outputs of a node, for most operators only the first.
+    """Return the outputs of a node and the precision of its constant.
 
-    The precision of its constant, if any, is returned too.
+    For most operators only the first output is returned. The precision is "float64" if the node
+    contains no constant. Raises BadInputError for an unsupported operator.
+
+    operators: name -> function of the operator
+    arrays: name -> array of each result so far
     """
     name = node.op_type
     if node.domain not in ("", "ai.onnx"):
@@ -538,7 +555,9 @@ def _evaluated(
 def _refuse_unread(
     name: str, operator: Callable[..., Any], inputs: list[Any], attributes: Mapping[str, Any]
 ) -> None:
-    """Raise BadInputError where an operator has inputs or attributes that are not read."""
+    """Raise BadInputError if an operator has inputs or attributes that its function does not
+    accept.
+    """
     try:
         rule = signature(getattr(operator, "pyfunc", operator))
     except ValueError:  # of NumPy's own, which take arrays alone
@@ -554,8 +573,10 @@ def _refuse_unread(
 
 
 def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int:
-    """Return the size of an operator's result before it is computed, or 0 if it is no larger than
-    the input."""
+    """Return the size of an operator's result before it is computed.
+
+    The size is 0 if the result is not larger than the input.
+    """
     if name in _SIZES:
         return _SIZES[name](*inputs, **attributes)
     shapes = [np.shape(array) for array in inputs if array is not None]
@@ -569,7 +590,11 @@ def _size_of(name: str, inputs: list[Any], attributes: Mapping[str, Any]) -> int
 
 
 def _refuse_more(size: int, inputs: Any) -> None:
-    """Raise BadInputError for more numbers than a network may have, before they are allocated."""
+    """Raise BadInputError if an operator's result would be too large, before memory is allocated.
+
+    size: number of entries of the result
+    inputs: arrays on which the operator acts
+    """
     is_symbolic = any(np.asarray(array).dtype == object for array in inputs if array is not None)
     most = _MOST_SCALARS if is_symbolic else LARGEST_NETWORK
     if size > most:
@@ -581,10 +606,10 @@ def _refuse_more(size: int, inputs: Any) -> None:
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
     """Return key -> name of an output of the graph.
 
-    outputs: requested kind ("policy") -> name of its output, or "" for all outputs of the graph
+    The key is the requested kind. If "" requests several outputs, each key is the output's name.
+    Raises BadInputError for a name that is not an output of the graph.
 
-    The key is the requested kind, or the name of the output where one kind has several. Raises
-    BadInputError for a name that the graph does not have.
+    outputs: requested kind ("policy") -> name of its output, or "" for all outputs
     """
     names = [item.name for item in graph.output]
     found = {}

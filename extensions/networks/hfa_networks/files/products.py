@@ -1,4 +1,4 @@
-"""Products with matrices of constants, in graphs of CasADi scalars."""
+"""Products of CasADi scalars with constant matrices."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ _SCALARS = 4096
 
 
 class Products:
-    """Functions of x whose products with large matrices are not expanded.
+    """Graph of CasADi scalars in which products with large matrices are not expanded.
 
-    As a graph of scalars, a layer of 1024 x 1024 has two million operations. The result of such a
-    product is therefore represented by new symbols. `function` joins the graphs and the products.
+    Expanded to scalars, a layer of 1024 x 1024 has two million operations. The result of such a
+    product is therefore represented by new symbols. `function` combines the graphs and the
+    products.
     """
 
     def __init__(self, x: ca.SX) -> None:
@@ -24,8 +25,11 @@ class Products:
         self._factors: list[tuple[ca.SX, np.ndarray]] = []
 
     def times(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return a @ b, as new symbols where one factor has symbols and the other is a large
-        constant."""
+        """Return a @ b.
+
+        The result consists of new symbols if one factor contains symbols and the other is a large
+        constant matrix.
+        """
         a_is_constant = a.dtype != object
         b_is_constant = b.dtype != object
         if a_is_constant and not b_is_constant and a.ndim == 2 and b.ndim <= 2:
@@ -41,9 +45,9 @@ class Products:
         return np.fromiter(ca.vertsplit(symbols), object).reshape(shape)
 
     def function(self, outputs: np.ndarray) -> ca.Function:
-        """Return the function x -> entries of an array, row by row, (k,).
+        """Return the function x (n,) -> entries of `outputs` in row-major order (k,).
 
-        It is made of scalars (SX) where no product is large, else of matrices (MX).
+        The function is an SX function if no product is large, otherwise an MX function.
         """
         x = self._symbols[0]
         if not self._factors:
@@ -55,9 +59,10 @@ class Products:
         return ca.Function("network", values[:1], [self._value(_entries(outputs), values)])
 
     def rows(self, outputs: np.ndarray) -> RowNetwork | None:
-        """Return the function x (N, n) -> (N, k), with each product evaluated for all rows.
+        """Return the function x (N, n) -> (N, k) that evaluates each large product for all rows at
+        once.
 
-        The result is None where no product is large.
+        The result is None if no product is large.
         """
         if not self._factors:
             return None
@@ -79,15 +84,16 @@ class Products:
         return on_rows
 
     def _value(self, entries: ca.SX, values: list[ca.MX]) -> ca.MX:
-        """Return entries that depend on the symbols, at values of these symbols."""
+        """Return `entries`, which depend on the symbols, as an expression of the values of the
+        symbols.
+        """
         part, places = self._part(entries, len(values))
         return part(*(values[place] for place in places))
 
     def _part(self, entries: ca.SX, count: int) -> tuple[ca.Function, list[int]]:
-        """Return a function for entries that depend on the first `count` symbols, and their
-        positions.
+        """Return a function for `entries`, and the positions of its arguments among the symbols.
 
-        Its arguments are x and the products among these symbols.
+        The arguments are x and those of the first `count` symbols on which `entries` depend.
         """
         places = [0]
         for place in range(1, count):

@@ -18,13 +18,13 @@ _ELSE = (
 def policy_of(Q: ca.Function, states: int) -> ca.Function:
     """Return the function x (n,) -> u (m,) with ∂Q/∂u = 0.
 
-    u is nan where ∂²Q/∂u² is not definite as at x = 0.
+    u is nan at x where ∂²Q/∂u² does not have the definite sign that it has at x = 0.
 
-    Q: (x, u) (n + m,) -> 1.
+    Q: function of (x, u), (n + m,), with one output.
     states: n.
 
-    Raises BadInputError unless Q is one polynomial of degree 2 in u, whose coefficients may depend
-    on x in any way, and ∂²Q/∂u² is definite at x = 0.
+    Raises BadInputError unless Q is a polynomial of degree 2 in u and ∂²Q/∂u² is definite at x = 0.
+    The coefficients of the polynomial may depend on x in any way.
     """
     if Q.numel_out(0) != 1:
         raise BadInputError(
@@ -48,11 +48,13 @@ def policy_of(Q: ca.Function, states: int) -> ca.Function:
 
 
 def _degree(Q: ca.Function, states: int) -> float:
-    """Return the largest degree in u of a graph of scalars, or inf where it may not be a polynomial
-    in u.
+    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial in u.
 
-    The degree of a product is the sum of the degrees, and that of a sum is the larger one.
-    Cancellation is not detected.
+    The degree of a product is the sum of the degrees of its factors. The degree of a sum is the
+    largest degree of its terms. Cancellation is not detected.
+
+    Q: graph of scalars
+    states: number of entries before u in the argument
     """
     degrees = np.zeros(Q.sz_w())
     largest = 0.0
@@ -72,7 +74,12 @@ def _degree(Q: ca.Function, states: int) -> float:
 
 
 def _degree_of(operation: int, degrees: list[float]) -> float:
-    """Return the degree of an operation on polynomials of given degrees, inf for no polynomial."""
+    """Return the degree of the result of an operation on polynomials, or inf if it is no
+    polynomial.
+
+    operation: a CasADi operation code
+    degrees: degrees of the operands
+    """
     if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
         return max(degrees)
     if operation == ca.OP_MUL:

@@ -1,8 +1,8 @@
-"""A chain of linear layers on many rows at once: products of matrices in NumPy.
+"""Chain of linear layers, evaluated on many rows at once by matrix products in NumPy.
 
-On many rows a network of 256 x 256 takes some microseconds for each row. One row alone takes a
-hundred. Such a wide network is computed in single precision, as it was trained and as it flies.
-Others are computed in double precision.
+With many rows, a network of 256 x 256 takes some microseconds for each row. A single row takes a
+hundred. Such a wide network is computed in single precision, as in training and deployment.
+Smaller networks are computed in double precision.
 """
 
 from __future__ import annotations
@@ -42,14 +42,16 @@ ROW_ACTIVATIONS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def precision_of(matrix: np.ndarray) -> type[np.floating]:
-    """Return the precision in which products with a matrix are computed on rows."""
+    """Return the precision for products of rows with a matrix: single if the matrix is large."""
     return np.float32 if matrix.size >= _WIDE else np.float64
 
 
 def row_network(layers: Sequence[tuple[np.ndarray, np.ndarray, str]]) -> RowNetwork | None:
-    """Return the network of layers (weight (k, n), bias (k,), activation) for rows.
+    """Return the function x (N, n) -> (N, k) of a chain of layers.
 
-    The result is None for an activation that is not in `ROW_ACTIVATIONS`.
+    The result is None if an activation is not in `ROW_ACTIVATIONS`.
+
+    layers: (weight (k, n), bias (k,), activation) of each layer
     """
     if any(activation not in ROW_ACTIVATIONS for _, _, activation in layers):
         return None

@@ -1,7 +1,8 @@
-"""The tensors of a state dict by function: layers, a normalizer before them, a squash after them.
+"""Tensors of a state dict, sorted into layers, input normalizer and output squash.
 
-Checkpoints of rsl_rl, rl_games, skrl and CleanRL contain more than layers. The names of the tensors
-identify the library. Any other tensor that may act on the network is refused by its name.
+Checkpoints of rsl_rl, rl_games, skrl and CleanRL contain more than layers. The names of their
+tensors identify the library. A further tensor that may act on the network is an error that names
+the tensor.
 """
 
 from __future__ import annotations
@@ -50,20 +51,23 @@ class Normalizer(NamedTuple):
 
 
 class Squash(NamedTuple):
-    """Output y -> tanh(y) scale + bias of a state dict, (m,) each."""
+    """Output map y -> tanh(y) scale + bias, read from a state dict.
+
+    scale, bias: (m,), for m outputs.
+    """
 
     scale: np.ndarray
     bias: np.ndarray
 
 
 class Parts(NamedTuple):
-    """Network of a part of a state dict, with the remaining tensors.
+    """Tensors of a state dict, sorted by function, for one part such as the policy.
 
-    layers: tensors of its layers.
+    layers: tensors of the layers.
     normalizer: normalizer before the first layer, or None.
-    squash: squash behind the last layer, or None.
+    squash: output map after the last layer, or None.
     others: tensors of unknown function.
-    unused: tensors that by their names do not act on a policy, but by their sizes may do so.
+    unused: tensors whose names exclude but whose sizes permit that they act on a policy.
     """
 
     layers: dict[str, np.ndarray]
@@ -74,17 +78,19 @@ class Parts(NamedTuple):
 
 
 def _of_rsl_rl(group: Tensors) -> tuple[np.ndarray, float]:
-    """Return deviation and clip of rsl_rl's EmpiricalNormalization, whose eps is 0.01."""
+    """Return standard deviation (n,) and clip of rsl_rl's EmpiricalNormalization, whose eps is
+    0.01.
+    """
     return group["_std"] + 0.01, np.inf
 
 
 def _of_rl_games(group: Tensors) -> tuple[np.ndarray, float]:
-    """Return deviation and clip of rl_games' RunningMeanStd."""
+    """Return standard deviation (n,) and clip of rl_games' RunningMeanStd."""
     return np.sqrt(group["running_var"] + 1e-5), 5.0
 
 
 def _of_skrl(group: Tensors) -> tuple[np.ndarray, float]:
-    """Return deviation and clip of skrl's RunningStandardScaler."""
+    """Return standard deviation (n,) and clip of skrl's RunningStandardScaler."""
     return np.sqrt(group["running_variance"]) + 1e-8, 5.0
 
 
@@ -110,17 +116,18 @@ _NORMALIZERS: tuple[
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
-    """Return the tensors without those of optimizers."""
+    """Return the tensors of a checkpoint that do not belong to an optimizer."""
     return {name: array for name, array in tensors.items() if not _words(name) & _OF_TRAINING}
 
 
 def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
     """Sort the tensors of a state dict by function.
 
-    part: words of the names of the layers, with + between them, or "" for all.
-    is_policy: whether "" is the policy alone, and not a critic in the same file.
+    part: words that select layers by their names, joined by +; "" selects all layers.
+    is_policy: whether "" selects the policy alone, without a critic in the same file.
 
-    Raises BadInputError where no name has one of the words, or two normalizers or squashes fit.
+    Raises BadInputError if no name contains one of the words, or if several normalizers or squashes
+    may belong to the part.
     """
     groups = _grouped(tensors)
     normalizers = {}
@@ -161,15 +168,16 @@ def parts_of(tensors: Tensors, part: str, *, is_policy: bool) -> Parts:
 
 
 def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> None:
-    """Raise BadInputError for further tensors that may act on the inputs or outputs of a network.
+    """Raise BadInputError if a tensor that is not read may act on the inputs or outputs of a
+    network.
 
-    others: tensors of a state dict that belong to none of the networks that are read
-    unused: tensors named as those of a critic or of the standard deviation of an action
+    others: tensors of a state dict that belong to no network that is read
+    unused: tensors whose names indicate a critic or the standard deviation of an action
     takes, gives: number of inputs and of outputs of the network
 
-    Other linear layers belong to another network, unless their sizes fit before, after or in
-    parallel to this one. Of the unused tensors, layers with one output are a critic. A tensor of
-    the size of the outputs is a standard deviation.
+    Other linear layers are a separate network, unless their sizes fit before, after or in parallel
+    to this network. Among the unused tensors, layers with one output are a critic, and a tensor
+    with as many entries as outputs is a standard deviation.
     """
     chains: dict[str, list[tuple[str, np.ndarray]]] = {}
     tensors = {**others, **unused}
@@ -202,7 +210,9 @@ def refuse_others(others: Tensors, unused: Tensors, takes: int, gives: int) -> N
 
 
 def roots(tensors: Iterable[str]) -> list[str]:
-    """Return the names of the networks in a file."""
+    """Return the names of the networks in a file: the tensors' names without layer number and
+    "weight".
+    """
     stems = (re.sub(r"\.?\d*\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]
 
@@ -225,9 +235,9 @@ def _is_spread(name: str) -> bool:
 
 
 def _has_word(name: str, part: str) -> bool:
-    """Return whether a word of "word+word" is in a name.
+    """Return whether the name of a tensor contains one of the words of "word+word".
 
-    A number matches only as the first word, where it is the position in a tuple.
+    A number matches only at the beginning of the name, where it is the position in a tuple.
     """
     for word in part.split("+"):
         is_first = f".{name}.".startswith(f".{word}.")
@@ -237,7 +247,7 @@ def _has_word(name: str, part: str) -> bool:
 
 
 def _grouped(tensors: Tensors) -> dict[str, dict[str, np.ndarray]]:
-    """Return module -> its tensors by their own names."""
+    """Return module -> {name within the module: tensor}."""
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, array in tensors.items():
         stem, _, leaf = name.rpartition(".")
@@ -250,7 +260,14 @@ def _joined(stem: str, leaf: str) -> str:
 
 
 def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
-    """Return the normalizer of a module, or None where the module is of an unknown kind."""
+    """Return the normalizer whose tensors are those of a module, or None if the module is no
+    normalizer.
+
+    Raises BadInputError if a variance is not positive.
+
+    stem: name of the module
+    group: name within the module -> tensor
+    """
     for names, module, mean, divisor in _NORMALIZERS:
         if group.keys() == names and stem.endswith(module):
             deviation, clip = divisor(group)
@@ -265,7 +282,14 @@ def _normalizer(stem: str, group: Tensors) -> Normalizer | None:
 def _normalizer_of(
     found: Mapping[str, Normalizer], layers: Tensors, of_critic: bool
 ) -> Normalizer | None:
-    """Return the normalizer of a network's inputs, among those of a file, or None without one."""
+    """Return the normalizer of a network's inputs, or None if the file contains none for it.
+
+    Raises BadInputError if several normalizers fit, or if a normalizer scales a critic's value.
+
+    found: name -> normalizer of the file
+    layers: tensors of the network
+    of_critic: whether the network is a critic
+    """
     own = {stem: each for stem, each in found.items() if _is_of_critic(stem) == of_critic}
     if of_critic:
         for stem in own:
@@ -276,9 +300,13 @@ def _normalizer_of(
 
 
 def _the_one(what: str, found: Mapping[str, Kind], layers: Tensors) -> Kind | None:
-    """Return the only one of a kind, or the only one whose name begins like the layers' names.
+    """Return the only item, or the only one whose name and the layers' names begin with the same
+    word.
 
-    The result is None for an empty `found`. Raises BadInputError where more than one may be meant.
+    The result is None for an empty `found`. Raises BadInputError if several items qualify.
+
+    what: noun for the items, for the message
+    found: name -> item
     """
     if len(found) < 2:
         return next(iter(found.values()), None)

@@ -1,6 +1,6 @@
 """Tensors of state dicts in files of torch, safetensors, .npz and .json.
 
-They are read without torch, and no code in a file is run.
+The files are read without torch. No code in a file is executed.
 """
 
 from __future__ import annotations
@@ -40,8 +40,13 @@ _TYPES = {
 
 
 def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
-    """Return name -> array of a state dict, in the order of the file. Raises BadInputError for a
-    format of torch before 1.6."""
+    """Return name -> array of a state dict, in the order of the file.
+
+    Raises BadInputError for a torch file that was not written by torch 1.6 or later.
+
+    content: bytes of the file
+    suffix: suffix of the file, such as ".npz"
+    """
     if suffix == ".npz":
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             _refuse_large(archive)
@@ -59,10 +64,10 @@ def tensors_in(content: bytes, suffix: str) -> dict[str, np.ndarray]:
 
 
 def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
-    """Return the tensors, floats as doubles, and the precision of the file.
+    """Return the tensors with floats in double precision, and the precision of the file.
 
-    Raises BadInputError if there are too many, or if they are not finite numbers of at least 32
-    bits.
+    The precision is "float32" if any tensor has it, otherwise "float64". Raises BadInputError if
+    the tensors have too many entries, or an entry is not a finite number of at least 32 bits.
     """
     for name, array in tensors.items():
         is_float = array.dtype.kind == "f"
@@ -85,8 +90,8 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 def _safetensors(content: bytes) -> dict[str, np.ndarray]:
     """Return the tensors of a safetensors file by name.
 
-    Eight bytes contain the length of a JSON object, whose entries state the place of each tensor in
-    the data that follow.
+    The first eight bytes contain the length of a JSON object. Its entries give the position of each
+    tensor in the data that follow.
     """
     begin = 8 + int.from_bytes(content[:8], "little")
     header = json.loads(content[8:begin])
@@ -107,8 +112,13 @@ def _dtype(kind: str) -> str:
 
 
 def _view(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:
-    """Return the numbers of a storage at offset + Σ index stride
-    (torch._utils._rebuild_tensor_v2)."""
+    """Return a tensor of a torch file: the entries storage[offset + Σ index_i stride_i].
+
+    It replaces torch._utils._rebuild_tensor_v2. Raises BadInputError for an entry outside the
+    storage.
+
+    storage: array of all entries in the file's storage
+    """
     numbers = (offset, *size, *stride) if isinstance(size, tuple) else (None,)
     if not isinstance(stride, tuple) or any(type(number) is not int for number in numbers):
         raise BadInputError(
@@ -134,10 +144,10 @@ _ALLOWED: Mapping[tuple[str, str], Callable[..., Any]] = {
 
 
 def refuse_pickle_bomb(content: bytes) -> None:
-    """Raise BadInputError where reading a pickle would take more memory than its bytes.
+    """Raise BadInputError if reading a pickle would need far more memory than its size.
 
-    Such a pickle numbers more objects than it has bytes, or has more steps than a policy needs.
-    Hashing tuples nested so deeply would end the process.
+    Such a pickle numbers more objects than it has bytes, or contains more than `_MOST_STEPS`
+    instructions, or contains a tuple that is shared too often to be hashed.
     """
     for count, (opcode, argument, _) in enumerate(pickletools.genops(content)):
         if "PUT" in opcode.name and isinstance(argument, int) and argument > len(content):
@@ -148,11 +158,11 @@ def refuse_pickle_bomb(content: bytes) -> None:
 
 
 def _refuse_shared_tuples(content: bytes) -> None:
-    """Raise BadInputError where a tuple has more leaves than `_MOST_STEPS`, counting shared ones
+    """Raise BadInputError if a tuple has more than `_MOST_STEPS` leaves, counting shared ones
     repeatedly.
 
-    Such a tuple, as the key of a dictionary, is hashed while the pickle is read. The leaves of
-    everything on the stack of the pickle are counted without creating an object.
+    A tuple that is a dictionary key is hashed while the pickle is read, and hashing visits all its
+    leaves. The leaves of each object on the pickle's stack are counted without creating the object.
     """
     stack: list[int] = []
     marks: list[int] = []
@@ -181,9 +191,10 @@ def _refuse_shared_tuples(content: bytes) -> None:
 
 
 def refuse_shared(stored: Any) -> None:
-    """Raise BadInputError where the content of a pickle has more leaves than `_MOST_STEPS`.
+    """Raise BadInputError if the content of a pickle has more leaves than `_MOST_STEPS`.
 
-    Shared leaves count at each use: 32 lists that each contain the next one twice have 2^32 leaves.
+    Each use of a shared leaf counts. For example, 32 lists that each contain the next one twice
+    have 2^32 leaves.
     """
     counts: dict[int, int] = {}
     waiting = [stored]
@@ -201,7 +212,10 @@ def refuse_shared(stored: Any) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """Return the items of a container of a pickle."""
+    """Return the objects that an object in a pickle contains: items, dictionary keys or attributes.
+
+    An array or a class contains none.
+    """
     if isinstance(value, dict):
         return [*value, *value.values()]
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -212,7 +226,9 @@ def _inside(value: Any) -> list[Any]:
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler of dictionaries and arrays, which refuses every other class or function by name."""
+    """Unpickler for dictionaries and arrays. Any other class or function raises an error that names
+    it.
+    """
 
     def __init__(self, content: bytes, storages: Mapping[str, bytes]) -> None:
         refuse_pickle_bomb(content)
@@ -238,15 +254,18 @@ class _Restricted(pickle.Unpickler):
 
 
 def _refuse_large(archive: zipfile.ZipFile) -> None:
-    """Raise BadInputError where the members together are larger than a file may be."""
+    """Raise BadInputError if the members of a zip file together unpack to more than `LARGEST`
+    bytes.
+    """
     if sum(member.file_size for member in archive.infolist()) > LARGEST:
         raise BadInputError(f"it unpacks to more than {LARGEST >> 20} MiB")
 
 
 def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return a member of a zip file, limited in its actual size, independent of the stated one.
+    """Return a member of a zip file as bytes.
 
-    Raises BadInputError if it is larger, or has a compression that neither torch nor NumPy uses.
+    At most the stated size is unpacked. Raises BadInputError if this size exceeds `LARGEST`, or if
+    the member is encrypted or has a compression that neither torch nor NumPy uses.
     """
     entry = archive.getinfo(name)
     is_encrypted = entry.flag_bits & 1
@@ -259,7 +278,11 @@ def unpacked(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
-    """Return the tensors in a file of torch.save, such as policy.pth of stable-baselines3."""
+    """Return the tensors in a file written by torch.save, or in the policy.pth of a
+    Stable-Baselines3 zip.
+
+    Raises BadInputError for a TorchScript file.
+    """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         _refuse_large(archive)
         names = archive.namelist()
@@ -276,7 +299,10 @@ def _torch_zip(content: bytes) -> dict[str, np.ndarray]:
 
 
 def _flattened(prefix: str, stored: Any, depth: int = 0) -> dict[str, np.ndarray]:
-    """Return the arrays of nested dictionaries, with names such as "model.0.weight"."""
+    """Return the arrays of nested dictionaries, lists and tuples by names such as "model.0.weight".
+
+    At most four levels are read.
+    """
     if isinstance(stored, np.ndarray):
         return {prefix.removesuffix("."): stored}
     tensors: dict[str, np.ndarray] = {}

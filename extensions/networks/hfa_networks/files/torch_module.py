@@ -1,4 +1,7 @@
-"""Networks of torch in memory: chains of linear layers and activations, read without torch."""
+"""torch.nn.Sequential objects in memory: chains of linear layers and activations.
+
+They are read without importing torch.
+"""
 
 from __future__ import annotations
 
@@ -31,10 +34,10 @@ _ACTIVATIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 def module_network(module: Callable[..., Any], kind: str, states: int, inputs: int) -> NetworkFile:
     """Return the network of a torch.nn.Sequential of Linear layers and activations.
 
-    kind: one of `OUTPUTS`, or "" where the number of outputs decides
-    states, inputs: those of the plant
+    kind: one of `OUTPUTS`, or "" if the number of outputs decides
+    states, inputs: number of states and of inputs of the plant
 
-    Raises BadInputError for another module, or one whose numbers are not finite.
+    Raises BadInputError for another module, or if a weight is not finite.
     """
     steps: list[tuple[Layer, str]] = []
     precisions = set()
@@ -69,14 +72,17 @@ def module_network(module: Callable[..., Any], kind: str, states: int, inputs: i
 
 
 def _class_of(module: Any) -> str:
-    """Return the name of a class of torch.nn, or that of another class with its module."""
+    """Return the class name of a module, with its Python module if that is not in torch.nn."""
     kind = type(module)
     is_own = kind.__module__.startswith("torch.nn.")
     return kind.__name__ if is_own else f"{kind.__module__}.{kind.__name__}"
 
 
 def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
-    """Yield name and module of the parts of nested Sequentials, in order of evaluation."""
+    """Yield (name, module) for each part of nested Sequentials, in order of evaluation.
+
+    Identity modules are skipped. Raises BadInputError for an unsupported module.
+    """
     kind = _class_of(module)
     if kind == "Sequential":
         for place, part in enumerate(module):
@@ -91,7 +97,7 @@ def _parts(name: str, module: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _linear(name: str, module: Any) -> tuple[Layer, str]:
-    """Return a linear layer and the precision of its numbers."""
+    """Return the layer of a torch.nn.Linear module, and the precision of its weights."""
     tensors = {"weight": _numbers(name, module.weight)}
     if module.bias is not None:
         tensors["bias"] = _numbers(name, module.bias)
@@ -110,7 +116,10 @@ def _numbers(name: str, tensor: Any) -> np.ndarray:
 
 
 def _activation(module: Any) -> str:
-    """Return the name of an activation. Raises BadInputError for other settings than the usual."""
+    """Return the name of an activation module.
+
+    Raises BadInputError if one of its settings is not supported.
+    """
     kind = _class_of(module)
     name, usual = _ACTIVATIONS[kind]
     for setting, value in usual.items():

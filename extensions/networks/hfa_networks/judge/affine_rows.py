@@ -1,4 +1,8 @@
-"""Representation of a CasADi function by exact affine rows between nodes that are not affine."""
+"""A CasADi function as exact affine rows of its inputs and of nodes, its nonlinear operations.
+
+A row maps each variable to a rational coefficient. Variable 0 is the constant 1, the inputs
+follow, then the nodes.
+"""
 
 from __future__ import annotations
 
@@ -28,15 +32,15 @@ _LINEAR = {
 
 
 class NotReadError(Exception):
-    """Error of a function with an unsupported operation, or that is too large."""
+    """Error for a function that contains an unsupported operation or is too large."""
 
 
 class Node(NamedTuple):
-    """Node that is not affine.
+    """Nonlinear operation.
 
-    kind: "tanh", "relu" (max(t, 0)), "step" (1 where t > 0, else 0), "square" or "product".
+    kind: "tanh", "relu" (max(t, 0)), "step" (1 if t > 0, 0 if t < 0), "square" or "product".
     rows: rows of its one or two arguments.
-    level: 1 more than the highest of the nodes in its rows.
+    level: 1 plus the highest level of the nodes in its rows.
     """
 
     kind: str
@@ -45,14 +49,14 @@ class Node(NamedTuple):
 
 
 def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
-    """Return the row of each output of x -> y, and the nodes in these rows.
+    """Return the row of each output of a function x -> y, and the nodes in these rows.
 
-    Products of polynomials of the inputs, up to a degree, are combinations of monomials. Each
-    monomial is a node, so that common terms of two polynomials cancel. The expression is the one
-    that CasADi has simplified when it was built.
+    Products of polynomials of the inputs, up to a limiting degree, become combinations of
+    monomials. Each monomial is one node, so common terms of two polynomials cancel. The rows
+    represent the expression that CasADi stores, including simplifications that it made.
 
-    Raises NotReadError where the function has operations other than +, -, *, division by a
-    constant, powers, tanh, min, max, |t|, sign and comparisons.
+    Raises NotReadError if the function has other operations than +, -, *, division by a constant,
+    powers, tanh, min, max, |t|, sign and comparisons, or if it is too large.
     """
     if function.n_instructions() > _INSTRUCTIONS:
         raise NotReadError
@@ -78,7 +82,7 @@ def affine_rows(function: ca.Function) -> tuple[list[Row], list[Node]]:
 
 
 def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
-    """Return a + factor b."""
+    """Return the row a + factor b."""
     total = dict(a)
     for variable, coefficient in b.items():
         change = factor * coefficient
@@ -90,7 +94,7 @@ def _plus(a: Row, b: Row, factor: Fraction = _ONE) -> Row:
 
 
 class _Reader:
-    """Builder of rows from rows, with nodes where an operation is not affine."""
+    """Builder of rows. It adds a node for each nonlinear operation."""
 
     def __init__(self, inputs: int) -> None:
         self.nodes: list[Node] = []
@@ -132,18 +136,24 @@ class _Reader:
         raise NotReadError
 
     def _relu(self, row: Row) -> Row:
-        """Return the row of max(t, 0), as t + max(-t, 0) where the latter is already a node."""
+        """Return the row of max(t, 0), where `row` is the row of t.
+
+        If max(-t, 0) is already a node, the result is t + max(-t, 0).
+        """
         opposite = self._known.get(_key("relu", _plus({}, row, -_ONE)))
         if opposite is not None:
             return _plus(row, {opposite: _ONE})
         return {self._node("relu", row): _ONE}
 
     def _step(self, row: Row) -> Row:
-        """Return the row of a step: 1 for t > 0, 0 for t < 0, and any number between at 0."""
+        """Return the row of the step of t: 1 for t > 0, 0 for t < 0, any value in [0, 1] at t = 0.
+
+        row: row of t
+        """
         return {self._node("step", row): _ONE}
 
     def _has_both_sides(self, step: Row, total: Row) -> bool:
-        """Return whether one row is the step of some t, and another the step of -t."""
+        """Return whether `step` is the step of some t and `total - step` is the step of -t."""
         others = _plus(total, step, -_ONE)
         arguments = []
         for row in (step, others):
@@ -175,13 +185,13 @@ class _Reader:
         return {self._node("product", first, last): _ONE}
 
     def _degree(self, row: Row) -> float:
-        """Return the degree of a polynomial in the inputs, or inf for other functions."""
+        """Return the degree of a row as a polynomial in the inputs, or inf if it is not one."""
         if not row.keys() <= self._powers.keys():
             return math.inf
         return max(len(self._powers[variable]) for variable in row)
 
     def _polynomial(self, first: Row, last: Row) -> Row:
-        """Return the product of two polynomials of the inputs."""
+        """Return the row of the product of two polynomials in the inputs, given as rows."""
         total: dict[int, Fraction] = {}
         for left, factor in first.items():
             for right, other_factor in last.items():
@@ -191,7 +201,10 @@ class _Reader:
         return {monomial: factor for monomial, factor in total.items() if factor}
 
     def _monomial(self, powers: tuple[int, ...]) -> int:
-        """Return the variable of a product of inputs."""
+        """Return the variable of a monomial. Its node is added if it does not exist.
+
+        powers: indices of the inputs in the monomial, repeated for powers
+        """
         if powers not in self._monomials:
             before = {self._monomial(powers[:-1]): _ONE}
             last = {powers[-1]: _ONE}
@@ -202,7 +215,11 @@ class _Reader:
         return self._monomials[powers]
 
     def _node(self, kind: str, *rows: Row) -> int:
-        """Return the variable of a node, which is reused where it exists."""
+        """Return the variable of a node.
+
+        An existing node with one argument is reused. Raises NotReadError if there are too many
+        nodes.
+        """
         key = _key(kind, rows[0])
         if len(rows) == 1 and key in self._known:
             return self._known[key]

@@ -1,4 +1,7 @@
-"""Findings on critics that are nonlinear functions of the state, for the judge of critics."""
+"""Findings on critics that are nonlinear functions of the state.
+
+The checks of critics load them by the entry point `nonlinear`.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +23,20 @@ if TYPE_CHECKING:
 def in_time(
     game: Game, exact: Solution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Judge in continuous time, over the box |z_i| <= b_i."""
+    """Return the findings on a critic in continuous time, over the box |z_i| <= b_i.
+
+    limit: largest relative error that passes
+    scope: duration of the proof, number of simulations and further settings
+    """
     return findings(InTime(game, exact), critic, exact, b, limit, scope)
 
 
 def in_steps(
     exact: DiscreteSolution, critic: Critic, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Judge in discrete time, over the box |z_i| <= b_i."""
+    """Return the findings on a critic in discrete time, over the box |z_i| <= b_i.
+
+    limit: largest relative error that passes
+    scope: duration of the proof, number of simulations and further settings
+    """
     return findings(InSteps(exact), critic, exact, b, limit, scope)

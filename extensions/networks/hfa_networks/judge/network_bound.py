@@ -1,4 +1,4 @@
-"""The largest error of a network over a box of states, proved by branch and bound."""
+"""Proof of an upper bound on the error of a network over a box of states, by branch and bound."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ _BATCH = 1024
 class Proof(NamedTuple):
     """Proved bound on the errors of a network.
 
-    what: "error" of V, its slopes and the policy, "error of the policy", "of V and its slopes".
-    error: proved upper bound of the relative error.
-    fraction: factor on the half-widths b_i of the box in which the bound holds, or 0 where nothing
-        is proved.
-    boxes: number of boxes in the subdivision.
-    beyond: a state (n,) with a larger error, which ended the proof, or None without one.
-    is_of_all: whether it covers all errors that are compared.
+    what: "error" of V, its slopes and the policy, "error of the policy", or "of V and its slopes".
+    error: proved upper bound on the relative error.
+    fraction: the bound is proved for |z_i| <= fraction b_i; 0 if nothing is proved.
+    boxes: number of boxes for which bounds were computed.
+    beyond: state (n,) whose error exceeds the bound, which ended the proof, or None.
+    is_of_all: whether the bound covers all errors that are compared.
     """
 
     what: str
@@ -38,7 +37,9 @@ class Proof(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Part of the box on which the bound is proved, in words. It is never too large."""
+        """Proved part of the box in words, such as "on 0.96 times the box". The factor is rounded
+        down.
+        """
         if self.fraction == 1.0:
             return "in the box"
         return f"on {math.floor(100.0 * self.fraction) / 100.0:g} times the box"
@@ -52,11 +53,15 @@ def prove(
     seconds: float,
     progress: Progress | None = None,
 ) -> Proof | None:
-    """Return the proved part of |errors(z)| <= limit for |z_i| <= b_i after `seconds`.
+    """Prove |errors(z)| <= limit for |z_i| <= b_i by branch and bound, for at most `seconds` s.
 
-    A box that is not bounded by the limit is halved across the input that contributes most to the
-    width of its bound. Boxes nearest to z = 0 come first, so the fraction grows. The result is None
-    where the function has operations without a bound.
+    The result states the fraction of the box that is proved. The proof also ends at a state whose
+    error exceeds the limit. A box for which no sufficient bound is found is halved across the input
+    that contributes most to the width of its bound. The boxes closest to z = 0 are processed first,
+    so that the proved fraction grows. The result is None if `errors` contains operations for which
+    no bound is implemented.
+
+    what: `Proof.what`
     """
     y = ca.SX.sym("y", len(b))
     scaled = ca.Function("errors", [y], [ca.densify(errors(ca.DM(b) * y))])
@@ -97,9 +102,12 @@ def prove(
 def _halves(
     centres: np.ndarray, half_widths: np.ndarray, gaps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return both halves of each box, across the input with the largest gap.
+    """Return the centres and half-widths of both halves of each box.
 
-    Where all gaps are equal the widest input is chosen.
+    Each box is halved across the input with the largest gap. If a gap is not finite or all are 0,
+    the box is halved across its widest input.
+
+    gaps: (boxes, n), contribution of each input to the width of the box's bound
     """
     boxes = np.arange(len(centres))
     # where nothing is known of the gaps, as without a bound, the widest input

@@ -1,7 +1,7 @@
-"""Flights of a policy that is a nonlinear function of the state, in continuous time and in steps.
+"""Simulations of a nonlinear policy, in continuous and in discrete time.
 
-A flight gives a lower bound of the largest cost, and of the smallest box from which a loop does not
-converge.
+A simulation gives a lower bound on the largest cost, and an upper bound on the box from which
+the loop converges.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ Expression = Callable[[ca.SX], ca.SX]
 
 
 class Flown(NamedTuple):
-    """Results of flights of a network from the box, with the names of the JSON.
+    """Results of simulations of a network. The fields are named as in the JSON output.
 
-    flights: number of initial conditions, or 0 where the linear loop is unstable.
-    cost_lost_flown_percent: largest cost beyond V*.
-    cost_lost_flown_mean_percent: mean cost beyond V*.
-    rest_point: (n,), the equilibrium of the linear loop, or None without one.
-    reach: the largest multiple of the box from which it converges, on the linear plant.
-    reach_nonlinear: that multiple on the nonlinear plant, or None without one.
-    reach_nonlinear_exact: that multiple on the nonlinear plant, of the exact policy.
+    flights: number of initial conditions, or 0 if the linear loop is unstable.
+    cost_lost_flown_percent: largest cost above V*, in percent of V*.
+    cost_lost_flown_mean_percent: mean cost above V*, in percent of V*.
+    rest_point: (n,), equilibrium of the policy on the linear plant, or None.
+    reach: largest multiple of the box from which the loop converges on the linear plant.
+    reach_nonlinear: this multiple on the nonlinear plant, or None without such a plant.
+    reach_nonlinear_exact: this multiple for the exact policy on the nonlinear plant, or None.
     """
 
     flights: int = 0
@@ -67,24 +67,25 @@ class Flown(NamedTuple):
 
 
 class Loop(Protocol):
-    """Plant with a policy, as a loop that can be simulated."""
+    """Closed loop of a plant and a policy, for simulation."""
 
     @property
     def rest(self) -> np.ndarray | None:
-        """Return the equilibrium near z = 0, (n,), or None without one."""
+        """Equilibrium near z = 0, (n,), or None if none is found."""
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """Return the end state minus the equilibrium, (n,), and the cost.
+        """Simulate the loop from the initial state `start` (n,).
 
-        The result is None where V* about the equilibrium has not decreased.
+        Returns the end state minus the equilibrium, (n,), and the cost, or None if V* about the
+        equilibrium does not decrease sufficiently.
         """
 
 
 class TimeAxis(Protocol):
-    """Plant of a critic with a policy, in continuous or discrete time.
+    """Plant of a critic in continuous or discrete time.
 
-    With w = L* z, the worst disturbance of the exact policies, a policy u costs J - V* = the sum
-    over time of (u - u*)' `price` (u - u*).
+    The disturbance is w = L* z, the worst disturbance of the exact solution. Under it, a policy u
+    has the cost J = V* + the sum over time of (u - u*)' `price` (u - u*).
     """
 
     @property
@@ -92,21 +93,27 @@ class TimeAxis(Protocol):
         """Weight of u - u*, (m, m)."""
 
     def is_stable(self, K: np.ndarray) -> bool:
-        """Return whether A - B K is stable."""
+        """Return whether the loop A - B K is stable."""
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X, (n, n): under w = L* z, u = -K z costs z'X z more than V*.
+        """Return X (n, n) with J - V* = z'X z for the policy u = -K z under w = L* z.
 
-        The result is None where that loop is not stable.
+        The result is None if the loop is not stable.
         """
 
     def loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop without disturbance."""
+        """Return the closed loop without disturbance.
+
+        b: half-widths of the box of states, (n,)
+        """
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the loop under w = L* z.
+        """Return the closed loop under w = L* z.
 
-        Its cost is that of u - u*, minus the remaining cost at the equilibrium.
+        Its cost is the sum of (u - u*)' `price` (u - u*), with the value of u - u* at the
+        equilibrium subtracted from u - u*.
+
+        b: half-widths of the box of states, (n,)
         """
 
 
@@ -126,8 +133,10 @@ class InTime:
         return bool(spectrum(self._game.A - self._game.B @ K).abscissa < 0.0)
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0, F = A + E L* - B K, or None unless F
-        is Hurwitz."""
+        """Return X with F'X + X F + (K - K*)'R (K - K*) = 0 and F = A + E L* - B K.
+
+        The result is None if F is not Hurwitz.
+        """
         from scipy.linalg import solve_continuous_lyapunov
 
         linear = self._worst - self._game.B @ K
@@ -143,7 +152,11 @@ class InTime:
         return _FlowLoop(z, rates, self._exact, self.duration, b)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop under the worst disturbance d = L* z."""
+        """Return the closed loop under the worst disturbance d = L* z.
+
+        Its running cost is (u - u*)'R (u - u*), with u - u* relative to its value at the
+        equilibrium.
+        """
         z = symbols_for([policy], len(b))
         rates = ca.DM(self._worst) @ z + ca.DM(self._game.B) @ policy(z)
         loop = _FlowLoop(z, rates, self._exact, self.duration, b)
@@ -153,9 +166,9 @@ class InTime:
 
 
 class InSteps:
-    """Plant x⁺ = A x + B u + E w in discrete time.
+    """Plant x⁺ = A x + B u + E w in discrete time, with discount factor α.
 
-    J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*).
+    J - V* = Σ αᵏ (u - u*)'(R + α B'P*B)(u - u*)
     """
 
     def __init__(self, exact: DiscreteSolution) -> None:
@@ -168,12 +181,14 @@ class InSteps:
         self.steps = min(math.ceil(DECAY / decay), _MOST_STEPS)
 
     def is_stable(self, K: np.ndarray) -> bool:
-        """Return whether A - B K has its eigenvalues within the unit circle."""
+        """Return whether all eigenvalues of A - B K are inside the unit circle."""
         return _radius(self._exact.game.A - self._exact.game.B @ K) < 1.0
 
     def remaining_cost(self, K: np.ndarray) -> np.ndarray | None:
-        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*), F = A + E L* - B K, or None unless
-        √α F is stable."""
+        """Return X = α F'X F + (K - K*)'(R + α B'P*B)(K - K*) with F = A + E L* - B K.
+
+        The result is None if an eigenvalue of √α F is not inside the unit circle.
+        """
         from scipy.linalg import solve_discrete_lyapunov
 
         moved = math.sqrt(self._exact.discount) * (self._worst - self._exact.game.B @ K)
@@ -187,7 +202,10 @@ class InSteps:
         return self._loop_of(self._exact.game.A, policy, b, 0.0 * self.price)
 
     def worst_loop(self, policy: ca.Function, b: np.ndarray) -> Loop:
-        """Return the closed loop under the worst disturbance w = L* x."""
+        """Return the closed loop under the worst disturbance w = L* x.
+
+        Its cost is that of u - u* (see the class).
+        """
         return self._loop_of(self._worst, policy, b, self.price)
 
     def _loop_of(
@@ -210,8 +228,12 @@ def _radius(matrix: np.ndarray) -> float:
 
 
 def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.ndarray) -> Expression:
-    """Return the function z -> (u - u*)' price (u - u*), with u - u* relative to the
-    equilibrium."""
+    """Return the function z -> v' price v with v = u(z) + K z - (u(rest) + K rest).
+
+    K: gain of the exact policy u* = -K z
+    price: weight, (m, m)
+    rest: equilibrium of the loop, (n,)
+    """
     at_rest = np.array(policy(rest)).ravel() + K @ rest
 
     def cost(z: ca.SX) -> ca.SX:
@@ -222,11 +244,11 @@ def _cost_of(policy: ca.Function, K: np.ndarray, price: np.ndarray, rest: np.nda
 
 
 class _FlowLoop:
-    """Loop z' = rates(z), cost' = running(z), integrated by LSODA.
+    """Closed loop z' = rates(z), cost' = running(z), integrated with LSODA.
 
     rates and running are CasADi expressions of z (n,).
 
-    rest: its equilibrium near z = 0, or None without one
+    rest: equilibrium near z = 0, or None if none is found
     """
 
     def __init__(self, z: ca.SX, rates: ca.SX, exact: Exact, time: float, b: np.ndarray) -> None:
@@ -238,7 +260,10 @@ class _FlowLoop:
         self._bound = self._slopes_of(0.0)
 
     def with_cost(self, running: Expression) -> _FlowLoop:
-        """Return the loop with a cost. running(z) is 0 at the equilibrium."""
+        """Set the running cost and return the loop.
+
+        running: z -> cost rate, 0 at the equilibrium
+        """
         self._bound = self._slopes_of(running(self._z))
         return self
 
@@ -252,9 +277,11 @@ class _FlowLoop:
         return self._bound.results[0]
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """Return the end state minus the equilibrium, and the cost.
+        """Simulate the loop from the initial state `start` (n,).
 
-        The result is None where V* about the equilibrium has not decreased to `RETURNED`.
+        Returns the end state minus the equilibrium, and the cost. The result is None if V* about
+        the equilibrium does not decrease to `RETURNED` times its initial value, or if the
+        integration fails.
         """
         from scipy.integrate import odeint
 
@@ -282,13 +309,13 @@ class _FlowLoop:
 
 
 class _StepLoop:
-    """Loop x⁺ = after(x) with the cost αᵏ paid(x) of step k.
+    """Closed loop x⁺ = after(x) with cost Σ αᵏ paid(x_k).
 
-    expressions: CasADi expressions of x, after and paid.
-    P: (n, n), of V*.
-    sums: α, and the steps of a flight.
-    rest: its equilibrium near x = 0, or None without one.
-    by_exact: (n, n), matrix from the initial state to that of the exact loop after as many steps.
+    expressions: CasADi expressions of x, after(x) and paid(x).
+    P: (n, n), matrix of V*.
+    sums: α, and the number of steps of a simulation.
+    rest: equilibrium near x = 0, or None if none is found.
+    by_exact: (n, n), maps the initial state to the final state of the exact loop.
     """
 
     def __init__(
@@ -311,11 +338,11 @@ class _StepLoop:
         self.rest = rest
 
     def returned(self, start: np.ndarray) -> tuple[np.ndarray, float] | None:
-        """Return the end state minus the equilibrium, and the cost, or None if the flight does not
-        converge.
+        """Simulate the loop from the initial state `start` (n,).
 
-        It converges if V* about the equilibrium decreases to `RETURNED`, or to twice the remainder
-        of the exact policy after as many steps.
+        Returns the end state minus the equilibrium, and the cost, or None if the loop does not
+        converge. It converges if V* about the equilibrium decreases to `RETURNED` times its initial
+        value, or to twice the final V* of the exact loop.
         """
         if self.rest is None:
             return None
@@ -332,9 +359,13 @@ class _StepLoop:
 
 
 def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return z (n,) with rates(z) = 0 near 0, by Newton's method.
+    """Return the equilibrium z (n,) that Newton's method finds from z = 0.
 
-    The result is None where none is found within `_FARTHEST_REST` boxes.
+    The result is None if the method does not converge within |z_i| <= `_FARTHEST_REST` b_i.
+
+    z: symbols, (n,)
+    rates: expression of z' (or of x⁺ - x) in these symbols, (n,)
+    b: half-widths of the box, (n,)
     """
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
     point = np.zeros(len(b))
@@ -355,7 +386,11 @@ def rest_point(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
 
 
 def rest_check(rest: np.ndarray | None, b: np.ndarray, limit: float) -> Check:
-    """Return the check of the distance of the loop's equilibrium from the trim."""
+    """Return the check of the distance between the loop's equilibrium and the trim.
+
+    The distance is max_i |rest_i| / b_i. It is infinite if no equilibrium was found (`rest` is
+    None).
+    """
     if rest is None:
         return at_most("rest_point", math.inf, limit, "no equilibrium near trim", kind="rest")
     distance = float((np.abs(rest) / b).max())
@@ -371,11 +406,12 @@ def fly(
     flights: int,
     plant: NonlinearPlant | None = None,
 ) -> Flown:
-    """Return the results of flights of a network from the box |z_i| <= b_i.
+    """Simulate a network from the box |z_i| <= b_i.
 
-    No flight is simulated if its numbers are not finite or its linear loop is unstable.
+    Nothing is simulated if the network has non-finite values or its linear loop is unstable.
 
-    plant: nonlinear plant of a critic in continuous time, for further flights
+    flights: number of initial conditions; at most `_WIDE_FLIGHTS` are used for a wide network
+    plant: nonlinear plant of a critic in continuous time, for further simulations
     """
     if not critic.finite or not axis.is_stable(critic.K):
         return Flown()
@@ -397,13 +433,12 @@ def fly(
 def flown_losses(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, flights: int
 ) -> np.ndarray:
-    """Return the cost of u(z) above that of u*, percent of V*, from each initial condition,
-    (flights,).
+    """Return the cost above V* from each initial condition, in percent of V*, (flights,).
 
-    All are inf where one flight does not converge. The flights are simulated under the worst
-    disturbance of the exact policies (`TimeAxis`). The cost after the end is that of the linear
-    loop. A policy with an equilibrium off the trim is judged by its flight to this equilibrium,
-    where its u - u* is subtracted.
+    All are inf if one simulation does not converge, or if the linear loop is unstable. The loop is
+    simulated under the worst disturbance of the exact solution (`TimeAxis`). The cost after the end
+    of the simulation is computed for the linear loop. If the equilibrium differs from the trim, the
+    value of u - u* at the equilibrium is subtracted.
     """
     remaining = axis.remaining_cost(critic.K)
     if remaining is None:
@@ -420,8 +455,9 @@ def flown_losses(
 
 
 def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-    """Return initial conditions in the box |z_i| <= b_i, (count, n). Every other one is a
-    corner.
+    """Return random initial conditions in the box |z_i| <= b_i, (count, n).
+
+    Every second one is a corner of the box.
     """
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
     starts[::2] = np.sign(starts[::2])
@@ -429,10 +465,11 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
 
 
 def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest multiple of the box from which flights converge, or 0 for none.
+    """Return the largest tested multiple of the box from which all simulations converge, or 0 if
+    none.
 
-    The multiples are 2^-k ... 2^k, k = `DOUBLINGS`. Flights begin at a few initial conditions, and
-    all smaller multiples that were tried converge too.
+    The multiples are 2^-k ... 2^k, k = `DOUBLINGS`, beginning with 1. Each is tested with `few`
+    initial conditions. All smaller multiples that were tested converge too.
     """
 
     def returns(size: float) -> bool:

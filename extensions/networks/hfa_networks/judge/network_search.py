@@ -1,8 +1,8 @@
-"""Errors of a critic that is a nonlinear function of the state, searched and proved over a box.
+"""Errors of a critic that is a nonlinear function of the state, over a box of states.
 
-The search returns a lower bound of the largest error, the proof an upper bound. The critic is also
-flown from states of the box. Errors over a box of states are equal in continuous time and in steps.
-A `TimeAxis` simulates the critic.
+A search returns a lower bound on the largest error, and a proof an upper bound. The errors are
+defined in the same way in continuous and in discrete time. A `TimeAxis` also simulates the
+critic from states in the box.
 """
 
 from __future__ import annotations
@@ -51,7 +51,12 @@ _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
 class Found(NamedTuple):
-    """Largest relative error found, of the quantity `name`, at the state z (n,)."""
+    """Largest relative error that the search found.
+
+    name: "value", "gradient" or "policy".
+    error: relative error.
+    at: state z, (n,), with this error.
+    """
 
     name: str
     error: float
@@ -61,9 +66,12 @@ class Found(NamedTuple):
 class Findings(NamedTuple):
     """Findings on a network.
 
-    errors: at the origin and in the box
-    checks: checks of these, and of the equilibrium
-    states: states at which the errors were computed first
+    errors: checks of the errors at the origin and in the box
+    checks: `errors`, and the check of the equilibrium
+    proof: proved bound, or None
+    flown: results of simulations
+    section: section of the report
+    states: number of states at which the search begins
     """
 
     errors: list[Check]
@@ -77,8 +85,10 @@ class Findings(NamedTuple):
 class Comparison(NamedTuple):
     """Comparison of a network with the exact solution over a box of states.
 
-    weights: (m,), roots of the prices of the inputs, by which they are compared with each other.
-    box: b (n,), of the states |z_i| <= b_i.
+    weights: (m,), square roots of the weights of the inputs, which scale the inputs relative to
+    each
+        other.
+    box: half-widths b (n,) of the box |z_i| <= b_i.
     """
 
     critic: Critic
@@ -88,8 +98,8 @@ class Comparison(NamedTuple):
 
     @property
     def functions(self) -> dict[str, ca.Function]:
-        """Return the functions that are compared: the available ones of "value", "gradient" and
-        "policy".
+        """Functions that are compared: "value", "gradient" and "policy", as far as the critic has
+        them.
         """
         functions = {"policy": self.critic.policy}
         if self.critic.gradient is not None:
@@ -99,10 +109,12 @@ class Comparison(NamedTuple):
         return functions
 
     def errors(self, z: ca.SX, kinds: Sequence[str] = ()) -> tuple[list[str], ca.SX]:
-        """Return the kind of each error, and the errors, of the symbols z.
+        """Return the kind of each error, and the errors as expressions of the symbols z.
 
-        Each is relative to the largest of the exact V, dV/dz_i or u_i in the box. V is compared
-        without its constant, on which no policy depends.
+        Each error is relative to the largest exact V, dV/dz_i or u_i in the box. The constant of V
+        is subtracted, because no policy depends on it.
+
+        kinds: the functions to compare, all available ones by default
         """
         P = ca.DM(self.exact.P)
         names = []
@@ -125,23 +137,25 @@ class Comparison(NamedTuple):
         return names, ca.vertcat(*errors)
 
     def function(self, kinds: Sequence[str]) -> ca.Function:
-        """Return the function z -> errors of these kinds, which are graphs of scalars."""
+        """Return the function z -> errors of these kinds, as a graph of scalars (SX)."""
         z = ca.SX.sym("z", len(self.box))
         return ca.Function("errors", [z], [self.errors(z, kinds)[1]])
 
 
 def _floored(sizes: np.ndarray) -> np.ndarray:
-    """Return the sizes with small ones replaced by a part of the largest, as in `entry_error`."""
+    """Return the sizes, each at least `SMALL` times the largest, or 1 if all are 0."""
     return np.maximum(sizes, SMALL * sizes.max() or 1.0)
 
 
 def findings(
     axis: TimeAxis, critic: Critic, exact: Exact, b: np.ndarray, limit: float, scope: Scope
 ) -> Findings:
-    """Return the errors of a network over the box |z_i| <= b_i, found by a search, with a proved
-    bound.
+    """Return the errors of a network over the box |z_i| <= b_i, and the results of its simulations.
 
-    If its linear loop is stable, flights from the box are simulated.
+    The errors are found by a search. A bound is proved for them if possible. The loop is simulated
+    from the box if its linear part is stable.
+
+    limit: largest relative error that passes
     """
     about = Comparison(critic, exact, np.sqrt(np.diag(axis.price)), b)
     origin, worst, proof = _searched_and_proved(about, limit, scope)
@@ -160,12 +174,12 @@ def findings(
 def _searched_and_proved(
     about: Comparison, limit: float, scope: Scope
 ) -> tuple[float, tuple[Found, ...], Proof | None]:
-    """Return the result of `search`, and a proof or None.
+    """Search for the largest errors, then prove a bound.
 
-    The proof is of the limit for all errors where no larger one is found. Otherwise it is of
-    `_MARGIN` times the error of the policy. A larger error found by the proof begins another
-    search. Only functions that are graphs of scalars are proved, because their operations are
-    bounded one by one.
+    Returns the largest error at the origin, the largest errors found in the box, and the proof or
+    None. If no error above the limit is found, the limit is proved for all errors. Otherwise
+    `_MARGIN` times the error found in the policy is proved for the policy. If the proof finds a
+    larger error, the search is repeated from that state. Only graphs of scalars (SX) are proved.
     """
     end = time.monotonic() + scope.seconds
     origin, worst = search(about)
@@ -206,7 +220,11 @@ def _rounded_up(number: float) -> float:
 def search_checks(
     critic: Critic, origin: float, found: tuple[Found, ...], limit: float
 ) -> list[Check]:
-    """Return the checks of the errors that `search` found."""
+    """Return the checks of the errors that `search` found.
+
+    origin: error at the origin
+    limit: largest relative error that passes
+    """
     what = "u" if critic.gradient is None else "the slope of V"
     checks = [error_check("origin_error", origin, limit, f"{what} at the origin")]
     for item in found:
@@ -216,11 +234,12 @@ def search_checks(
 
 
 def search(about: Comparison, also: np.ndarray | None = None) -> tuple[float, tuple[Found, ...]]:
-    """Return the largest error at the origin, and those found over the box |z_i| <= b_i.
+    """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
 
-    L-BFGS-B climbs each error from the `CLIMBS` worst corners and the `CLIMBS` worst others of
-    `STARTS` states, and from the state `also` (n,). For a wide network it climbs from the worst
-    state alone. All errors are compared at all states that any climb reaches.
+    The errors are computed at `STARTS` states. L-BFGS-B then maximizes each error from the worst
+    state, from the `CLIMBS` worst corners, from the `CLIMBS` worst states that are not corners, and
+    from the state `also` (n,). For a wide network the corners and the others are omitted. All
+    errors are compared at the end of each maximization.
     """
     b = about.box
     z = about.critic.symbols
@@ -260,8 +279,9 @@ def _sizes(values: ca.DM) -> np.ndarray:
 def _climber(
     errors: ca.SX, z: ca.SX, b: np.ndarray
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function (weights, y) -> local maximum of weights'errors(b y), |y_i| <= 1,
-    from y.
+    """Return the function (weights, y) -> local maximizer of weights'errors(b y) for |y_i| <= 1.
+
+    The search for the maximizer begins at y.
     """
     from scipy.optimize import minimize
 
@@ -289,9 +309,10 @@ def _climber(
 def network_section(
     critic: Critic, b: np.ndarray, found: tuple[Found, ...], proof: Proof | None, flown: Flown
 ) -> Section:
-    """Return the section on a network: its layers, one value for comparison, and its errors.
+    """Return the section of the report on a network.
 
-    The errors are those found and those proved.
+    It contains the layers, the output at the state b for comparison, the errors found, the proved
+    bound and the results of the simulations.
     """
     outputs = [name for name in FUNCTIONS if name in critic.network]
     if "V" in outputs:

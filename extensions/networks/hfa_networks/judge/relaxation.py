@@ -41,7 +41,10 @@ _MOST_BOXES = 256
 
 
 class Lines(NamedTuple):
-    """Linear enclosures v = Σ slopes t + constant ± radius, |v| <= size, (boxes, nodes) each."""
+    """Linear enclosures v = Σ slopes t + constant ± radius with |v| <= size.
+
+    Each array is (boxes, nodes).
+    """
 
     slopes: tuple[np.ndarray, ...]
     constant: np.ndarray
@@ -50,7 +53,10 @@ class Lines(NamedTuple):
 
 
 def _tanh(t: np.ndarray) -> np.ndarray:
-    """Return tanh t within `_TANH_ERROR`, from operations that IEEE 754 rounds correctly."""
+    """Return tanh t with an error of at most `_TANH_ERROR`.
+
+    It uses only operations that IEEE 754 rounds correctly.
+    """
     r = np.minimum(np.abs(t), _SATURATED) / 32.0
     power = np.ones_like(r)  # exp(-r), then exp(-2 |t|)
     for k in range(16, 0, -1):
@@ -61,7 +67,7 @@ def _tanh(t: np.ndarray) -> np.ndarray:
 
 
 def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return lines parallel to the chord that bound tanh."""
+    """Return linear enclosures of tanh t for low <= t <= high, parallel to the chord."""
     at_low = _tanh(low)
     at_high = _tanh(high)
     slope = np.clip((at_high - at_low) / np.maximum(high - low, _TINY), 0.0, 1.0)
@@ -78,13 +84,14 @@ def _tanh_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _highest_above(
     slope: np.ndarray, low: np.ndarray, high: np.ndarray, at_ends: np.ndarray
 ) -> np.ndarray:
-    """Return an upper bound of g(t) = tanh t - slope t over [low, high], except for the rounding of
-    g.
+    """Return an upper bound on g(t) = tanh t - slope t over [low, high].
+
+    The rounding error of g is not included.
 
     at_ends: the larger of g(low) and g(high).
 
-    For t < 0, g is convex and therefore highest at an end. For t > 0, g is concave and therefore
-    below its tangent at any p. p is the computed point where the slopes are equal.
+    For t < 0, g is convex, so its maximum is at an end. For t > 0, g is concave, so it lies below
+    its tangent at any point p. The chosen p is the computed point with tanh'(p) = slope.
     """
     begin = np.maximum(low, 0.0)
     end = np.maximum(high, begin)
@@ -101,9 +108,9 @@ def _highest_above(
 
 
 def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return lines parallel to the chord that bound max(t, 0).
+    """Return linear enclosures of max(t, 0) for low <= t <= high, parallel to the chord.
 
-    max(t, 0) - slope t is largest at an end, and smallest, 0, at t = 0.
+    The maximum of max(t, 0) - slope t is at an end of the interval. Its minimum is 0, at t = 0.
     """
     crosses = (low < 0.0) & (high > 0.0)
     slope = np.where(crosses, high / np.maximum(high - low, _TINY), low >= 0.0)
@@ -114,9 +121,9 @@ def _relu_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return bounds of the step, which is 1 for t > 0 and 0 for t < 0.
+    """Return constant enclosures of the step of t, which is 1 for t > 0 and 0 for t < 0.
 
-    Where 0 is in the range, the step is any number between 0 and 1.
+    If low <= 0 <= high, the enclosure is [0, 1].
     """
     is_open = (low <= 0.0) & (high >= 0.0)
     constant = np.where(is_open, 0.5, low > 0.0)
@@ -124,9 +131,9 @@ def _step_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 
 
 def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
-    """Return linear bounds of the squares t².
+    """Return linear enclosures of t² for low <= t <= high.
 
-    They follow from t² = 2 m t - m² + (t - m)², for any m.
+    They follow from t² = 2 m t - m² + (t - m)² with m the middle of the interval.
     """
     middle = 0.5 * (low + high)
     width = np.maximum(high - middle, middle - low)
@@ -139,9 +146,9 @@ def _square_lines(low: np.ndarray, high: np.ndarray) -> Lines:
 def _product_lines(
     low: np.ndarray, high: np.ndarray, other_low: np.ndarray, other_high: np.ndarray
 ) -> Lines:
-    """Return linear bounds of the products s t.
+    """Return linear enclosures of the product s t on [low, high] x [other_low, other_high].
 
-    They follow from s t = n s + m t - m n + (s - m) (t - n), for any m and n.
+    They follow from s t = n s + m t - m n + (s - m) (t - n) with m, n the middles of the intervals.
     """
     m = 0.5 * (low + high)
     n = 0.5 * (other_low + other_high)
@@ -167,17 +174,22 @@ _Blocks = dict[int, np.ndarray]
 
 
 class _Group(NamedTuple):
-    """Nodes of one kind and level, with the rows of each argument."""
+    """Nodes of one kind and level.
+
+    arguments: for each argument, the rows of all nodes.
+    """
 
     kind: str
     arguments: tuple[_Blocks, ...]
 
 
 class _Affine(NamedTuple):
-    """Rows in terms of the inputs, (boxes, rows, ...).
+    """Rows l'y + l0 ± r of the inputs y, for each box.
 
-    spreads: for each group, the contribution of each node to the radius; nodes that are in no row
-        are missing.
+    slopes: l, (boxes, rows, n).
+    constant, radius: l0 and r, (boxes, rows).
+    spreads: group -> (boxes, rows, nodes), contribution of each node to the radius; groups that
+        occur in no row are missing.
     """
 
     slopes: np.ndarray
@@ -187,11 +199,11 @@ class _Affine(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds of the largest output |e_i| over each box.
+    """Bounds on the largest output |e_i| over each box.
 
-    highest: (boxes,), upper bound of all |e_i|, or nan without a bound.
-    lowest: (boxes,), lower bound of |e_i| at the corner (boxes, n).
-    corner: (boxes, n).
+    highest: (boxes,), upper bound on all |e_i| in the box, or nan without a bound.
+    lowest: (boxes,), lower bound on max |e_i| at `corner`.
+    corner: (boxes, n), a corner of each box.
     gaps: (boxes, n), contribution of each input to the width of the bound.
     """
 
@@ -202,9 +214,9 @@ class Bounds(NamedTuple):
 
 
 class Relaxation:
-    """Bounds of the outputs of a function y (n,) -> e.
+    """Bounds on the outputs of a function y (n,) -> e over boxes.
 
-    Raises the errors of `affine_rows`.
+    Raises NotReadError if `affine_rows` does not support the function.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -227,7 +239,10 @@ class Relaxation:
         self._at_once = int(np.clip(_LARGEST_ARRAY // max(widths) ** 2, 1, _MOST_BOXES))
 
     def over(self, centres: np.ndarray, half_widths: np.ndarray) -> Bounds:
-        """Return the bounds over the boxes centres ± half_widths, (boxes, n) each."""
+        """Return the bounds over boxes.
+
+        centres, half_widths: (boxes, n)
+        """
         parts = []
         with np.errstate(all="ignore"):  # what is not finite is not bounded
             for first in range(0, len(centres), self._at_once):
@@ -272,7 +287,10 @@ class Relaxation:
         return Bounds(height + reach + rest, height + reach - rest, corner, gaps)
 
     def _rounded(self, line: Lines, group: _Group, sizes: list[np.ndarray]) -> Lines:
-        """Return the lines with the rounding error of their evaluation added to the radius."""
+        """Return the enclosure with the rounding error of its evaluation added to the radius.
+
+        sizes: for each group of variables, the bounds on |v|, (boxes, variables)
+        """
         rounding = np.abs(line.constant)
         for slope, argument in zip(line.slopes, group.arguments, strict=True):
             rounding = rounding + np.abs(slope) * _sizes_of(argument, sizes)
@@ -280,7 +298,13 @@ class Relaxation:
         return line._replace(radius=np.where(rounding <= _LARGEST, radius, np.inf))
 
     def _back(self, blocks: _Blocks, sizes: list[np.ndarray], lines: list[Lines]) -> _Affine:
-        """Return rows of all variables as rows of the inputs alone."""
+        """Return rows of all variables as rows of the inputs alone, by substituting the nodes'
+        lines.
+
+        blocks: the rows, in blocks by group
+        sizes: for each group, the bounds on |v|, (boxes, variables)
+        lines: enclosures of the nodes of each group
+        """
         rows = {group: block[None] for group, block in blocks.items()}
         radius = self._gamma * _sizes_of(blocks, sizes)
         spreads: _Blocks = {}
@@ -303,8 +327,9 @@ class Relaxation:
     def _range(
         self, affine: _Affine, centres: np.ndarray, half_widths: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middle and the half width of the ranges of rows over the boxes, (boxes,
-        rows)."""
+        """Return the middle and the half-width of each row's range over each box, (boxes, rows)
+        each.
+        """
         middle = affine.constant + np.matmul(affine.slopes, centres[:, :, None])[:, :, 0]
         sizes = np.abs(affine.slopes)
         radius = affine.radius + np.matmul(sizes, half_widths[:, :, None])[:, :, 0]
@@ -315,10 +340,10 @@ class Relaxation:
 def _blocks(
     rows: Iterable[Row], positions: Mapping[int, tuple[int, int]], widths: Sequence[int]
 ) -> _Blocks:
-    """Return the rows in blocks, one for each group of variables.
+    """Return the coefficients of rows as group -> matrix (rows, width of the group).
 
     positions: variable -> (group, column)
-    widths: widths of the groups
+    widths: number of variables of each group
     """
     listed = list(rows)
     blocks = {0: np.zeros((len(listed), widths[0]))}
@@ -332,12 +357,18 @@ def _blocks(
 
 
 def _sizes_of(blocks: _Blocks, sizes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return Σ |w_j| |v_j| of each row, (boxes, rows), from the sizes |v_j| of the variables."""
+    """Return Σ_j |w_j| |v_j| for each row w, (boxes, rows).
+
+    sizes: for each group, the bounds on |v_j|, (boxes, variables)
+    """
     terms = [sizes[group] @ np.abs(block).T for group, block in blocks.items()]
     return np.sum(terms, axis=0)
 
 
 def _times(stack: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return stack @ matrix, computed as one product of matrices."""
+    """Return stack @ matrix, computed as a single two-dimensional product.
+
+    stack: (boxes, rows, inner)
+    """
     boxes, rows, inner = stack.shape
     return (stack.reshape(boxes * rows, inner) @ matrix).reshape(boxes, rows, -1)

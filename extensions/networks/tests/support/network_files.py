@@ -1,5 +1,6 @@
-"""Networks in the files that users have: ONNX graphs, torch's zip, and safetensors, written without
-torch.
+"""Writers of network files as users have them: ONNX, torch's zip and safetensors.
+
+torch is not used.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ def onnx_file(
     inputs: int = 0,
     opset: int = 20,
 ) -> str:
-    """Write a graph from "x" (1, states), and from "u" (1, inputs) if there are any, to "y" (1,
-    outputs).
+    """Write an ONNX graph and return its path.
+
+    The graph maps "x" (1, states), and "u" (1, inputs) if `inputs` is not 0, to "y" (1, outputs).
 
     nodes: (operator, inputs, output, attributes)
     """
@@ -77,7 +79,7 @@ def onnx_file(
 
 
 def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
-    """Write a state dict as torch.save does, opcode by opcode."""
+    """Write a state dict in the format of torch.save, opcode by opcode, and return its path."""
 
     def text(value: str) -> bytes:
         return b"X" + struct.pack("<I", len(value)) + value.encode()
@@ -108,7 +110,7 @@ def torch_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 
 def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
-    """Write a header of JSON and then the numbers."""
+    """Write a safetensors file, a JSON header followed by the numbers, and return its path."""
     header = {}
     body = b""
     for name, value in tensors.items():
@@ -126,14 +128,20 @@ def safetensors_file(path: Path | str, tensors: Mapping[str, Any]) -> str:
 
 
 def square_layers(*names: str) -> dict[str, np.ndarray]:
-    """Return layers 6-6-...-1 with these names. The widths fit in any order of all but the last."""
+    """Return the weights of layers 6-6-...-1 with these names.
+
+    The widths permit any order of the layers before the last.
+    """
     rng = np.random.default_rng(4)
     layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}
     return layers | {f"{names[-1]}.weight": np.ones((1, 6))}
 
 
 def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
-    """Return linear layers 6-4-k of a network with this name."""
+    """Return weights and biases of a network with two linear layers, 6-4-outputs.
+
+    name: prefix of the tensors' names
+    """
     rng = np.random.default_rng(0)
     weights = {f"{name}.0": rng.normal(size=(4, 6)), f"{name}.2": rng.normal(size=(outputs, 4))}
     return {
@@ -144,7 +152,12 @@ def two_layers(name: str, outputs: int = 1) -> dict[str, np.ndarray]:
 
 
 def refusal(path: str | Path, **how: Any) -> str:
-    """Return the one line with which a network's file is refused."""
+    """Return the message with which `network_in` refuses a file.
+
+    Asserts that it is one line and begins with the path.
+
+    how: keyword arguments of `network_in`
+    """
     with pytest.raises(BadInputError) as caught:
         network_in(path, 6, **how)
     assert str(caught.value).startswith(f"{path}: ")
