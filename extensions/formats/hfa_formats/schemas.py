@@ -107,7 +107,7 @@ def _imported_for_type_checkers(module: types.ModuleType, annotation: str) -> di
 
 @cache
 def _type_checking_imports(module: types.ModuleType) -> dict[str, str]:
-    """Return name -> defining module for each name that a module imports under `if TYPE_CHECKING`."""
+    """Return name -> defining module for names that a module imports under `if TYPE_CHECKING`."""
     defined_in: dict[str, str] = {}
     for block in ast.parse(inspect.getsource(module)).body:
         if not (isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"):

@@ -308,8 +308,12 @@ def test_a_trained_network_is_proved_within_its_error(game: Game) -> None:
 
 
 def with_hat(game: Game, of_abs: bool) -> Verdict:
-    """Return the exact V and a hat of three times its size, 1/250 of the box wide, between the
-    samples.
+    """Return the verdict on the exact V plus a narrow hat.
+
+    The hat is three times as large as the largest V in the box and 1/250 of the box wide. It lies
+    between the samples.
+
+    of_abs: whether the hat is written with |t| instead of max(t, -t)
     """
     z = ca.SX.sym("z", 2)
     P = solve_game(game).P
@@ -326,7 +330,7 @@ def with_hat(game: Game, of_abs: bool) -> Verdict:
 
 @pytest.mark.parametrize("of_abs", [True, False])
 def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
-    """The proof finds a narrow hat of relu or abs units."""
+    """The proof finds a narrow hat, written with relu units or with absolute values."""
     game = Game([[0.0, 1.0], [-1.0, -1.0]], [[0.0], [1.0]], np.eye(2), np.eye(2), [[1.0]], 10.0)
     verdict = with_hat(game, of_abs)
     assert not verdict.ok
@@ -335,7 +339,11 @@ def test_narrow_hat_relu_or_abs_found_by_proof(of_abs: bool) -> None:
 
 @pytest.mark.parametrize("kind", ["fabs", "sign", "fmax", "fmin", "slope of fmax", "comparison"])
 def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
-    """Bounds of kinks hold and are narrow at random states of random boxes, and at the kink."""
+    """Bounds of functions with kinks are true and narrow.
+
+    They are compared with values at random states of random boxes. Some boxes are centred on a
+    kink.
+    """
     y = ca.SX.sym("y", 2)
     t = y[0] - 0.3 * y[1]
     expression = {
@@ -361,8 +369,9 @@ def test_bounds_of_kinks_hold_and_are_narrow(kind: str) -> None:
 
 
 def test_numbers_that_lose_underflows_are_not_bounded() -> None:
-    """Underflows have no bound: 1e-320 y has a relative rounding error of 1e-3, which 1e300 makes
-    large.
+    """Nothing is proved if underflow makes the relative rounding error large.
+
+    The double closest to 1e-320 has a relative error of 1e-3, which the factor 1e300 amplifies.
     """
     y = ca.SX.sym("y", 2)
     function = ca.Function("f", [y], [1e300 * (1e-320 * y[0] - 1e-320 * y[1])])

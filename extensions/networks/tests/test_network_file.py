@@ -1,5 +1,6 @@
-"""State dicts read as networks from torch's files, safetensors, .npz and .json: order of layers,
-LayerNorms, and several networks in one file.
+"""State dicts as networks, from files of torch and safetensors, .npz and .json.
+
+The tests cover the order of layers, LayerNorms, and several networks in one file.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
-    """V equals torch's own, F equals differences of V, and P equals differences of F."""
+    """A file written by torch gives the V that torch computed.
+
+    The gradient equals differences of V, and P equals differences of the gradient.
+    """
     critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
     assert critic.value is not None
     assert critic.gradient is not None
@@ -48,8 +52,9 @@ def test_what_torch_wrote_is_read_and_differentiated(game: Game) -> None:
 
 
 def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None:
-    """Layers keep their order, although safetensors writes "10.weight" before "2.weight" and both
-    orders fit.
+    """Layers are ordered by number, although safetensors writes "10.weight" before "2.weight".
+
+    Both orders would fit the widths.
     """
     rng = np.random.default_rng(3)
     tensors = {f"{place}.weight": rng.normal(size=(6, 6)) for place in (0, 2, 10)} | {
@@ -63,7 +68,7 @@ def test_safetensors_sorts_names_and_layers_keep_their_order(game: Game) -> None
 
 
 def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
-    """Layers of an .npz file are in the order of their numbers."""
+    """Layers of an .npz file are evaluated in the order of their numbers."""
     right = square_layers("0", "2", "10", "12")
     np.savez("sorted.npz", **{name: right[name] for name in sorted(right)})  # 0, 10, 12, 2
     expected = from_network(game, torch_file("a.pt", right), activation="tanh")
@@ -76,8 +81,9 @@ def test_layers_of_npz_run_in_order_of_numbers(game: Game) -> None:
 
 @pytest.mark.parametrize("write", [safetensors_file, np.savez])
 def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) -> None:
-    """Layers whose names do not show their order are refused in formats that may have sorted the
-    names.
+    """Layers whose names do not determine their order are refused.
+
+    This applies to formats in which the names may have been sorted.
     """
     layers = square_layers("hidden", "embed", "out")
     path = "letters.npz" if write is np.savez else "letters.safetensors"
@@ -90,7 +96,7 @@ def test_layers_whose_names_do_not_tell_order_refused(game: Game, write: Any) ->
 
 
 def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
-    """Names do not matter if the widths permit only one order."""
+    """Layers with unrelated names are accepted if their widths permit only one order."""
     layers = {"w.weight": np.ones((4, 6)), "b.weight": np.ones((3, 4)), "a.weight": np.ones((1, 3))}
     np.savez("widths.npz", **{name: layers[name] for name in sorted(layers)})
     expected = from_network(game, torch_file("a.pt", layers), activation="tanh")
@@ -98,7 +104,7 @@ def test_names_do_not_matter_if_widths_decide(game: Game) -> None:
 
 
 def test_module_declared_in_another_order_than_numbers_refused(game: Game) -> None:
-    """A module that is declared in another order than its numbers is refused."""
+    """A torch file is refused if the order of its layers contradicts the numbers in their names."""
     path = torch_file("declared.pt", square_layers("fc2", "fc1", "out"))
     with pytest.raises(BadInputError, match="'fc1' comes after 'fc2': the file does not give"):
         from_network(game, path, activation="tanh")
@@ -126,7 +132,10 @@ def test_layers_in_json_are_those_of_an_npz(game: Game) -> None:
 
 
 def with_norm(first: str, norm: str, last: str) -> dict[str, np.ndarray]:
-    """Return layers 6 -> 4, LayerNorm, 4 -> 1."""
+    """Return the weights and biases of a layer 6 -> 4, a LayerNorm and a layer 4 -> 1.
+
+    first, norm, last: names of the three modules
+    """
     rng = np.random.default_rng(6)
     shapes = {f"{first}.weight": (4, 6), f"{first}.bias": (4,), f"{norm}.weight": (4,)}
     shapes |= {f"{norm}.bias": (4,), f"{last}.weight": (1, 4), f"{last}.bias": (1,)}
@@ -147,8 +156,9 @@ def normal(h: np.ndarray) -> np.ndarray:
 def test_layer_norm_is_where_numbers_of_neighbours_leave(
     places: str, before: bool, chain: str
 ) -> None:
-    """In a torch.nn.Sequential a LayerNorm is placed by its number, and the activation has the
-    missing number.
+    """In a torch.nn.Sequential, the numbers determine the position of a LayerNorm.
+
+    The activation is at the missing number, before or after the LayerNorm.
     """
     tensors = with_norm(*places)
     A, a, scale, shift, B, b = tensors.values()
@@ -167,13 +177,16 @@ def test_layer_norm_is_where_numbers_of_neighbours_leave(
 def test_a_layer_norm_of_unknown_place_is_refused(
     names: tuple[str, str, str],
 ) -> None:
-    """A LayerNorm whose place the names do not show is refused."""
+    """A LayerNorm whose position does not follow from the names is refused."""
     message = refusal(torch_file("a.pt", with_norm(*names)), activation="tanh")
     assert f"before or after the LayerNorm '{names[1]}'; export the network to ONNX" in message
 
 
 def test_layer_norm_states_or_output_needs_no_gap() -> None:
-    """A LayerNorm of the states or of the output needs no gap in the numbers."""
+    """A LayerNorm of the states or of the output needs no gap in the numbers.
+
+    With a name in place of its number, its position is unknown and the file is refused.
+    """
     rng = np.random.default_rng(7)
     A = rng.normal(size=(4, 6))
     norms = {"0.weight": rng.normal(size=6), "0.bias": rng.normal(size=6)}
@@ -233,7 +246,10 @@ def test_names_of_layers_are_free(name: str) -> None:
 
 
 def test_actors_and_critics_of_one_file_stable_baselines() -> None:
-    """Networks of one file are selected by a word in their names, and parts with + between them."""
+    """Networks in one file are selected by words in the names of their tensors.
+
+    Parts of one network are joined by +, as for the policy of a Stable-Baselines3 zip.
+    """
     value_net = two_layers("mlp_extractor.value_net", 3)
     policy = two_layers("mlp_extractor.policy_net", 3)
     heads = {
@@ -265,7 +281,7 @@ class Evil:
 
 @pytest.mark.parametrize("packed", [True, False])
 def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
-    """A pickle that would run code is refused, and nothing runs."""
+    """A pickle that would run code is refused, and its code is not executed."""
     content = pickle.dumps({"0.weight": Evil()})
     for path in map(Path, ("evil.pkl", "evil.pt", "evil.pth")):
         if packed:
@@ -285,8 +301,9 @@ def test_pickle_would_run_code_refused_and_nothing_runs(packed: bool) -> None:
 
 @pytest.mark.parametrize("stride", [60, -6])
 def test_a_tensor_beyond_its_storage_is_refused(stride: int) -> None:
-    """A tensor beyond its storage is refused: 4 rows of 6 numbers with a stride of 60, in a file
-    with 24 numbers.
+    """A tensor whose entries lie outside its storage is refused.
+
+    Here the stride of the rows is changed to 60 or to -6.
     """
     torch_file("a.pt", {"weight": np.ones((4, 6))})
     with zipfile.ZipFile("a.pt") as archive:
@@ -341,8 +358,9 @@ def test_wrong_state_dicts_are_refused() -> None:
 
 
 def test_pickle_numbers_more_objects_than_has_bytes_refused() -> None:
-    """A LONG_BINPUT with the number 4e9, for which Python's reader would allocate 32 GB, is
-    refused.
+    """A pickle that numbers an object 4e9 is refused.
+
+    Python's reader would allocate 32 GB for it.
     """
     content = b"\x80\x02}r" + (2**32 - 16).to_bytes(4, "little") + b"."
     with zipfile.ZipFile("memo.pt", "w") as archive:

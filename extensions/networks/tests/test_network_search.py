@@ -1,4 +1,4 @@
-"""The search for errors of a network over the box, and its flights."""
+"""Search for errors of a network over a box of states, and simulations from the box."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
-    """A network that is right only at the origin fails: for u = -K z + 5 z_1³/7³ the search finds
-    the corner.
+    """A network that is right only at the origin fails.
+
+    For u = -K z + 5 z_1³/7³, the search finds the corner of the box with the largest error.
     """
     nodes = [
         ("MatMul", "x K", "u"),
@@ -46,7 +47,7 @@ def test_a_network_right_at_the_origin_alone_fails(game: Game) -> None:
 
 
 def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
-    """A value that is nan somewhere fails."""
+    """The error of a value that is nan in part of the box is infinite."""
     nodes = [
         *QUADRATIC[:2],
         ("MatMul", "terms ones", "V"),
@@ -71,8 +72,9 @@ def test_a_value_that_is_not_number_somewhere_fails(game: Game) -> None:
 def test_cost_in_flight_linear_loop_where_network_linear(
     game: Game,
 ) -> None:
-    """Where the network is linear, the cost from 40 initial states, under the exact disturbance, is
-    at most the worst of the linear loop.
+    """For a linear network, no simulated cost exceeds the worst cost of the linear loop.
+
+    The loop is simulated from 40 initial states under the worst disturbance of the exact solution.
     """
     critic = from_network(game, torch_file("policy.pt", {"weight": -1.2 * gain(game)}))
     check = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=40))
@@ -84,8 +86,9 @@ def test_cost_in_flight_linear_loop_where_network_linear(
 
 
 def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
-    """The exact gain plus 1 % of the largest input gives a separate finding with its
-    equilibrium.
+    """The exact gain with a constant of 1 % of the largest input is reported with its equilibrium.
+
+    The cost relative to this equilibrium is optimal.
     """
     offset = 0.01 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
@@ -104,9 +107,7 @@ def test_actor_with_constant_stable_and_rests_off_trim(game: Game) -> None:
 
 
 def test_a_bias_of_rounding_costs_what_it_costs(game: Game) -> None:
-    """An equilibrium 1e-6 of the box off trim is one error of several: the cost decides the grade
-    and is printed first.
-    """
+    """An equilibrium within 1e-6 of the box is graded NEAR, and the optimal cost is printed first."""
     offset = 1e-6 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
     verdict = check_critic(game, critic, scope=Scope(box=ordinary_box(), flights=4, seconds=0.0))

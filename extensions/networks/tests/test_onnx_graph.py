@@ -1,4 +1,4 @@
-"""ONNX graphs: operators, external data, and refusals."""
+"""ONNX graphs: operators, external data and refused graphs."""
 
 from __future__ import annotations
 
@@ -43,7 +43,10 @@ def assert_as_onnx_runtime(path: str, **tolerance: float) -> None:
 
 
 def test_the_operators_are_those_of_onnx_runtime() -> None:
-    """Each operator gives the results of onnxruntime, weighted by others and added."""
+    """Each operator gives the results of onnxruntime.
+
+    All operators are in one graph, which sums their results with random weights.
+    """
     rng = np.random.default_rng(0)
     count = len(_OPERATORS)
     sizes = {"W": (8, 6), "b": (8,), "c": (1,), "rest": (12 * count, 1)}
@@ -71,8 +74,9 @@ def test_the_operators_are_those_of_onnx_runtime() -> None:
 
 
 def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
-    """LayerNorm, BatchNorm, Softplus with a threshold, SELU and clamps, exported by torch, equal
-    onnxruntime.
+    """Operators that torch exports for LayerNorm, BatchNorm, Softplus, SELU and clamps are correct.
+
+    The results equal those of onnxruntime.
     """
     rng = np.random.default_rng(5)
     shapes = {"W": (6, 8), "scale": (8,), "bias": (8,), "mean": (8,), "rest": (8, 1)}
@@ -100,7 +104,10 @@ def test_normalizations_choices_and_limits_those_of_onnx_runtime() -> None:
 
 
 def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
-    """tril, eye, where and expand, exported by torch, equal onnxruntime."""
+    """Operators that torch exports for tril, eye, where and expand are correct.
+
+    The results equal those of onnxruntime.
+    """
     rng = np.random.default_rng(6)
     shapes = {"W": (6, 9), "slope": (9,), "rest": (9, 1), "flat": ()}
     constants = {name: rng.normal(size=shape).astype("float32") for name, shape in shapes.items()}
@@ -128,7 +135,7 @@ def test_triangles_comparisons_and_repeated_rows_those_onnx_runtime() -> None:
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
 def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
-    """Graphs of old and new operator sets equal onnxruntime."""
+    """Graphs of old and of new operator sets give the results of onnxruntime."""
     axes = {"axes": [0]} if opset < 13 else {}
     nodes: list[tuple[Any, ...]] = [
         ("Flatten", "x", "f", {"axis": 1}),
@@ -157,7 +164,7 @@ def test_graphs_old_new_operator_sets_those_onnx_runtime(opset: int) -> None:
 
 
 def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
-    """A division of integers has no fraction: 7 / 2 = 3 numbers of the state are summed."""
+    """Integers in a graph are divided without fraction: 7 / 2 = 3."""
     nodes = [
         ("Div", "seven two", "three"),
         ("Slice", "x begin three axis", "part"),
@@ -175,8 +182,9 @@ def test_division_of_integers_in_graph_leaves_no_fraction() -> None:
 
 
 def test_weights_beside_graph_are_read_from_folder_alone() -> None:
-    """External weights, torch's default, are read from the graph's folder, and a path out of it is
-    refused.
+    """External weights, torch's default, are read from the graph's folder.
+
+    A path or a symbolic link to another folder is refused.
     """
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
@@ -231,7 +239,10 @@ def test_wrong_graphs_are_refused() -> None:
 def test_without_package_onnx_its_files_alone_are_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without the package onnx, here hidden, only ONNX files are refused."""
+    """Without the package onnx, ONNX files are refused. Other files are still read.
+
+    The test hides the package.
+    """
     monkeypatch.setitem(sys.modules, "onnx", None)
     Path("a.onnx").write_bytes(b"")
     assert "install hfa with the extra [networks]" in refusal("a.onnx")
@@ -313,9 +324,7 @@ def test_attribute_that_is_not_read_is_said_so() -> None:
 
 
 def test_numbers_are_counted_before_they_are_made() -> None:
-    """A graph of 200 bytes that would take 2 GB, or more than the memory, is refused before it is
-    evaluated.
-    """
+    """A small graph whose results would need gigabytes is refused before it is evaluated."""
     sizes = {"sizes": np.array([2**14, 2**14])}
     tall = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
     for nodes, constants in (

@@ -1,4 +1,4 @@
-"""The policy of a Q(x, u) is found if Q is quadratic in u, and refused otherwise."""
+"""Policies of functions Q(x, u): computed if Q is quadratic in u, refused otherwise."""
 
 from __future__ import annotations
 
@@ -37,8 +37,9 @@ def test_what_torch_exports_by_default_read_and_policy(game: Game) -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("inputs", [0, 5])
 def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, inputs: int) -> None:
-    """The policy of Q = z'Hz of z = (x, u) is linear, with one or two rows, as a cost or as a
-    reward.
+    """The policy of Q = z'Hz with z = (x, u) is linear.
+
+    Q is a cost or a reward. Its graph has one input z or two inputs x and u.
     """
     root = RNG.normal(size=(11, 11))
     H = sign * root @ root.T
@@ -59,8 +60,9 @@ def test_the_policy_of_a_quadratic_form_is_linear(game: Game, sign: float, input
 
 
 def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
-    """The policy of Q = V(x) + (u - tanh x)' e^x (u - tanh x) is found, whose coefficients depend
-    on x.
+    """The coefficients of Q as a polynomial in u may depend on x.
+
+    For Q = cos x + e^x (u - tanh x)², the policy is u = tanh x.
     """
     xu = ca.SX.sym("xu", 2)
     x, u = ca.vertsplit(xu)
@@ -71,7 +73,7 @@ def test_the_coefficients_of_quadratic_may_depend_on_state() -> None:
 
 
 def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
-    """A curvature in u that changes its sign gives no policy."""
+    """Where ∂²Q/∂u² changes its sign, the policy is not a finite number."""
     xu = ca.SX.sym("xu", 2)
     policy = policy_of(ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]]), 1)
     assert float(policy(0.5)) == pytest.approx(-1.0)
@@ -89,7 +91,7 @@ def test_curvature_that_changes_its_sign_leaves_no_number() -> None:
     ],
 )
 def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
-    """A Q that is not quadratic in u is refused."""
+    """A Q that is not quadratic in u is refused, as is one without a minimum or maximum over u."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [xu[0] ** 4 + power(xu[1])])  # type: ignore[operator]
     with pytest.raises(BadInputError, match=says) as caught:
@@ -98,7 +100,10 @@ def test_q_is_not_quadratic_in_u_is_refused(power: object, says: str) -> None:
 
 
 def test_twin_networks_of_state_dict_judged_by_actor(game: Game) -> None:
-    """An actor and two Q in one file, as in SAC and TD3, are judged by the actor."""
+    """A file with an actor and two Q functions, as of SAC and TD3, is read by its actor.
+
+    The Q functions are refused because they are not quadratic in u.
+    """
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):
         tensors |= {

@@ -1,5 +1,6 @@
-"""State dicts of other libraries: normalizers and squashes are part of the network, and unknown
-tensors are refused by name.
+"""State dicts of other libraries.
+
+Normalizers and squashes are part of the network. Unknown tensors are refused by name.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def chain(prefix: str, names: tuple[str, ...], widths: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Return linear layers with these names and widths."""
+    """Return random weights and biases of a chain of linear layers.
+
+    prefix: prefix of the names
+    widths: numbers of inputs and outputs, one more than names
+    """
     tensors = {}
     for name, takes, gives in zip(names, widths[:-1], widths[1:], strict=True):
         tensors[f"{prefix}{name}.weight"] = RANDOM.normal(size=(gives, takes)) / np.sqrt(takes)
@@ -37,14 +42,18 @@ def critic(prefix: str, names: tuple[str, ...] = ("0", "2", "4")) -> dict[str, n
 
 
 def statistics(prefix: str, mean: str, *others: str) -> dict[str, np.ndarray]:
-    """Return a mean of the states, and other positive statistics."""
+    """Return random statistics of the states, (1, STATES) each.
+
+    mean: name of the mean, which may be negative
+    others: names of positive statistics
+    """
     sizes = {name: RANDOM.uniform(0.3, 2.0, (1, STATES)) for name in others}
     found = {mean: RANDOM.normal(size=(1, STATES)), **sizes}
     return {f"{prefix}{name}": array for name, array in found.items()}
 
 
 def through(tensors: dict[str, np.ndarray], names: list[str], x: np.ndarray) -> np.ndarray:
-    """Return the output of layers with tanh between them."""
+    """Return the output of linear layers with tanh between them, for the input x."""
     for index, name in enumerate(names):
         x = tensors[f"{name}.weight"] @ x + tensors[f"{name}.bias"]
         if index + 1 < len(names):
@@ -112,7 +121,10 @@ def skrl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarra
 
 
 def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.ndarray]]:
-    """Return TD3's (actor, critic, critic). The function is without the squash."""
+    """Return the tensors of CleanRL's TD3, the name of the actor, and its policy before the squash.
+
+    The file contains an actor and a critic.
+    """
     tensors = {"0.action_scale": np.array([2.0, 0.5]), "0.action_bias": np.array([1.0, -0.5])}
     tensors |= actor("0.", ("fc1", "fc2", "fc_mu"))
     tensors |= chain("1.", ("fc1", "fc2", "fc3"), (STATES + ACTIONS, 8, 8, 1))
@@ -121,7 +133,10 @@ def clean_rl() -> tuple[dict[str, np.ndarray], str, Callable[[np.ndarray], np.nd
 
 @pytest.mark.parametrize("library", [rsl_rl, rl_games, skrl, clean_rl])
 def test_policies_of_other_libraries_are_read(library) -> None:
-    """Policies agree with the code of their libraries, for single states and for rows."""
+    """Policies of several libraries give the outputs that the libraries compute.
+
+    This holds for single states and for rows.
+    """
     tensors, part, policy = library()
     stored = network_in(torch_file("a.pt", tensors), STATES, "tanh", {"policy": part})
     for x in 3.0 * RANDOM.normal(size=(20, STATES)):
@@ -156,7 +171,7 @@ def test_policies_of_other_libraries_are_read(library) -> None:
     ],
 )
 def test_tensor_that_may_act_is_refused_by_name(more, part, named) -> None:
-    """An unknown tensor that may have an effect is refused by name."""
+    """A tensor of unknown function that may act on the network is refused by name."""
     path = torch_file("a.pt", actor("actor.") | critic("critic.") | more)
     said = refusal(path, activation="tanh", parts={"policy": part})
     assert named in said

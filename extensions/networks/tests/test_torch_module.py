@@ -1,4 +1,4 @@
-"""Networks of torch in memory. Most tests use stand-ins with the attributes of torch's modules."""
+"""torch networks in memory. Most tests use stand-ins with the attributes of torch's modules."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POINTS = RANDOM.normal(size=(5, 2))
 
 
 class _Tensor:
-    """Tensor with the methods that are called."""
+    """Stand-in for a tensor, with the methods that the reader calls."""
 
     dtype = "torch.bfloat16"
 
@@ -26,20 +26,23 @@ class _Tensor:
         self.values = values
 
     def detach(self) -> _Tensor:
-        """Return the tensor."""
+        """Return the tensor itself."""
         return self
 
     cpu = detach
 
     def numpy(self) -> np.ndarray:
-        """Return the numbers. Raises TypeError where NumPy has no such numbers."""
+        """Return the numbers as an array.
+
+        Raises TypeError if `values` is None, like a bfloat16 tensor of torch.
+        """
         if self.values is None:
             raise TypeError("Got unsupported ScalarType BFloat16")
         return np.asarray(self.values)
 
 
 def _module(kind: str, **attributes: Any) -> Any:
-    """Return a stand-in of a module of torch.nn."""
+    """Return a stand-in for a module of torch.nn with this class name and these attributes."""
     made = type(kind, (), {"__module__": "torch.nn.modules.any", **attributes})
     return made()
 
@@ -63,7 +66,10 @@ def _network(activation: Any) -> Any:
 
 
 def test_a_sequential_is_the_network_of_its_file(folder: Any) -> None:
-    """Its policy is that of the formula, and its verdict that of its state dict in a file."""
+    """A Sequential has the policy of its formula, and the same verdict as its state dict in a file.
+
+    Another activation changes the policy.
+    """
     network = _network(_module("Tanh"))
     critic = hfa.from_network(GAME, network)
     assert critic.origin == "network 2 -> tanh 8 -> 1"
@@ -86,7 +92,10 @@ def _named(pair: tuple[np.ndarray, np.ndarray]) -> Any:
 
 
 def test_a_network_flies() -> None:
-    """Its flight is that of the same policy as a function of the state."""
+    """A simulation with a Sequential applies its policy at each sample.
+
+    A network with a wrong number of outputs is refused.
+    """
     model = hfa.aircraft()
     point = hfa.find_operating_point(model)
     K = hfa.lqr(point, np.eye(6), np.eye(5)).K
@@ -102,7 +111,7 @@ def test_a_network_flies() -> None:
 
 
 def test_what_is_not_read_is_refused() -> None:
-    """Errors name the part of the network."""
+    """Unsupported modules, settings, sizes and numbers are refused by name."""
     layer = _linear(np.ones((1, 2)), None)
     for network, said in (
         (_network(_module("Dropout")), "contains Dropout"),
@@ -122,7 +131,7 @@ def test_what_is_not_read_is_refused() -> None:
 
 
 def test_torch_modules_are_read() -> None:
-    """The outputs are those of torch."""
+    """The policies of Sequentials give the outputs that torch computes, for each activation."""
     torch = pytest.importorskip("torch", reason="the package torch is not installed")
     kinds = ("ELU", "GELU", "LeakyReLU", "ReLU", "SELU", "SiLU", "Sigmoid", "Softplus", "Tanh")
     for kind in kinds:

@@ -1,1 +1,1 @@
-"""Policies as they are deployed: observations, actions, timing, and assessment in flight."""
+"""Policies as they are deployed: observations, actions, timing, and assessment by simulation."""

@@ -1,4 +1,4 @@
-"""Actor of a policy's file: its network and the settings stored in the file."""
+"""Actor of a policy file: its network and the settings stored in the file."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ SUFFIXES = (".zip", ".onnx", ".pt", ".pth", ".pkl", ".safetensors", ".json", ".n
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """The network of a policy: normalized observations -> actions.
+    """Network of a policy, a function of normalized observations.
 
-    function: (k,) -> (m,).
-    chain: description of its layers.
-    squash: whether tanh follows, mapped to the box. Otherwise actions are clipped to the box.
+    function: observations (k,) -> actions (m,).
+    chain: description of the layers.
+    squash: True if tanh follows, mapped to the box; otherwise actions are clipped to the box.
     clip_mean: largest absolute value before tanh.
-    stored: settings in the zip of Stable-Baselines3, or None for another file.
-    box: lowest and highest action stored in the file, (m,) each, or None where not stored.
-    rows: `function` for many rows at once, or None where only `function` is available.
+    stored: settings in a Stable-Baselines3 zip, or None for another file.
+    box: lowest and highest action stored in the file, (m,) each, or None.
+    rows: version of `function` for many rows, or None.
     """
 
     function: ca.Function
@@ -48,11 +48,12 @@ class Actor:
 def read_actor(
     entries: Mapping[str, Any], folder: Path, observations: int, history: int, actions: int
 ) -> Actor:
-    """Return the actor that the table [policy] of a deployment file names.
+    """Read the actor that the table [policy] of a deployment file names.
 
-    entries: file, and activation, layout, squash and network if the file does not store them.
+    entries: "file", and "activation", "layout", "squash" and "network" if the file does not store
+        them.
     folder: folder of relative file names.
-    observations, actions: their numbers in the deployment file.
+    observations, actions: number of observations and of actions in the deployment file.
     history: number of samples of the observations.
 
     Raises BadInputError if the file cannot be read or contradicts the deployment file.
@@ -79,7 +80,11 @@ def read_actor(
 
 
 def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: int) -> Actor:
-    """Return the actor of a zip of Stable-Baselines3."""
+    """Read the actor in a Stable-Baselines3 zip.
+
+    Raises BadInputError if the deployment file contradicts the zip, or if the numbers of
+    observations differ.
+    """
     stored = read_zip(path)
     said = {
         "activation": stored.activation,
@@ -117,7 +122,12 @@ def _of_zip(path: Path, entries: Mapping[str, Any], observations: int, history: 
 
 
 def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) -> Actor:
-    """Return the actor of an ONNX graph, a state dict or a gain K."""
+    """Read the actor in an ONNX file, a state dict or a file with a gain K.
+
+    Raises BadInputError if the deployment file contradicts the file.
+
+    observations: number of inputs of the network, samples times observations
+    """
     squash = bool(entries.get("squash", False))
     gain = stored_gain(path)
     if gain is not None:
@@ -152,9 +162,9 @@ def _of_other_file(path: Path, entries: Mapping[str, Any], observations: int) ->
 
 
 def stored_gain(path: Path) -> np.ndarray | None:
-    """Return the gain K, (actions, observations), of an .npz file, u = -K o.
+    """Return the gain K of u = -K o in an .npz file, (actions, observations).
 
-    The result is None if the file has no K or is not an .npz file. Raises BadInputError where the
+    The result is None if the file is not an .npz file or contains no K. Raises BadInputError if the
     file cannot be read or K is not a finite matrix.
     """
     if path.suffix.lower() != ".npz":
@@ -179,17 +189,16 @@ def stored_gain(path: Path) -> np.ndarray | None:
 
 
 def gain_function(K: np.ndarray) -> ca.Function:
-    """Return u = -K o as a function of the observations o."""
+    """Return the function o -> -K o of the observations o."""
     o = ca.SX.sym("o", K.shape[1])
     return ca.Function("gain", [o], [ca.densify(-ca.DM(K) @ o)])
 
 
 def _refuse_sizes(function: ca.Function, what: Any, observations: int, actions: int) -> None:
-    """Raise BadInputError unless the inputs and outputs of a policy match the deployment file.
-
-    The deployment file determines the numbers of observations and actions.
+    """Raise BadInputError unless a policy has the inputs and outputs of the deployment file.
 
     what: name of the policy in the message
+    observations, actions: their numbers in the deployment file
     """
     takes = function.numel_in(0)
     gives = function.numel_out(0)

@@ -36,21 +36,21 @@ def assess(
     box: Mapping[str, float] | None = None,
     needs: Mapping[str, float] | None = None,
 ) -> Assessment:
-    """Return the assessment of a policy as it is deployed.
+    """Assess a policy as it is deployed.
 
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file
     points: operating points, or values of the scheduling variable in the units of the model;
-        default: the model's own trim
-    samples: flights at each trim, with and without disturbance, or 0 for none
-    seed: seed of their initial conditions
+        default: the model's default trim
+    samples: number of flights at each trim, with and without disturbance pulse
+    seed: seed of the flights' initial conditions
     progress: called during the flights
-    vary: parameter, or input that no action moves -> lowest and highest value. The policy is also
+    vary: parameter, or input that no action moves -> lowest and highest value; the policy is also
         assessed on the changed aircraft, with the trim values of the original
-    scenario: sensor noise, gust or turbulence of at most 20 further flights from each trim, as for
+    scenario: sensor noise, gust or turbulence for at most 20 further flights from each trim, as in
         `hfa.fly`
-    box: linear state -> half-width of the initial-condition box, instead of the usual one
-    needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> its value
+    box: linear state -> half-width of the initial-condition box, instead of the usual half-width
+    needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
 
     Raises BadInputError if the deployment does not fit the aircraft, and TrimError if there is no
     trim.
@@ -95,11 +95,13 @@ def judged(
     progress_of: Callable[[str], Progress | None],
     best: Callable[[AssessedPoint], BestCosts] | None = None,
 ) -> Assessment:
-    """Return the assessment of a policy at its trims.
+    """Assess a policy at the assessor's trims.
 
+    needs: requirement -> required value.
+    changes: (parameter or input, value) of each changed aircraft.
     scenarios: one for each trim, or none.
-    progress_of: description of a step -> its progress.
-    best: assessed trim -> costs of its best flights, or None without these flights.
+    progress_of: description of a step -> callback for its progress.
+    best: assessed trim -> comparison with the best flights, or None to omit it.
     """
     assessed = assessor.assessed(progress_of("fly"))
     if best is not None:

@@ -1,6 +1,6 @@
 """Assessment of a deployed policy at each trim.
 
-It covers the equilibrium, the stability of the sampled loop, delays, margins, cost, and flights.
+It covers the equilibrium, the sampled loop's stability, delays, margins, cost and flights.
 """
 
 from __future__ import annotations
@@ -52,21 +52,21 @@ _ELSEWHERE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class AssessedPoint(Result):
-    """The assessment of a policy at one trim.
+    """Assessment of a policy at one trim.
 
     point: the trim.
-    place: its initial-condition box and equilibrium.
+    place: initial-condition box and equilibrium.
     radius: spectral radius of the sampled loop with the deployed delay; nan without an equilibrium.
     delays: spectral radii with other delays, or None without an equilibrium.
-    margins: margins of a stable loop, else None.
-    cost: percent above the optimum, or None without a cost or without an optimum.
-    nonlinearity: largest deviation of the command from its linearization over the box of initial
-        conditions, or None without an equilibrium.
+    margins: margins of the loop, or None if it is unstable.
+    cost: percent above the optimum, or None without weights or without an optimum.
+    nonlinearity: largest deviation of the command from its linearization over the initial-condition
+        box, or None without an equilibrium.
     flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse.
     findings: findings at this trim, one sentence each.
-    best: flights compared with the best found, or None without them.
-    rough: flights with sensor noise or in moving air, or None without them.
+    best: comparison with the best flights found, or None.
+    rough: flights with sensor noise or in moving air, or None.
     """
 
     json_keys = (
@@ -94,11 +94,10 @@ class AssessedPoint(Result):
 
     @property
     def own_mode(self) -> OwnMode | None:
-        """Mode of the aircraft beyond the reach of the policy that grows fastest, or decays
-        slowest.
+        """Mode of the aircraft that the policy does not control, or None.
 
-        A decaying mode counts only if the policy does not affect it and flights do not converge.
-        The result is None if there is no such mode.
+        It is the mode with the fastest growth. A decaying mode counts only if the policy does not
+        affect it and flights do not converge.
         """
         reach = self.place.reach
         if reach is None:
@@ -113,13 +112,16 @@ class AssessedPoint(Result):
 
     @property
     def equilibrium(self) -> Equilibrium | None:
-        """The equilibrium of the sampled loop, or None where it does not exist."""
+        """Equilibrium of the sampled loop, or None if it does not exist."""
         return self.place.equilibrium
 
     @property
     def holds(self) -> bool:
-        """True if the sampled loop is stable at its equilibrium, no action or input is saturated
-        there, and at least half of the flights converge."""
+        """True if the policy stabilizes the aircraft.
+
+        The sampled loop must be stable at its equilibrium, with no action or input saturated there.
+        At least half of the flights must converge.
+        """
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
         if self.flights is None:
@@ -128,15 +130,17 @@ class AssessedPoint(Result):
 
     @property
     def chatters(self) -> bool:
-        """True if every flight stays in a small ball about an unstable equilibrium, as at a kink of
-        a network."""
+        """True if the equilibrium is unstable and every flight stays in a small ball about it.
+
+        This occurs at a kink of a network.
+        """
         if self.equilibrium is None or self.flights is None or not self.radius >= 1.0:
             return False
         return self.flights.returned == self.flights.starts
 
     @property
     def offset(self) -> np.ndarray:
-        """Deviation of the linear states (k,) at the equilibrium from the trim."""
+        """Difference between equilibrium and trim in the linear states, (k,)."""
         assert self.equilibrium is not None
         model = self.point.model
         rows = [list(model.states).index(name) for name in model.linear]
@@ -144,30 +148,32 @@ class AssessedPoint(Result):
 
     @property
     def radii(self) -> tuple[float, ...]:
-        """Spectral radii with delays of 0, 1, 2, ... samples."""
+        """Spectral radii with delays of 0, 1, 2, ... samples; empty without an equilibrium."""
         return () if self.delays is None else self.delays.radii
 
     @property
     def equilibrium_states(self) -> dict[str, float] | None:
-        """State -> value at the equilibrium, or None without one."""
+        """State -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.states, self.equilibrium.states.tolist(), strict=True))
 
     @property
     def equilibrium_inputs(self) -> dict[str, float] | None:
-        """Input -> value at the equilibrium, or None without one."""
+        """Input -> value at the equilibrium, or None without an equilibrium."""
         if self.equilibrium is None:
             return None
         return dict(zip(self.point.model.inputs, self.equilibrium.inputs.tolist(), strict=True))
 
     def as_data(self) -> dict[str, Any]:
-        """Return the entries, with the value of the scheduling variable by its key."""
+        """Return the entries of the JSON output, including the value of the scheduling variable."""
         return scheduled_value(self.point) | super().as_data()
 
     @property
     def input_margins(self) -> list[dict[str, float]]:
-        """Return gain_low, gain_high, phase_deg and disk of each commanded input."""
+        """Return gain_low, gain_high, phase_deg and disk of each commanded input; empty without
+        margins.
+        """
         if self.margins is None:
             return []
         return [
@@ -182,7 +188,10 @@ class AssessedPoint(Result):
 
 
 def scheduled_value(point: OperatingPoint) -> dict[str, float]:
-    """Return the scheduling variable by its key, or nothing where the model has none."""
+    """Return {key: value} of the scheduling variable, or {} if the model has none.
+
+    Angles are in degrees.
+    """
     model = point.model
     if not model.schedule:
         return {}
@@ -196,7 +205,7 @@ def scheduled_value(point: OperatingPoint) -> dict[str, float]:
 class SampledLoop(NamedTuple):
     """Sampled loop about one equilibrium.
 
-    radius: its spectral radius, or nan without an equilibrium.
+    radius: spectral radius, or nan without an equilibrium.
     cost: cost above the optimum, or None without weights or an optimum.
     """
 
@@ -209,11 +218,11 @@ class Assessor:
     """Assessment of a deployment at several trims of one aircraft.
 
     deployed: the policy on the aircraft.
-    points: its trims.
-    samples: flights at each trim, or 0 for none.
-    seed: seed of their initial conditions.
-    box: linear state -> half-width of the initial-condition box, instead of the usual one.
-    steady: the original trim if the points are on a changed aircraft, or None if they are trims.
+    points: the trims.
+    samples: number of flights at each trim.
+    seed: seed of the initial conditions.
+    box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
+    steady: original trim if the points are on a changed aircraft, otherwise None.
     """
 
     deployed: Deployed
@@ -224,13 +233,17 @@ class Assessor:
     steady: OperatingPoint | None = None
 
     def flight(self) -> SampledFlight:
-        """Return the sampled loop of all flights."""
+        """Return the simulation of the sampled loop for all flights."""
         deployment = self.deployed.deployment
         parts = parts_of_a_sample(list(self.points), deployment.dt)
         return SampledFlight(self.deployed, deployment.dt, deployment.delay, parts)
 
     def places(self, flight: SampledFlight) -> list[Place]:
-        """Return each trim with its equilibrium and initial-condition box."""
+        """Return each trim with its equilibrium and initial-condition box.
+
+        The equilibrium is found by Newton's method from the trim, and from the end of a flight that
+        begins at the trim.
+        """
         searches = [EquilibriumSearch(self.deployed, point, self.steady) for point in self.points]
         equilibria = [
             search.from_point(np.array(search.point.states), np.array(search.point.inputs))
@@ -251,7 +264,10 @@ class Assessor:
     def _place(
         self, search: EquilibriumSearch, widths: np.ndarray, equilibrium: Equilibrium | None
     ) -> Place:
-        """Return the trim with its equilibrium and the modes within reach."""
+        """Return a trim with its equilibrium and the modes that the actions move.
+
+        widths: half-widths of the initial-condition box, (k,)
+        """
         point = search.point
         if equilibrium is None:
             return Place(point, widths, None, False, steady=self.steady)
@@ -284,7 +300,7 @@ class Assessor:
         return chain_of(reach.loop, deployment.dt, deployment.delay)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
-        """Return the assessment at each trim."""
+        """Assess the policy at each trim."""
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         flight = self.flight()
@@ -299,7 +315,7 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """Return the loop at each trim, without flights, margins and longer delays."""
+        """Return spectral radius and cost at each trim, without flights, margins and longer delays."""
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         return [self._sampled_loop(place) for place in self.places(self.flight())]
@@ -375,8 +391,15 @@ def _nearer(
     search: EquilibriumSearch,
     widths: np.ndarray,
 ) -> Equilibrium | None:
-    """Return the equilibrium at which the flight from the trim ends, or the one found by Newton's
-    method, or None without either."""
+    """Choose between two equilibria, each of which may be None.
+
+    `elsewhere` is chosen if the flight from the trim ends at it and it differs from `equilibrium`.
+
+    equilibrium: found by Newton's method from the trim
+    elsewhere: found by Newton's method from the end of the flight
+    end: final states of the flight, (n,)
+    widths: half-widths of the initial-condition box, (k,)
+    """
     if elsewhere is None:
         return equilibrium
     if equilibrium is None:
@@ -390,7 +413,10 @@ def _nearer(
 
 
 def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
-    """Return the findings at an equilibrium: saturation, modes beyond any action, and kinks."""
+    """Return the findings at an equilibrium, one sentence each.
+
+    They concern saturation, clipped observations, modes that no action moves, and kinks.
+    """
     findings = []
     if equilibrium.clips:
         what = " and ".join(equilibrium.clips)
@@ -408,7 +434,11 @@ def equilibrium_findings(equilibrium: Equilibrium, reach: Reach) -> list[str]:
 
 
 def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None) -> list[str]:
-    """Return the findings of the flights in addition to the spectral radius, worst first."""
+    """Return the findings of the flights in addition to the spectral radius, worst first.
+
+    radius: spectral radius of the sampled loop
+    flown, pushed: outcomes without and with a disturbance pulse
+    """
     findings: list[str] = []
     if flown is None or pushed is None:
         return findings
@@ -441,7 +471,7 @@ def flight_findings(radius: float, flown: Outcome | None, pushed: Outcome | None
 
 
 def cycle_text(cycle: LimitCycle) -> str:
-    """Return signal, amplitude and frequency of a limit cycle, in degrees for angles."""
+    """Return a limit cycle as text: signal, amplitude and frequency. Angles are in degrees."""
     unit = "" if cycle.unit == "1" else f" {shown_unit(cycle.unit)}"
     size = short_number(cycle.amplitude, cycle.unit)
     return f"{cycle.name} ±{size}{unit} at {cycle.frequency:.3g} rad/s"

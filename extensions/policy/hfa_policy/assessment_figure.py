@@ -1,4 +1,4 @@
-"""Figure of an assessment."""
+"""Figure of an assessment: stability versus delay, and outcomes of flights."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
-    """Draw the spectral radius over the delay and the outcomes of the flights for each trim, and
-    return the figure.
+    """Draw the spectral radius versus delay and the outcomes of the flights, for each trim.
 
-    If all flights have the same outcome, disk margins replace the outcomes.
+    If all flights have the same outcome, disk margins are drawn instead of the outcomes. Returns
+    the figure.
     """
     from matplotlib import colormaps
 
@@ -71,7 +71,10 @@ def drawn_assessment(assessment: Assessment, figure: Figure) -> Figure:
 
 
 def _draw_margins(axes: Axes, assessment: Assessment, shades: np.ndarray) -> None:
-    """Draw the disk margin of each trim, 0 where the loop is unstable, in its color (N, 4)."""
+    """Draw the disk margin of each trim, 0 if its loop is unstable.
+
+    shades: color of each trim, (N, 4)
+    """
     margins = [point.margins for point in assessment.points]
     disks = [0.0 if margin is None else margin.disk.disk for margin in margins]
     axes.bar(np.arange(len(disks)), disks, color=shades, width=0.6)
@@ -79,7 +82,7 @@ def _draw_margins(axes: Axes, assessment: Assessment, shades: np.ndarray) -> Non
 
 
 def _draw_outcomes(axes: Axes, outcomes: Sequence[Outcome | None]) -> None:
-    """Draw the shares of flights that converge, leave the envelope, or do neither, percent."""
+    """Draw the percentages of flights that converge, leave the envelope, or do neither."""
     places = np.arange(len(outcomes))
     converged = np.zeros(len(outcomes))
     left = np.zeros(len(outcomes))

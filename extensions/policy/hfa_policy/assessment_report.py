@@ -1,4 +1,4 @@
-"""Report of an assessment: first line, findings, table of the trims, figure, data."""
+"""Report of an assessment: first line, findings, table of the trims, figure and data."""
 
 from __future__ import annotations
 
@@ -45,19 +45,21 @@ _AT_TRIM = 0.01
 
 
 def _median(best: BestCosts) -> float:
-    """Return the median cost of the policy relative to the best, or inf where no flight ends at the
-    trim."""
+    """Return the median cost of the policy relative to the best flights found.
+
+    The result is inf if no flight ends at the trim.
+    """
     return math.inf if best.policy_over_best is None else best.policy_over_best.median
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessment(Result, Reported):
-    """A policy assessed as it is deployed, at one or more trims.
+    """Assessment of a policy as it is deployed, at one or more trims.
 
     deployed: the policy on its aircraft.
     points: results at each trim, by the value of the scheduling variable.
-    mistakes: proved or likely mistakes of its deployment.
-    needs: delay, s, margin or cost, percent -> required value.
+    mistakes: proved or likely mistakes of the deployment file.
+    needs: delay (s), margin, or cost (percent) -> required value.
     variations: results on changed aircraft.
     assumed: description of the trim that was assumed because none was given.
 
@@ -85,7 +87,7 @@ class Assessment(Result, Reported):
 
     @property
     def holds(self) -> bool:
-        """True if the policy holds at every trim, and no mistake of its deployment is proved."""
+        """True if the policy holds at every trim, and no mistake of the deployment file is proved."""
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
 
@@ -100,8 +102,10 @@ class Assessment(Result, Reported):
 
     @property
     def unmet(self) -> list[str]:
-        """Requirements that are not met, one sentence each. Raises BadInputError for a required
-        cost where the deployment has none."""
+        """Requirements that are not satisfied, one sentence each.
+
+        Raises BadInputError if a cost is required and the deployment has no weights.
+        """
         sentences = []
         for name, need in self.needs.items():
             refuse_unknown("unknown need", name, NEEDS)
@@ -117,9 +121,11 @@ class Assessment(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the policy holds at every trim and on every changed aircraft, meets every
-        requirement, and stays inside the envelope with the requested noise, gusts and
-        turbulence."""
+        """True if the policy passes.
+
+        It must hold at every trim and on every changed aircraft, and satisfy every requirement.
+        Flights with the requested noise, gusts and turbulence must stay inside the envelope.
+        """
         changed = all(variation.holds for variation in self.variations)
         return self.holds and changed and not self.unmet and not self._leaving_roughly()
 
@@ -128,7 +134,11 @@ class Assessment(Result, Reported):
 
     @property
     def headlines(self) -> list[str]:
-        """Findings over all trims, one sentence each, worst first."""
+        """Findings over all trims, one sentence each.
+
+        If the policy fails, the worst are first. Otherwise the list begins with the trims at which
+        it holds.
+        """
         holding = self._holding()
         verdicts = [holding, self._leaving_roughly()]
         if self.holds:
@@ -149,7 +159,7 @@ class Assessment(Result, Reported):
 
     @property
     def first_line(self) -> str:
-        """The verdict and at most two findings, in at most 100 columns."""
+        """Verdict and at most two findings, in at most 100 columns."""
         is_linear = LINEAR in self.deployed.model.extras.notes
         subject = " on the linear plant" if is_linear else ""
         line = f"{verdict_text(self.ok)}{subject}: {self.headlines[0]}"
@@ -164,7 +174,7 @@ class Assessment(Result, Reported):
 
     @property
     def further(self) -> list[str]:
-        """Findings that are not in the first line, worst first, then assumptions."""
+        """Findings that are not in the first line, worst first, followed by assumptions."""
         line = self.first_line
         found = []
         for headline in self.headlines:
@@ -176,14 +186,14 @@ class Assessment(Result, Reported):
         return [*found, *filter(None, [self.assumed])]
 
     def _mistaken(self) -> str:
-        """Return the proved mistakes of the deployment file."""
+        """Return a phrase with the proved mistakes of the deployment file, or ""."""
         wrong = [mistake.kind for mistake in self.mistakes if mistake.proved]
         return f"the deployment file is wrong ({', '.join(wrong)})" if wrong else ""
 
     def _holding(self) -> str:
-        """Return a sentence on the trims at which the policy holds.
+        """Return a phrase with the trims at which the policy holds.
 
-        It also states whether only the linear loop was assessed.
+        Without flights, it states that only the linear loop was assessed.
         """
         holding = [point for point in self.points if point.holds]
         rate = f"at {1.0 / self.deployed.deployment.dt:.4g} Hz"
@@ -200,12 +210,14 @@ class Assessment(Result, Reported):
 
     @property
     def _flown(self) -> bool:
-        """True if flights were simulated."""
+        """True if flights from initial conditions were simulated."""
         return any(point.flights is not None for point in self.points)
 
     def _changed(self) -> str:
-        """Return a sentence on the first changed aircraft on which the policy does not hold, and
-        their number."""
+        """Return a phrase on the changed aircraft on which the policy does not hold, or "".
+
+        It contains their number and the first of them.
+        """
         failing = [variation for variation in self.variations if not variation.holds]
         if not failing:
             return ""
@@ -215,12 +227,14 @@ class Assessment(Result, Reported):
 
     @property
     def _rough(self) -> list[RoughFlights]:
-        """The flights with noise or in moving air, of each trim."""
+        """Flights with noise or in moving air, for each trim."""
         return [point.rough for point in self.points if point.rough is not None]
 
     def _leaving_roughly(self) -> str:
-        """Return a sentence on the flights with noise or in moving air that leave the envelope:
-        number and first departure."""
+        """Return a phrase on the flights in noise or moving air that leave the envelope, or "".
+
+        It contains their number and the earliest departure.
+        """
         departures = [flown.departure for flown in self._rough if flown.departure is not None]
         if not departures:
             return ""
@@ -231,8 +245,10 @@ class Assessment(Result, Reported):
         return f"{_leaving(count, total, flights)} ({departure_text(first)})"
 
     def _leaving_alone(self) -> str:
-        """Return a sentence on the slow mode of the aircraft that the policy does not change,
-        unless it decays and the policy holds."""
+        """Return a phrase on the slow mode of the aircraft that the policy does not control.
+
+        The result is "" without such a mode, or if the mode decays and the policy holds.
+        """
         found = [(point.own_mode, point) for point in self.points]
         modes = [(mode, point) for mode, point in found if mode is not None]
         if not modes:
@@ -245,8 +261,10 @@ class Assessment(Result, Reported):
         return f"leaves {mode.name} as it is"
 
     def _departing(self) -> str:
-        """Return a sentence on the flights that leave the envelope: number, first state and its
-        limit."""
+        """Return a phrase on the flights that leave the envelope, or "".
+
+        It contains their number and the earliest departure: a state and its limit.
+        """
         left = [point for point in self.points if point.flights is not None and point.flights.lost]
         outcomes = [point.flights for point in left if point.flights is not None]
         if not outcomes:
@@ -260,15 +278,19 @@ class Assessment(Result, Reported):
         return f"{text} (first: {departure_text(first)})"
 
     def _chattering(self) -> str:
-        """Return a sentence on the trims at which the loop chatters about an unstable
-        equilibrium."""
+        """Return a phrase with the trims at which the loop chatters about an unstable equilibrium,
+        or "".
+        """
         chattering = [point for point in self.points if point.chatters]
         if not chattering:
             return ""
         return f"chatters near its equilibrium {self._where(chattering)}, where every flight stays"
 
     def _cycling(self) -> str:
-        """Return the largest oscillation, in nominal sizes, with its trim."""
+        """Return a phrase on the largest limit cycle and its trim, or "".
+
+        Amplitudes are compared relative to the nominal values of the signals.
+        """
         largest = None
         for point in self.points:
             cycle = None if point.flights is None else point.flights.cycle
@@ -297,11 +319,16 @@ class Assessment(Result, Reported):
         return f"at {', '.join(f'{value:.4g}' for value in values)} {unit}"
 
     def _unless_all(self, points: list[AssessedPoint]) -> str:
-        """Return trims as text after a space, or "" for all trims."""
+        """Return trims as text after a space, or "" if they are all trims."""
         return "" if len(points) == len(self.points) else f" {self._where(points)}"
 
     def _delaying(self) -> str:
-        """Return the shortest delay with which the loop is unstable, with its trim."""
+        """Return a phrase on the shortest delay with which the loop is unstable.
+
+        It contains the trims, unless all of them have this limit. If no delay that was searched
+        destabilizes the loop, the phrase gives the longest delay. The result is "" if no trim
+        holds.
+        """
         holding = [point for point in self.points if point.holds and point.delays is not None]
         limits = [point.delays.limit for point in holding if point.delays is not None]
         unstable = [limit for limit in limits if limit is not None]
@@ -320,8 +347,11 @@ class Assessment(Result, Reported):
         return text if len(where) == len(holding) else f"{text} {self._where(where)}"
 
     def _offset(self) -> str:
-        """Return a sentence on the state whose equilibrium is farthest from trim, relative to the
-        box."""
+        """Return a phrase on the largest steady-state error, relative to the initial-condition box.
+
+        It reports a missing equilibrium instead. Without an error, the phrase is "" if the policy
+        does not hold.
+        """
         nowhere = [point for point in self.points if point.equilibrium is None]
         if nowhere:
             return f"no equilibrium near the trim{self._unless_all(nowhere)}"
@@ -342,7 +372,7 @@ class Assessment(Result, Reported):
         return f"steady-state {name} error {many}{size}"
 
     def _saturating(self) -> str:
-        """Return the action or input at its limit at the equilibrium, and the trims."""
+        """Return a phrase on the actions and inputs saturated at the equilibrium, or ""."""
         saturated: list[AssessedPoint] = []
         clips: dict[str, None] = {}
         for point in self.points:
@@ -355,9 +385,10 @@ class Assessment(Result, Reported):
         return f"saturated at the equilibrium{where}: {' and '.join(clips)}"
 
     def _flying(self) -> str:
-        """Return a sentence on whether every flight converges.
+        """Return a phrase on how many flights converge.
 
-        Otherwise it states how many stay inside the envelope without converging.
+        It is "every flight converges", or the number of flights that stay inside the envelope
+        without converging. It is "" if flights leave the envelope and all others converge.
         """
         flown = [point.flights for point in self.points if point.flights is not None]
         if not flown:
@@ -371,22 +402,26 @@ class Assessment(Result, Reported):
         return f"{count} of {starts} flights stay inside but do not converge within {seconds:.3g} s"
 
     def _flown_costs(self) -> str:
-        """Return the cost of flights relative to the best found, at the trim with the worst
-        median."""
+        """Return a phrase on costs relative to the best flights found, or "".
+
+        It describes the trim with the worst median.
+        """
         flown = [point.best for point in self.points if point.best is not None]
         if not flown:
             return ""
         return max(flown, key=_median).sentence()
 
     def _drifting(self) -> str:
-        """Return the largest cost per second of an equilibrium that is not the trim."""
+        """Return a phrase on the largest cost per second of a steady-state error, or ""."""
         flown = [point.best for point in self.points if point.best is not None]
         rate = max((best.offset_rate or 0.0 for best in flown), default=0.0)
         return f"the steady-state error costs {rate:.2g} per second" if rate > 0.0 else ""
 
     def _bounded_costs(self) -> str:
-        """Return a sentence on the cost of flights above the proved lower bound, which exists for
-        one trim."""
+        """Return a phrase on the costs of flights above the proved lower bound, or "".
+
+        A bound applies to a single trim.
+        """
         best = self.points[0].best
         return "" if best is None else best.bound_sentence()
 
@@ -398,7 +433,7 @@ class Assessment(Result, Reported):
         return [bracket_table(self.deployed.model, best.brackets)]
 
     def _costing(self) -> str:
-        """Return a sentence on the linear cost, or "" if the policy does not hold."""
+        """Return a phrase on the cost of the linear loop, or "" if the policy does not hold."""
         costs = [point.cost for point in self.points if point.holds and point.cost is not None]
         if not costs:
             return ""
@@ -413,7 +448,7 @@ class Assessment(Result, Reported):
         return f"linear cost up to {short_number(times, '')}x the optimum"
 
     def report(self) -> Report:
-        """Return the report: first line, trims, findings."""
+        """Return the report: first line, findings, mistakes and the table of the trims."""
         model = self.deployed.model
         deployment = self.deployed.deployment
         lines = [self.first_line, *self.further, ""]
@@ -445,7 +480,10 @@ class Assessment(Result, Reported):
         ]
 
     def _off_slope(self) -> list[str]:
-        """Return the largest nonlinearity, with its trim."""
+        """Return a sentence on the trim with the largest nonlinearity.
+
+        The list is empty if the nonlinearity is small at all trims.
+        """
         points = [point for point in self.points if point.nonlinearity is not None]
         parts = [point.nonlinearity.part for point in points if point.nonlinearity is not None]
         if max(parts, default=0.0) < _LINEAR:
@@ -485,7 +523,7 @@ class Assessment(Result, Reported):
         return tuple(cells)
 
     def _records(self) -> Table:
-        """Return one row for each trim, with all digits."""
+        """Return the table of results with all digits, one row for each trim."""
         key = self.deployed.model.schedule_key if self.deployed.model.schedule else "trim"
         header = (
             *(key, "holds", "spectral_radius", "delay_limit [s]", "disk_margin"),
@@ -502,20 +540,20 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Return a figure of spectral radius over delay, and of flight outcomes over the trims."""
+        """Return a figure of the spectral radius versus delay, and of flight outcomes at each trim."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return drawn_assessment(self, new_figure(9.0, 4.0))
 
     def plot(self) -> np.ndarray:
-        """Draw the picture of `figure` in a pyplot figure; return its Axes."""
+        """Draw the picture of `figure` in a pyplot figure and return its Axes."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return np.array(drawn_assessment(self, pyplot_figure(9.0, 4.0)).axes)
 
 
 def _leaving(count: int, total: int, flights: str) -> str:
-    """Return "1 of 2 flights leaves the envelope".
+    """Return a phrase such as "1 of 2 flights leaves the envelope".
 
     flights: description of all flights
     """
@@ -524,7 +562,11 @@ def _leaving(count: int, total: int, flights: str) -> str:
 
 
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
-    """Return whether a trim meets one requirement."""
+    """Return whether the result at a trim satisfies a requirement.
+
+    name: "delay" (s), "margin" or "cost" (percent)
+    need: required value
+    """
     if name == "delay":
         if point.delays is None or not point.holds:
             return False

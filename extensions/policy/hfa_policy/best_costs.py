@@ -1,4 +1,4 @@
-"""The cost of a policy's flights relative to the best flights found, for `hfa assess --best`."""
+"""Costs of a policy's flights relative to the best flights found, for `hfa assess --best`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa_support.reporting.text import Table
 
 
 class Ratios(NamedTuple):
-    """Costs divided by those of the best flights found."""
+    """Least, median and largest cost, relative to the best flights found."""
 
     least: float
     median: float
@@ -22,13 +22,13 @@ class Ratios(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bracket(Result):
-    """Bounds of the least cost from one initial condition.
+    """Lower bound and known costs of flights from one initial condition.
 
-    start: state -> its initial deviation from the trim.
-    lower_bound: lower bound of the cost, proved by a certificate.
+    start: state -> initial deviation from the trim.
+    lower_bound: lower bound on the cost, proved by a certificate.
     best: cost of the best flight found, or None.
     policy: cost of the policy's flight, or None if it does not end at the trim.
-    beyond: True if W exceeds the level of the certificate, so that the level is the bound.
+    beyond: True if the certificate's function W exceeds its level; the level is then the bound.
     """
 
     start: Mapping[str, float]
@@ -44,16 +44,16 @@ class BestCosts(Result):
 
     starts: number of initial conditions.
     found: number of initial conditions with a best flight.
-    refused: number of initial conditions for which no flight was found, or the simulator refuted
-        it.
-    lost: flights of the policy from these initial conditions that left the envelope or do not end
+    refused: number of initial conditions for which no flight was found, or for which the simulation
+        did not confirm the flight.
+    lost: flights of the policy from these initial conditions that leave the envelope or do not end
         at the trim.
     policy_over_best: cost of the policy's flights that end at the trim, relative to the best; None
-        where no flight does.
-    lqr_over_best: cost of the linear optimum, saturated, relative to the best; None where no flight
-        ends at the trim.
-    offset_rate: cost per second of the equilibrium off the trim, or None without an equilibrium.
-    brackets: one for each initial condition, or none without a certificate of a lower bound.
+        if there are none.
+    lqr_over_best: cost of the flights with the saturated linear optimum, relative to the best; None
+        if no flight ends at the trim.
+    offset_rate: cost per second of a steady-state error, or None without an equilibrium.
+    brackets: one for each initial condition; empty without a certificate of a lower bound.
     """
 
     json_keys = (
@@ -71,7 +71,7 @@ class BestCosts(Result):
     brackets: Sequence[Bracket] = ()
 
     def sentence(self) -> str:
-        """Return a sentence that compares the costs."""
+        """Return a phrase that compares the costs."""
         if self.policy_over_best is None:
             return f"none of the {self.found} flights with a best flight ends at the trim"
         least, median, worst = self.policy_over_best
@@ -83,17 +83,16 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return a sentence on the costs of the policy's flights relative to the lower bound, or
-        ""."""
+        """Return a phrase on the policy's costs relative to the lower bound, or "" without a bound."""
         if not self.brackets:
             return ""
         return bracket_sentence((each, each.policy) for each in self.brackets)
 
 
 def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
-    """Return a sentence on the costs of flights relative to their positive lower bounds.
+    """Return a phrase on the costs of flights relative to their positive lower bounds.
 
-    costs: brackets, each with the cost of a flight from its initial condition, or None without one
+    costs: brackets, each with the cost of a flight from its initial condition, or None
     """
     inside: list[float] = []
     beyond: list[float] = []
@@ -111,7 +110,7 @@ def bracket_sentence(costs: Iterable[tuple[Bracket, float | None]]) -> str:
 
 
 def bracket_table(model: Model, brackets: Sequence[Bracket]) -> Table:
-    """Return a table of the lower bound and the known costs from each initial condition."""
+    """Return a table of the lower bound and the known costs for each initial condition."""
     is_flown = any(each.policy is not None for each in brackets)
     rows = []
     for each in brackets:
@@ -141,7 +140,7 @@ def _off(model: Model, name: str, value: float) -> str:
 
 
 def ratios(values: Sequence[float]) -> Ratios | None:
-    """Return the least, the median and the largest value, or None without values."""
+    """Return the least, the median and the largest value, or None if `values` is empty."""
     if not values:
         return None
     return Ratios(min(values), statistics.median(values), max(values))

@@ -1,4 +1,4 @@
-"""Comparison of flights with changed deployment files: their costs, and whether they converge."""
+"""Comparison of changed deployment files by the costs and the convergence of their flights."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _LEAST = 1e-9
 
 
 class Sample(NamedTuple):
-    """Number of initial conditions of each change, and duration of each flight, s."""
+    """Number of initial conditions for each change, and duration of each flight, s."""
 
     starts: int
     seconds: float
 
 
 class Flown(NamedTuple):
-    """Results of the flights of one change.
+    """Results of the flights with one change.
 
     costs: (N,), cost of each flight.
     kept: number of flights that stay within the limits.
-    back: number of these that end nearly steady near the trim.
-    into_box: number of these that end in the initial-condition box.
+    back: number of flights that also end near the trim, almost steady.
+    into_box: number of flights that also end in the initial-condition box, almost steady.
     """
 
     costs: np.ndarray
@@ -55,12 +55,12 @@ class Flown(NamedTuple):
         return self._replace(back=self.into_box)
 
     def times(self, other: Flown) -> float:
-        """Return the median ratio of these costs to those of another change."""
+        """Return the median ratio of the costs to the costs with another change."""
         return float(np.median(self.costs / other.costs))
 
 
 class ChangeFlights:
-    """Flights of changed deployment files from the same initial conditions about some trims.
+    """Flights with changed deployment files from equal initial conditions about some trims.
 
     assessor: assessor of the unchanged deployment file.
     places: the trims.
@@ -75,8 +75,11 @@ class ChangeFlights:
         self.m = len(self.deployed.deployment.action)
 
     def _flight(self, dt: float, delay: float) -> SampledFlight:
-        """Return the sampled flight of all changes. Each row also contains P, c, gain and S of its
-        change."""
+        """Return the sampled simulation of all changes.
+
+        Each row also contains P, c, gain and S of its change, which transform observations and
+        actions.
+        """
         whole = self.assessor.flight()
         sizes = np.cumsum([0, self.k**2, self.k, self.m, self.m**2]).tolist()
         extra = sizes[-1]
@@ -95,14 +98,19 @@ class ChangeFlights:
         return self._steered_by(steered, dt, delay, extra)
 
     def _steered_by(self, steered: Steered, dt: float, delay: float, extra: int) -> SampledFlight:
-        """Return the flights of another policy at another sample time and delay."""
+        """Return the simulation with another policy, sample time and delay.
+
+        extra: number of further entries in each row
+        """
         parts = parts_of_a_sample(self.points, dt)
         whole = self.assessor.flight()
         return replace(whole, dt=dt, delay=delay, parts=parts, extra=extra, other=steered)
 
     def flown_by_optimum(self, sample: Sample) -> Flown | None:
-        """Return the flights of the sampled optimum about the first trim, without delay, or
-        None."""
+        """Return the results of flights with the sampled optimum of the first trim, without delay.
+
+        The result is None if the optimum does not exist.
+        """
         gain = self._optimum()
         if gain is None:
             return None
@@ -138,7 +146,7 @@ class ChangeFlights:
         return Flown(costs, int(kept.sum()), int(kept.sum()), int(kept.sum()))
 
     def _optimum(self) -> np.ndarray | None:
-        """Gain K of u = -K x, the sampled optimum at the first trim, or None where no optimum
+        """Return the gain K of the sampled optimum u = -K x at the first trim, or None if none
         exists.
         """
         from scipy.linalg import LinAlgError, solve_discrete_are
@@ -167,10 +175,10 @@ class ChangeFlights:
         dt: float | None = None,
         delay: float | None = None,
     ) -> list[Flown]:
-        """Return the results of flights with each change, from initial conditions shared among the
-        trims.
+        """Return the results of flights with each change.
 
-        The sample time and the delay are those of the deployment unless given.
+        The initial conditions are shared among the trims. Sample time and delay are those of the
+        deployment unless given.
         """
         card = self.deployed.deployment
         flight = self._flight(card.dt if dt is None else dt, card.delay if delay is None else delay)
@@ -187,8 +195,10 @@ class ChangeFlights:
         return [*map(Flown, costs.reshape(of_each_change), *counts)]
 
     def _rows(self, flight: SampledFlight, repair: Repair, starts_here: int) -> np.ndarray:
-        """Return the rows of a change: initial conditions at each trim, one trim after the
-        other."""
+        """Return the initial rows of a change, one trim after the other.
+
+        starts_here: number of initial conditions at each trim
+        """
         changed = repair.deployment.on(self.deployed.model)
         rows = []
         for place in self.places:
@@ -202,13 +212,12 @@ class ChangeFlights:
     def _distance_and_swing(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest deviation from the trim in the last window of each flight, and half
-        its range.
+        """Return the deviation and the swing of each flight in its last window, (N,) each.
 
-        Both are those of the linear state with the largest deviation, in half-widths of its
-        initial-condition box, (N,) each.
+        The deviation is the largest distance from the trim. The swing is half the range. Each is
+        the largest over the linear states, in half-widths of the initial-condition box.
 
-        owners: (N,), the index of the trim of each flight.
+        owners: (N,), index of each flight's trim.
         """
         _, _, low_X, high_X, *_ = flight.slices
         model = self.deployed.model
@@ -224,12 +233,14 @@ class ChangeFlights:
     def _costs_and_kept(
         self, flight: SampledFlight, rows: np.ndarray, owners: np.ndarray, seconds: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Fly the rows in place, and return the cost of each flight and whether it stays within the
+        """Simulate the rows in place. Return the cost of each flight and whether it stays within
         limits.
 
         Both are (N,). The cost is Σ x'Qx + u'Ru over the windows, with the largest deviations from
-        trim in each. A flight that leaves the limits is charged that window's cost for all
-        remaining ones.
+        trim in each window. For a flight that leaves the limits, the cost of that window is also
+        counted for each remaining window.
+
+        owners: (N,), index of each flight's trim.
         """
         model = self.deployed.model
         _, _, low_X, high_X, low_U, high_U, _, trim, _, _ = flight.slices
@@ -266,7 +277,11 @@ class ChangeFlights:
         return np.clip(costs, _LEAST, _MOST), kept
 
     def _numbers(self, repair: Repair, changed: Deployed, trim: np.ndarray) -> np.ndarray:
-        """Return P, c, gain and S of a change at a trim, in the order of a row."""
+        """Return P, c, gain and S of a change at a trim, in the order of a row.
+
+        changed: the changed deployment on the aircraft
+        trim: states and inputs of the trim
+        """
         n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
         at_trim = (trim[:n], trim[n : n + m], trim)
         before = np.array(self.deployed.observe(*at_trim)).ravel()

@@ -18,7 +18,7 @@ from hfa_support.reporting.text import Table
 class Comparison(Result, Reported):
     """Assessments of several deployments on one aircraft.
 
-    assessments: one for each deployment, in order.
+    assessments: one for each deployment, in the order given.
     """
 
     schema = "hfa.assessments/1"
@@ -29,17 +29,17 @@ class Comparison(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if every policy holds and meets every requirement."""
+        """True if every policy passes."""
         return all(assessment.ok for assessment in self.assessments)
 
     @property
     def first_line(self) -> str:
-        """Return the number of deployments that pass, in one line."""
+        """Verdict and number of deployments that pass, in one line."""
         count = sum(assessment.ok for assessment in self.assessments)
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
 
     def report(self) -> Report:
-        """Return a table with one row for each deployment, and the first line of each."""
+        """Return the report: a table with one row for each deployment, and the first line of each."""
         table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
         lines = [
             f"{assessment.deployed.deployment.origin}: {assessment.first_line}"
@@ -55,7 +55,7 @@ _HEADER = (
 
 
 def _row(assessment: Assessment) -> tuple[str, ...]:
-    """Return a row of the worst value of each figure over the trims."""
+    """Return the row of a deployment, with the worst value over the trims in each column."""
     points = assessment.points
     held = sum(point.holds for point in points)
     limits = [point.delays.limit for point in points if point.delays is not None]
@@ -75,7 +75,11 @@ def _row(assessment: Assessment) -> tuple[str, ...]:
 
 
 def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
-    """Return the worst of some values as text, or "-" if there are none."""
+    """Return the worst value as text, or "-" if there are no values or one is not finite.
+
+    of: max or min
+    form: format of the number
+    """
     finite = [value for value in values if math.isfinite(value)]
     if not finite or len(finite) < len(values):
         return "-"
@@ -83,8 +87,11 @@ def _worst(of: Callable[..., float], values: Sequence[float], form: str) -> str:
 
 
 def _flown(points: Sequence[AssessedPoint]) -> tuple[str, str, str]:
-    """Return as text the numbers of flights that converge, leave the envelope, and converge after a
-    disturbance pulse."""
+    """Return three counts as text, or "-" without flights.
+
+    They are the flights that converge, that leave the envelope, and that converge after a
+    disturbance pulse.
+    """
     plain = [point.flights for point in points if point.flights is not None]
     disturbed = [point.disturbed for point in points if point.disturbed is not None]
     if not plain:

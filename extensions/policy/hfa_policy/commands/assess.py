@@ -53,7 +53,10 @@ _COMPARED = 5
 
 
 def _need(name: str, text: str) -> float:
-    """Return the required value of a name in `NEEDS`."""
+    """Return the required value of a name in `NEEDS`.
+
+    Raises BadInputError for an unknown name or a negative value.
+    """
     from hfa_policy.assessment_report import NEEDS
 
     refuse_unknown("is unknown:", name, NEEDS)
@@ -64,7 +67,10 @@ def _need(name: str, text: str) -> float:
 
 
 def _half_width(model: Model, name: str, text: str) -> float:
-    """Return the half-width of the box of initial conditions in a linear state."""
+    """Return the half-width of the initial-condition box in a linear state.
+
+    Raises BadInputError unless it is positive.
+    """
     width = linear_state(model, name, text)
     if width <= 0.0:
         raise BadInputError(f"is {text}; give a number above 0")
@@ -74,7 +80,7 @@ def _half_width(model: Model, name: str, text: str) -> float:
 def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
     """Return the lowest and highest value of a parameter or an input.
 
-    An unknown name is refused once the actions are known.
+    The result is nan for an unknown name, which is refused when the actions are known.
     """
     if name not in (*model.parameters, *model.inputs):
         return nan, nan
@@ -82,7 +88,7 @@ def _varied(model: Model, name: str, text: str) -> tuple[float, float]:
 
 
 def _card_path(text: str) -> Path:
-    """Return the path of a deployment file or of a critic."""
+    """Return the path of a deployment file or of a file with a critic."""
     return input_file(".toml", *critic_suffixes())(text)
 
 
@@ -182,9 +188,9 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return points
 
     def deployments(self, model: Model) -> list[Deployment]:
-        """Return the deployments of the files.
+        """Load the deployments.
 
-        Raises BadInputError for a gain without a sample time, and for a sample time without a gain.
+        A gain without a sample time, or a sample time without a gain, is a BadInputError.
         """
         from hfa_policy.deployment import Deployment, sampled_gain
 
@@ -204,7 +210,7 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return found
 
     def compared(self, deployment: Deployment) -> int:
-        """Return how many flights at each trim are compared with the best ones."""
+        """Return the number of flights at each trim that are compared with the best flights."""
         if self.best is not None:
             return self.best
         has_best_flights = "assess.best" in offered(PARTS)
@@ -213,11 +219,11 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
         return min(_COMPARED, self.samples)
 
     def is_rough(self) -> bool:
-        """Return whether flights meet noise, a gust or turbulence."""
+        """Return whether flights with noise, a gust or turbulence are requested."""
         return bool(self.noise) or self.turbulence is not None or self.gust is not None
 
     def scenario_at(self, point: OperatingPoint) -> Scenario:
-        """Noise, gust and turbulence about a trim."""
+        """Return the scenario with noise, gust and turbulence at a trim."""
         from hfa_policy.rough_flights import rough_scenario
 
         turbulence = at_held_altitude(self.turbulence, self.hold)
@@ -230,7 +236,10 @@ class AssessRequest(AircraftOptions, TrimOptions, OutputOptions):
 def _best_flights(
     request: AssessRequest, deployed: Deployed
 ) -> Callable[[AssessedPoint], BestCosts] | None:
-    """Return a function of an assessed trim: the cost of its best flights, or None without them."""
+    """Return the function that compares flights at an assessed trim with the best flights.
+
+    The result is None if no comparison is requested.
+    """
     count = request.compared(deployed.deployment)
     if count == 0:
         return None
@@ -240,7 +249,7 @@ def _best_flights(
 
 
 def _assumed_trim(request: AssessRequest, points: tuple[OperatingPoint, ...]) -> str:
-    """Return the trim that no option names, in words, or "" where one does."""
+    """Return a note on the default trim, or "" if an option names the trim."""
     if not request.model.schedule or {"at", "hold", "condition", "start"} & request.typed:
         return ""
     option_name = f"--{called_at(request.model)}"
