@@ -315,7 +315,9 @@ class Assessor:
         return [self._point(*row) for row in rows]
 
     def sampled_loops(self) -> list[SampledLoop]:
-        """Return spectral radius and cost at each trim, without flights, margins and longer delays."""
+        """Return spectral radius and cost at each trim. Flights, margins and longer delays are
+        omitted.
+        """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
         return [self._sampled_loop(place) for place in self.places(self.flight())]

@@ -87,7 +87,7 @@ class Assessment(Result, Reported):
 
     @property
     def holds(self) -> bool:
-        """True if the policy holds at every trim, and no mistake of the deployment file is proved."""
+        """True if the policy holds at every trim and no mistake of the deployment is proved."""
         wrong = any(mistake.proved for mistake in self.mistakes)
         return all(point.holds for point in self.points) and not wrong
 
@@ -540,7 +540,7 @@ class Assessment(Result, Reported):
         return Table(header, rows)
 
     def figure(self) -> Figure:
-        """Return a figure of the spectral radius versus delay, and of flight outcomes at each trim."""
+        """Return a figure of the spectral radius versus delay, and of flight outcomes."""
         from hfa_policy.assessment_figure import drawn_assessment
 
         return drawn_assessment(self, new_figure(9.0, 4.0))

@@ -83,7 +83,7 @@ class BestCosts(Result):
         return text
 
     def bound_sentence(self) -> str:
-        """Return a phrase on the policy's costs relative to the lower bound, or "" without a bound."""
+        """Return a phrase on the policy's costs relative to the lower bound, or ""."""
         if not self.brackets:
             return ""
         return bracket_sentence((each, each.policy) for each in self.brackets)

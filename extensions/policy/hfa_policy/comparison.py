@@ -39,7 +39,7 @@ class Comparison(Result, Reported):
         return f"{verdict_text(self.ok)}: {count} of {len(self.assessments)} deployments pass"
 
     def report(self) -> Report:
-        """Return the report: a table with one row for each deployment, and the first line of each."""
+        """Return a report with one row of a table, and the first line, for each deployment."""
         table = Table(_HEADER, [_row(assessment) for assessment in self.assessments])
         lines = [
             f"{assessment.deployed.deployment.origin}: {assessment.first_line}"

@@ -1,4 +1,4 @@
-"""The cost of a policy at its equilibrium relative to the optimum of its Q and R."""
+"""Cost of a policy at its equilibrium, relative to the optimum for the weights Q and R."""
 
 from __future__ import annotations
 
@@ -27,15 +27,14 @@ _COSTS_NOTHING = 1e-12
 
 @dataclass(frozen=True)
 class CostLost(Result):
-    """Cost above the optimum, percent, for deviations from the equilibrium, or inf if it is
-    unbounded.
+    """Cost above the optimum for deviations from the equilibrium, percent; inf if unbounded.
 
-    worst: worst case of u = -K x in continuous time, without delay; nan for a policy of several
-        samples.
-    mean: mean over all initial conditions.
+    worst: worst case of u = -K x in continuous time, without delay; nan for a policy that uses
+        several samples.
+    mean: mean over all initial conditions, as for `worst`.
     sampled_worst: worst case of the sampled loop with delay, relative to the sampled optimum
-        without delay; a step of dt costs dt (x'Qx + u'Ru) at its start.
-    sampled_mean: mean over all initial conditions.
+        without delay; a step of dt costs dt (x'Qx + u'Ru), with x and u at its start.
+    sampled_mean: mean over all initial conditions, as for `sampled_worst`.
     """
 
     worst: float
@@ -45,12 +44,15 @@ class CostLost(Result):
 
     @property
     def largest(self) -> float:
-        """Largest of the worst cases in continuous time and sampled."""
+        """The larger of `worst` and `sampled_worst`; a value that is nan is ignored."""
         return float(np.fmax(self.worst, self.sampled_worst))
 
 
 def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> CostLost | str:
-    """Return the cost above the optimum, or a sentence where no optimum exists."""
+    """Return the cost above the optimum, or a sentence that states why no optimum exists.
+
+    chain: sampled loop with its delay
+    """
     game = lqr_at(deployed, equilibrium)
     try:
         worst = math.nan
@@ -68,8 +70,10 @@ def cost_lost(deployed: Deployed, equilibrium: Equilibrium, chain: Chain) -> Cos
 
 
 def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
-    """Return the LQR of the deployment's Q and R on the aircraft at the equilibrium, its commanded
-    inputs alone."""
+    """Return the LQR problem of the aircraft at the equilibrium.
+
+    Its weights are Q and R of the deployment. Its inputs are the commanded inputs.
+    """
     Q, R = weights_at(deployed, equilibrium)
     if equilibrium.basis is not None:
         Q = equilibrium.basis.T @ Q @ equilibrium.basis
@@ -80,10 +84,10 @@ def lqr_at(deployed: Deployed, equilibrium: Equilibrium) -> Game:
 def weights_at(
     deployed: Deployed, place: Equilibrium | OperatingPoint
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return Q of the linear states and R of the commanded inputs from the deployment file.
+    """Return Q (k, k) of the linear states and R (m', m') of the commanded inputs.
 
-    Outputs in Q are linearized at the point. Raises BadInputError for an output that depends on the
-    inputs.
+    They follow from the deployment file. Outputs in its Q are linearized at `place`. Raises
+    BadInputError for an output that depends on the inputs.
     """
     cost: Mapping[str, Any] | None = deployed.deployment.cost
     assert cost is not None
@@ -104,9 +108,13 @@ def weights_at(
 
 
 def _sampled_lost(step: Game, optimum: np.ndarray, chain: Chain) -> tuple[float, float]:
-    """Return the worst and the mean cost above the optimum of a sampled loop, percent.
+    """Return the worst and the mean cost of a sampled loop above the optimum, percent.
 
     Initially the delayed commands have their trim values, and earlier observations equal the first.
+    Both are inf if the loop is unstable.
+
+    step: sampled LQR problem
+    optimum: matrix P of its optimal cost x'P x
     """
     from scipy.linalg import solve_discrete_lyapunov
 

@@ -1,4 +1,4 @@
-"""Departures of flights from the envelope, and trims about which every flight departs."""
+"""Departures of flights from the envelope, and trims at its edge."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from trim.point.operating_point import OperatingPoint
 
 
 def departure_text(left: Departure) -> str:
-    """Return a departure as text with state, side, limit and time: "altitude below 0 ft at 0.02
-    s"."""
+    """Return a departure as text, such as "altitude below 0 ft at 0.02 s"."""
     when = f"at {left.time:.4g} s"
     if not math.isfinite(left.value):
         return f"{left.state} is not a number {when}"
@@ -28,7 +27,11 @@ def departure_text(left: Departure) -> str:
 
 
 def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
-    """Return the departure of a state (n,) outside an envelope."""
+    """Return as text the limit that a state violates, and the time.
+
+    states: (n,), outside the envelope
+    time: s
+    """
     left = departure(envelope, np.array([time]), states[None], False)
     assert left is not None
     return departure_text(left)
@@ -37,9 +40,12 @@ def departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 def first_departure(
     flight: SampledFlight, rows: np.ndarray, envelope: Limits, seconds: float, pushed: float
 ) -> tuple[int, Departure | None]:
-    """Return the number and the departure of the flight that leaves the envelope first, or (0,
-    None).
+    """Return number and departure of the flight that leaves the envelope first.
 
+    The result is (0, None) if no flight leaves it.
+
+    rows: initial rows of the flights
+    seconds: duration, s
     pushed: end of the disturbance pulse, s
     """
     X, *_, push, _ = flight.slices
@@ -60,7 +66,7 @@ def first_departure(
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
     """Raise BadInputError for a trim at the limit of a state that other states move.
 
-    Small flights about it would leave the envelope at once.
+    Flights with small deviations from such a trim leave the envelope immediately.
     """
     for point in points:
         model = point.model

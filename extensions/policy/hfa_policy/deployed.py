@@ -1,14 +1,14 @@
 """Deployments on an aircraft, as CasADi functions of its state and input.
 
-All functions also have the argument `trim` = (X0; U0; p), so that one compiled function serves
-every trim.
+Each function also has the argument `trim` = (X0; U0; p). One compiled function thus serves all
+trims.
 
-    observe(X, U, trim) -> o        formulas, about and scale; U is the input that acts just before
+    observe(X, U, trim) -> o        formulas, about and scale; U is the input just before the sample
     act(o) -> a                     o of all samples of the history, the oldest first; normalizer,
                                     clip, network, clip or squash to the box
     inputs(a, X, U, trim) -> U      maps of the actions; other inputs at the trim; within the limits
-    sampled(X, U, trim, past) -> (U, past)   the three at a sample, with the earlier observations
-    command(X, U, trim) -> U        the three, where all earlier observations equal the present one
+    sampled(X, U, trim, past) -> (U, past)   the three functions at a sample, with a history
+    command(X, U, trim) -> U        the three functions, with all earlier observations equal to o
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ TRIM = "trim"
 @checks_arguments
 @dataclass(frozen=True, eq=False)
 class Deployed:
-    """Deployment with the names of a model.
+    """Deployment on an aircraft, with names resolved.
 
-    Raises a BadInputError with the wrong entry of the deployment file and the known names.
+    Raises a BadInputError that names the wrong entry of the deployment file and the known names.
     """
 
     deployment: Deployment
     model: Model
 
     def __post_init__(self) -> None:
-        """Resolve every name."""
+        """Check every name of the deployment."""
         with said_of(self.deployment.origin):
             _ = self.observed
             for name in self.deployment.action:
@@ -58,12 +58,12 @@ class Deployed:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the names in formulas: states, inputs and outputs."""
+        """Return the names that formulas may contain: states, inputs and outputs."""
         return (*self.model.states, *self.model.inputs, *self.model.outputs)
 
     @cached_property
     def observed(self) -> tuple[Formula, ...]:
-        """The formula of each observation, in order."""
+        """Formula of each observation, in order."""
         formulas = []
         for name, entry in self.deployment.observation.items():
             with said_of(f"observation.{shortened(name)}"):
@@ -72,7 +72,7 @@ class Deployed:
 
     @cached_property
     def maps(self) -> tuple[Formula, ...]:
-        """The formula of each action's input, in order."""
+        """Formula of each action's input, in order."""
         formulas = []
         for name, entry in self.deployment.action.items():
             with said_of(f"action.{name}.map"):
@@ -85,7 +85,7 @@ class Deployed:
 
     @property
     def commanded(self) -> tuple[str, ...]:
-        """The inputs that the policy moves, in the order of its actions."""
+        """Inputs that the policy moves, in the order of its actions."""
         return tuple(self.deployment.action)
 
     def _refuse_cost(self) -> None:
@@ -110,11 +110,11 @@ class Deployed:
         return ca.SX.sym("X", n), ca.SX.sym("U", m), ca.SX.sym("trim", count)
 
     def trim_vector(self, point: OperatingPoint) -> np.ndarray:
-        """Return (X0; U0; p) of a trim."""
+        """Return the argument `trim` = (X0; U0; p) for an operating point."""
         return np.concatenate([point.states, point.inputs, point.model.p])
 
     def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
-        """Return name -> value at a state and an input, in still air."""
+        """Return name -> expression of each state, input and output in still air."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
         vectors = [components(vector) for vector in (X, U, p)]
@@ -124,18 +124,18 @@ class Deployed:
         return dict(zip(self.names, columns, strict=True))
 
     def _at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
-        """Return name -> value at the trim."""
+        """Return name -> expression of each state, input and output at the trim."""
         n, m = len(self.model.states), len(self.model.inputs)
         return self.values(trim[:n], trim[n : n + m], trim)
 
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """Raise BadInputError if an observation, the policy or a map has no finite value at a trim.
+        """Raise BadInputError if an observation, the policy or a map is not finite at a trim.
 
-        Observations and maps must also have a slope.
+        Observations and maps must also be differentiable.
 
-        action: (m,), replaces that of a policy that is still to be trained.
+        action: (m,), used in place of the policy's action while the policy is not trained yet
         """
         with said_of(self.deployment.origin):
             for point in points:
@@ -151,8 +151,10 @@ class Deployed:
                 _refuse_undefined("action", inputs, self.unlimited_inputs, arguments, (0,))
 
     def _action_at(self, o: np.ndarray) -> np.ndarray:
-        """Return the action for an observation, (m,). Raises BadInputError where it is not
-        finite."""
+        """Return the action (m,) for an observation o.
+
+        Raises BadInputError if it is not finite.
+        """
         a = np.array(self.act(o)).ravel()
         if not np.isfinite(a).all():
             raise BadInputError("policy.file returns no finite number at the trim; train it again")
@@ -162,7 +164,7 @@ class Deployed:
 
     @cached_property
     def observe(self) -> ca.Function:
-        """Function (X, U, trim) -> o, (k,)."""
+        """Function (X, U, trim) -> o, the observations (k,) of one sample."""
         X, U, trim = self._symbols()
         values = self.values(X, U, trim)
         at_trim = self._at_trim(trim)
@@ -177,7 +179,7 @@ class Deployed:
 
     @cached_property
     def normalized(self) -> ca.Function:
-        """Function o -> (o normalized before its clip, inputs of the network)."""
+        """Function o -> (normalized o before the clip, inputs of the network)."""
         normalizer = self.deployment.normalizer
         o = ca.SX.sym("o", self.deployment.width)
         if normalizer is None:
@@ -188,7 +190,7 @@ class Deployed:
 
     @cached_property
     def action(self) -> ca.Function:
-        """Function output of the network -> a, clipped or squashed to the box."""
+        """Function (output of the network) -> a, clipped or squashed to the box."""
         low, high = self.deployment.box
         actor = self.deployment.actor
         raw = ca.SX.sym("raw", len(self.commanded))
@@ -201,7 +203,7 @@ class Deployed:
 
     @cached_property
     def stages(self) -> ca.Function:
-        """Function o -> (o normalized before its clip, a before its clip or squash, a)."""
+        """Function o -> (normalized o before the clip, a before its clip or squash, a)."""
         network = self.deployment.actor.function
         o = symbols_for([network], self.deployment.width)
         normal, seen = self.normalized(o)
@@ -210,14 +212,14 @@ class Deployed:
 
     @cached_property
     def act(self) -> ca.Function:
-        """Function o -> a, (m,), in the units of the box."""
+        """Function o -> a, the action (m,) in the units of the box."""
         o = symbols_for([self.stages], self.deployment.width)
         a = _unless_nan(ca.sum1(o), self.stages(o)[2])
         return ca.Function("act", [o], [ca.densify(a)])
 
     @cached_property
     def unlimited_inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs U, before the limits of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs U, not limited to the range of the aircraft."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         values = self.values(X, U, trim)
@@ -232,7 +234,7 @@ class Deployed:
 
     @cached_property
     def inputs(self) -> ca.Function:
-        """Function (a, X, U, trim) -> all inputs U, within the limits of the aircraft."""
+        """Function (a, X, U, trim) -> all inputs U, limited to the range of the aircraft."""
         X, U, trim = self._symbols()
         a = ca.SX.sym("a", len(self.commanded))
         limits = Limits.of(self.model, tuple(self.model.inputs))
@@ -246,14 +248,14 @@ class Deployed:
 
     @property
     def past(self) -> int:
-        """Number of earlier observations that the policy uses."""
+        """Number of stored earlier observations, over all samples of the history."""
         return self.deployment.width - len(self.deployment.observation)
 
     @cached_property
     def sampled(self) -> ca.Function:
         """Function (X, U, trim, past) -> (commanded U, past of the next sample).
 
-        past: observations of the earlier samples of the history, the oldest first.
+        past: earlier observations of the history, the oldest first.
         """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
@@ -270,7 +272,9 @@ class Deployed:
 
     @cached_property
     def command(self) -> ca.Function:
-        """Function (X, U, trim) -> commanded U where all samples of the history are equal."""
+        """Function (X, U, trim) -> commanded U, with the same observation in all samples of the
+        history.
+        """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.act], 1))
@@ -282,7 +286,9 @@ class Deployed:
 
     @cached_property
     def command_slopes(self) -> ca.Function:
-        """Function (X, U, trim) -> (U, dU/dX (m, n), dU/dU before (m, m))."""
+        """Function (X, U, trim) -> (commanded U, its slopes by X (m, n), and by the previous U (m,
+        m)).
+        """
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         kind = type(symbols_for([self.command], 1))
@@ -296,9 +302,9 @@ class Deployed:
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:
-    """Return the value, or NaN where the observation is NaN.
+    """Return `value`, or NaN if `seen` is NaN.
 
-    fmin and fmax of a clip or a ReLU drop NaN.
+    fmin and fmax would otherwise remove the NaN, as in a clip or a ReLU.
     """
     is_number = ca.logic_or(seen <= 0.0, seen > 0.0)
     return ca.if_else(is_number, value, ca.DM.nan())
@@ -313,8 +319,11 @@ def _refuse_undefined(
 ) -> np.ndarray:
     """Return the values of the entries of a table of the deployment file, (k,).
 
-    Raises BadInputError where a value, or its derivative with respect to one of the varied
-    arguments, is not a number.
+    Raises BadInputError if a value, or its derivative by one of the varied arguments, is not
+    finite.
+
+    table: name of the table
+    varied: positions of the varied arguments
     """
     values = np.array(function(*arguments)).ravel()
     slopes = function.jacobian()(*arguments, function(*arguments))

@@ -1,4 +1,4 @@
-"""Deployment of a policy: its observations, actions and timing."""
+"""Deployment of a policy: observations, actions and timing."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ class Deployment(Reported):
         store: activation, layout, squash, network. Without a file the deployment describes an
         environment for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
-        network. The network receives (value - about) / scale.
+        network's inputs. An input of the network is (value - about) / scale.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
     timing: dt, s; delay, s, from a sample until its action moves the input; history, the number of
         samples whose observations the policy uses, the oldest first, by default 1.
     cost: Q of states or outputs, R of inputs, or None if unknown.
     folder: folder of relative file names.
-    origin: name of its file, for messages.
+    origin: name of the deployment file, for messages.
 
     Raises BadInputError for a wrong entry. `on(model)` checks the names.
 
@@ -121,15 +121,15 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables. A copy, such as one in another process, reads the files again."""
+        """Return the tables without the files that were read. An unpickled copy reads them again."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod
     @checks_arguments
     def load(path: str | Path) -> Deployment:
-        """Return the deployment in the TOML file `path`.
+        """Load the deployment in the TOML file `path`.
 
-        Raises a BadInputError with the file, the entry and the remedy.
+        Raises a BadInputError that names the file, the entry and the correction.
         """
         if Path(path).suffix.lower() != ".toml":
             raise BadInputError(
@@ -153,19 +153,19 @@ class Deployment(Reported):
 
     @staticmethod
     def of(given: Deployment | str | Path) -> Deployment:
-        """Return a given deployment unchanged, or load it from a TOML file."""
+        """Return a given deployment unchanged, or load it from the TOML file with this path."""
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
     @checks_arguments
     def usual(model: Model, dt: float = 0.02) -> Deployment:
-        """Return a deployment of a model for training.
+        """Return a default deployment of a model, for training.
 
         All linear states are observed, as deviations from the trim in nominal values. All inputs
-        move, by a in [-1, 1] times half their range. An input without two finite limits moves by
-        its nominal value.
+        are actions: a in [-1, 1] moves an input by up to half its range, or by its nominal value if
+        it lacks two finite limits.
 
-        dt: s, between two samples
+        dt: sample time, s
         """
         action = {}
         for name, signal in model.inputs.items():
@@ -227,22 +227,25 @@ class Deployment(Reported):
 
     @property
     def delay(self) -> float:
-        """Delay from a sample to its action on the input, s."""
+        """Delay between a sample and the motion of the input that it commands, s."""
         return float(self.timing.get("delay", 0.0))
 
     @property
     def history(self) -> int:
-        """Number of samples whose observations form the input of the policy, oldest first."""
+        """Number of samples whose observations are inputs of the policy."""
         return int(self.timing.get("history", 1))
 
     @property
     def width(self) -> int:
-        """Number of inputs of the policy, the observations of all samples of its history."""
+        """Number of inputs of the policy: observations times samples of the history."""
         return self.history * len(self.observation)
 
     @cached_property
     def actor(self) -> Actor:
-        """Network of the policy. Raises BadInputError as `read_actor`."""
+        """Network of the policy.
+
+        Raises BadInputError if its file cannot be read or contradicts the deployment file.
+        """
         sizes = (len(self.observation), self.history, len(self.action))
         try:
             return read_actor(self.policy, self.folder, *sizes)
@@ -253,8 +256,8 @@ class Deployment(Reported):
     def normalizer(self) -> Normalizer | None:
         """Normalizer before the network, or None.
 
-        A normalizer of a single sample is applied to each sample of the history. Raises
-        BadInputError for one of another size.
+        A normalizer for one sample is applied to each sample of the history. Raises BadInputError
+        if its size fits neither one sample nor the history.
         """
         stored = self.policy.get("normalizer")
         if stored is None or stored == NONE:
@@ -278,8 +281,8 @@ class Deployment(Reported):
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each.
 
-        They come from the policy's file, else from the deployment file, else they are infinite.
-        Raises BadInputError if both files state one and differ, and if a squashed action has none.
+        They come from the policy's file or from the deployment file. Without either they are
+        infinite. Raises BadInputError if the files differ, or if a squashed action has no box.
         """
         low = np.full(len(self.action), -np.inf)
         high = np.full(len(self.action), np.inf)
@@ -310,7 +313,10 @@ class Deployment(Reported):
         return Deployed(self, model)
 
     def changed(self, **changes: Any) -> Deployment:
-        """Return the deployment with other tables. The files of the policy are not read again."""
+        """Return the deployment with some tables replaced.
+
+        The policy's files are not read again, unless the table `policy` is replaced.
+        """
         made = replace(self, **changes)
         if "policy" not in changes:
             for name in ("actor", "normalizer"):
@@ -320,10 +326,10 @@ class Deployment(Reported):
 
 
 def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a gain K in a critic's file: u = -K x for all inputs.
+    """Return the deployment of a gain K in a critic's file: u = -K x with all inputs.
 
     x are the deviations of all linear states from the trim, sampled every dt seconds. Raises
-    BadInputError for another shape.
+    BadInputError if K has another shape or the file contains no K.
     """
     wanted = (len(model.inputs), len(model.linear))
     in_arrays = path.suffix.lower() == ".npz"
@@ -345,10 +351,10 @@ def sampled_gain(path: Path, model: Model, dt: float) -> Deployment:
 
 
 def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
-    """Return the gain K of a critic's file.
+    """Return the gain K in a critic's file.
 
-    Raises BadInputError for a critic without K, whose policy would depend on R or on a network's
-    activation.
+    Raises BadInputError if the critic is not given as a gain. Its policy would then depend on R or
+    on the activation of a network.
     """
     n, m = len(model.linear), len(model.inputs)
     names = PlantNames(tuple(model.linear), tuple(model.inputs), origin=model.name)
@@ -360,9 +366,10 @@ def _gain_of_critic(path: Path, model: Model) -> np.ndarray:
 
 
 def _plain(value: Any) -> Any:
-    """Return mappings as dictionaries and tuples as lists, as in TOML.
+    """Return a value with mappings as dictionaries, tuples and arrays as lists, as read from TOML.
 
-    Raises BadInputError for a name that is not a text."""
+    Raises BadInputError for a key that is not a string.
+    """
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):

@@ -1,4 +1,4 @@
-"""A deployed policy on aircraft with drawn parameters and with the original trim values."""
+"""Assessment of a policy on aircraft with random parameters, with the original trim values."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ def drawn_policy(
     assessed: Sequence[AssessedPoint],
     request: Any,
 ) -> Draws:
-    """Return the stability of the sampled loop and the linear cost on `request.draws` aircraft.
+    """Return the stability and the linear cost of the sampled loop on `request.draws` random
+    aircraft.
 
-    assessed: the policy's results on the aircraft itself, at each trim.
+    An aircraft counts as trimmed if the policy has an equilibrium at every trim. It counts as
+    stable if its sampled loop is stable at every trim.
 
-    An aircraft counts as trimmed where the policy has an equilibrium at every trim, and as stable
-    where its sampled loop is stable at every trim.
+    assessed: results on the original aircraft, at each trim.
     """
     spread = spread_of(request)
     models = spread.aircraft(request.flown_aircraft(), request.draws, SEED)

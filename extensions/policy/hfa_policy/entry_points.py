@@ -1,4 +1,4 @@
-"""Commands and formats of this extension."""
+"""Commands and formats that this extension adds."""
 
 from hfa.entry_points import CommandEntry
 

@@ -1,4 +1,4 @@
-"""Environments of an aircraft for the training of policies."""
+"""Environments of an aircraft for training policies."""
 
 from __future__ import annotations
 
@@ -36,21 +36,22 @@ def environment(
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
 ) -> gymnasium.Env:
-    """Return an environment of gymnasium: an aircraft about its trims.
+    """Return a gymnasium environment: an aircraft about its trims.
 
-    model: the aircraft
-    deployment: observations, actions, timing and cost, or the path of a deployment file. Its policy
-        may be empty. The default is `Deployment.usual(model, dt)`.
+    model: the aircraft deployment: observations, actions, timing and cost, or the path of a
+    deployment file. It needs no
+        policy. The default is `Deployment.usual(model, dt)`.
     points: trims of the episodes, one drawn at each reset: operating points, or values of the
-        scheduling variable in the units of the model, or one point; by default its own trim
-    seconds: length of an episode, after which it is truncated. It terminates earlier if the
-        aircraft leaves its limits.
+        scheduling variable in the units of the model, or one point; default: the model's default
+        trim
+    seconds: duration after which an episode is truncated; it is terminated earlier if the aircraft
+        leaves its limits
     render_mode: None or "rgb_array", the picture of the episode so far
     turbulence: turbulence of MIL-F-8785C, drawn for each episode; unsupported components cause a
         warning
-    dt: s, sample time of the default deployment, 0.02 unless given
-    Q, R: weights of its cost, as for `hfa.game`, but diagonal; default: 1/nominal². The reward is
-        the negative cost.
+    dt: sample time of the default deployment, s, 0.02 if not given
+    Q, R: weights of the default deployment's cost, as for `hfa.game`, but diagonal; default:
+        1/nominal². The reward is the negative cost.
 
     Raises BadInputError if gymnasium is missing, a name is unknown, an action has no box, or dt, Q
     or R is given together with a deployment.
@@ -110,12 +111,12 @@ def vector_environment(
 def _deployment(
     model: Model, given: Deployment | str | Path | None, dt: float | None, Q: Any, R: Any
 ) -> Deployment:
-    """Return the given deployment, or the default one of a model.
+    """Return the given deployment, or the default deployment of a model.
 
-    dt: its sample time, s, or None
+    dt: sample time of the default deployment, s, or None
     Q, R: weights of its cost, or None
 
-    Raises BadInputError where a deployment and one of these are given.
+    Raises BadInputError if dt, Q or R is given together with a deployment.
     """
     if given is not None:
         for name, value in (("dt", dt), ("Q", Q), ("R", R)):
@@ -133,7 +134,10 @@ def _deployment(
 def _weights(matrix: str, model: Model, given: Any, names: Iterable[str]) -> dict[str, float]:
     """Return name -> weight, by default 1/nominal².
 
+    matrix: "Q" or "R", for messages
     given: the matrix, its diagonal, or name -> weight
+
+    Raises BadInputError unless the matrix is diagonal and has one entry for each name.
     """
     if isinstance(given, Mapping):
         return dict(given)
@@ -168,8 +172,13 @@ def _episodes(
 
 
 def _made(library: str, extra: str, module: str, name: str) -> Callable[..., Any]:
-    """Return a class of this package that needs a library. Raises a BadInputError with the command
-    that installs it."""
+    """Import a class of this package that needs a library.
+
+    Raises a BadInputError with the command that installs the library.
+
+    extra: extra of the package that contains the library
+    module, name: module of the class and its name
+    """
     try:
         import_module(library)
     except ImportError:

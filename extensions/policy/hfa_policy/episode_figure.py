@@ -1,4 +1,4 @@
-"""Picture of an episode: linear states and moved inputs over time."""
+"""Picture of an episode: linear states and commanded inputs versus time."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from hfa_support.reporting.text import shown_unit, shown_values
 def episode_picture(
     episodes: Episodes, owner: int, flown: list[tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """Return pixels (height, width, 3) of a picture with a panel for each linear state and moved
-    input.
+    """Return the picture of an episode, pixels (height, width, 3).
 
-    owner: number of the trim, which is drawn as a line.
+    It has a panel for each linear state and each commanded input.
+
+    owner: index of the trim, whose values are drawn as lines.
     flown: X and U at each sample.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -1,6 +1,6 @@
 """Simulation of many episodes of an aircraft at once.
 
-Observations, actions, timing and hold are those of a deployment file. The reward is its negative
+Observations, actions, timing and cost are those of a deployment file. The reward is the negative
 cost.
 """
 
@@ -40,11 +40,11 @@ SECONDS = 20.0
 class Stepped(NamedTuple):
     """Results of one sample in N episodes.
 
-    observations: (N, k) of all samples of the history, the oldest first.
-    rewards: (N,), minus the cost of the sample.
-    lost: (N,), flags of aircraft outside their limits.
-    over: (N,), flags of episodes whose time is over.
-    left: number of an episode outside its limits -> the state, its limit and the time.
+    observations: (N, k), of all samples of the history, the oldest first.
+    rewards: (N,), negative cost of the sample.
+    lost: (N,), True if the aircraft left its limits.
+    over: (N,), True if the duration of the episode has elapsed.
+    left: index of an episode outside its limits -> text with the state, its limit and the time.
     """
 
     observations: np.ndarray
@@ -57,16 +57,17 @@ class Stepped(NamedTuple):
 class Episodes:
     """N episodes of a deployment on its aircraft, each about one of several trims.
 
-    The reward of a sample is -dt (x'Q x + u'R u) of the deployment file's Q and R. x are deviations
-    from the trim at the sample, and u the commanded inputs minus the trim. Without a cost Q and R
-    are 1/nominal² of the linear states and the moved inputs. An episode that leaves the limits is
-    charged that sample's cost for the rest of its time, so that leaving is never an advantage.
+    The reward of a sample is -dt (x'Q x + u'R u). x are deviations from the trim at the sample, and
+    u the commanded inputs minus the trim. Q and R are those of the deployment file, by default
+    1/nominal² of the linear states and the commanded inputs. If an episode leaves the limits, the
+    cost of that sample is also counted for each remaining sample. Leaving the limits is thus never
+    an advantage.
 
     states: (N, n), X of each episode.
-    inputs: (N, m), the input that acts just before the sample.
+    inputs: (N, m), the input just before the sample.
     frames: (N, k), observations of all samples of the history, the oldest first.
-    outcomes: (N, 3), of the last sample: reward; 1.0 where the aircraft left its limits; 1.0 where
-        the time of the episode is over.
+    outcomes: (N, 3), of the last sample: reward; 1.0 if the aircraft left its limits; 1.0 if the
+        duration of the episode has elapsed.
 
     Each sample overwrites these four arrays in place.
     """
@@ -81,10 +82,10 @@ class Episodes:
     ) -> None:
         """Prepare `count` episodes of at most `seconds` about the trims `points`.
 
-        turbulence: drawn anew for each episode
+        turbulence: drawn again for each episode
 
-        Raises BadInputError if there is no trim, an action has no box, the time is not a number, or
-        the aircraft does not support turbulence.
+        Raises BadInputError if there is no trim, an action has no box, `seconds` is shorter than a
+        sample or not finite, or the aircraft does not support turbulence.
         """
         if not points:
             raise BadInputError("there is no trim to start from; give at least one operating point")
@@ -138,13 +139,15 @@ class Episodes:
 
     @property
     def done(self) -> np.ndarray:
-        """Number of samples of each episode so far, (N,)."""
+        """Number of elapsed samples of each episode, (N,)."""
         return self.samples - self._ends[:, -1].astype(int)
 
     def begin(self, numbers: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Restart these episodes from random initial conditions about random trims.
+        """Restart episodes from random initial conditions about random trims.
 
-        Return the observations.
+        Returns the observations, (len(numbers), k).
+
+        numbers: indices of the episodes
         """
         owners = random.integers(len(self.points), size=len(numbers))
         share = random.uniform(-1.0, 1.0, (len(numbers), len(self._linear)))
@@ -156,9 +159,13 @@ class Episodes:
         return self.begin_at(numbers, owners, starts)
 
     def begin_at(self, numbers: np.ndarray, owners: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """Restart these episodes from given states (N, n) about given trims.
+        """Restart episodes from given initial states.
 
-        The earlier observations equal the first.
+        Earlier observations equal the first. Returns the observations, (N, k).
+
+        numbers: (N,), indices of the episodes
+        owners: (N,), index of each episode's trim
+        starts: (N, n), initial states
         """
         count = len(numbers)
         pushes = np.zeros((count, len(self._linear) + len(self._flight.winds)))
@@ -176,16 +183,21 @@ class Episodes:
         return self.frames[numbers]
 
     def step(self, actions: np.ndarray) -> Stepped:
-        """Advance all episodes by one sample, and return the results."""
+        """Advance all episodes by one sample and return the results.
+
+        actions: (N, m)
+        """
         self.advance(actions)
         rewards, lost, over = self.outcomes.T.copy()
         left = {each: self.left(each) for each in np.flatnonzero(lost).tolist()}
         return Stepped(self.frames.copy(), rewards, lost > 0.0, over > 0.0, left)
 
     def advance(self, actions: np.ndarray) -> None:
-        """Advance all episodes by one sample with these actions, (N, m), clipped to the box.
+        """Advance all episodes by one sample.
 
-        Raises BadInputError if they have another shape, or one of them is not a number.
+        actions: (N, m), clipped to the box
+
+        Raises BadInputError if they have another shape or contain NaN.
         """
         wanted = self._actions.shape
         if actions.shape != wanted or _has_nan(actions):
@@ -203,8 +215,10 @@ class Episodes:
             self.frames[:, -newest:] = self._observed
 
     def left(self, number: int) -> str:
-        """Return the departure of an episode that left its limits: the state, its limit and the
-        time."""
+        """Return as text why an episode was terminated: the state, its limit and the time.
+
+        number: index of the episode
+        """
         time = float(self.done[number] * self.deployed.deployment.dt)
         envelope = self._envelopes[self.owners[number]]
         if not envelope.within(self.states[number]).all():
@@ -217,8 +231,10 @@ class Episodes:
         return departure_at(envelope, after, time)
 
     def _compiled(self) -> Callable[[], Any]:
-        """Return the function that advances all rows by one sample, in threads where that is
-        faster."""
+        """Return the function that advances all rows by one sample.
+
+        It uses several threads if that is faster.
+        """
         count = len(self.owners)
         code = row_code(self._sample(), one_row=count == 1)
         tables = (self._rows, self.outcomes, self._observed)
@@ -231,7 +247,7 @@ class Episodes:
         return lambda: list(threads.map(lambda fly: fly(), bound))
 
     def _sample(self) -> ca.Function:
-        """Return the function row -> (row a sample later, outcome, o a sample later)."""
+        """Return the function row -> (row one sample later, outcome, o one sample later)."""
         flight = self._flight
         flown = sum(flight.sizes)
         n = len(flight.deployed.model.states)
@@ -247,14 +263,14 @@ class Episodes:
         return ca.Function("episode", [row], [ca.vertcat(kept, still, ends), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Return the function row of the flight -> o."""
+        """Return the function row -> o."""
         row = ca.MX.sym("row", sum(self._flight.sizes))
         X, before, trim, _ = self._flight.observed(row)
         return ca.Function("observation", [row], [self.deployed.observe(X, before, trim)])
 
 
 def _has_nan(actions: np.ndarray) -> bool:
-    """Return whether an action of (N, m) is not a number, by a faster test for one episode."""
+    """Return whether actions (N, m) contain NaN. A faster test is used for one episode."""
     if len(actions) == 1:
         return any(map(math.isnan, actions[0].tolist()))
     # The sum of squares is not a number where an action is none.
@@ -262,21 +278,20 @@ def _has_nan(actions: np.ndarray) -> bool:
 
 
 def _ends_size(flight: SampledFlight) -> int:
-    """Return the length of the entries of a row that determine the end of its episode.
+    """Return the number of a row's entries that determine the end of its episode.
 
-    They are the lowest X, the highest X and the remaining samples.
+    They are the lowest X, the highest X and the number of remaining samples.
     """
     return 2 * len(flight.deployed.model.states) + 1
 
 
 def _outcome(changing: int, n: int) -> ca.Function:
-    """Return the function (changing numbers of a row, their next values, cost of the sample, ends)
-    -> (accepted numbers, ends after the sample, outcome).
+    """Return the function (before, after, cost, ends) -> (accepted entries, new ends, outcome).
 
-    Where a number after the sample is nan, the numbers before it are kept and the episode is
-    terminated.
+    before and after are the changing entries of a row before and after the sample. If `after`
+    contains nan, `before` is kept and the episode is terminated.
 
-    changing: number of changing entries, the first n of which are X
+    changing: number of changing entries, of which the first n are X
     """
     before, after, cost = (ca.SX.sym(name, size) for name, size in _changed_sizes(changing))
     least = ca.SX.sym("least", n)
@@ -310,13 +325,19 @@ def _all(conditions: Iterable[ca.SX]) -> ca.SX:
 class EpisodeAir:
     """Turbulence of N episodes, each about one of several trims.
 
-    It is exact at the samples. During a sample the mean of both ends is held.
+    It is exact at the samples. During a sample, the mean of its values at both ends is held.
     """
 
     def __init__(
         self, turbulence: Turbulence, points: Sequence[OperatingPoint], count: int, dt: float
     ) -> None:
-        """Prepare the turbulence. Raises BadInputError as `Turbulence.air`."""
+        """Prepare the turbulence.
+
+        Raises BadInputError if the aircraft or the trim does not support it, as `Turbulence.air`.
+
+        count: number of episodes
+        dt: sample time, s
+        """
         airs = [turbulence.air(point, dt, 1, 0) for point in points]
         filters = [AirFilter.of(air) for air in airs]
         self.names = airs[0].names
@@ -335,7 +356,11 @@ class EpisodeAir:
         self._random = np.random.default_rng(seed)
 
     def begin(self, numbers: np.ndarray, owners: np.ndarray) -> None:
-        """Begin these episodes in stationary turbulence about the trims `owners`."""
+        """Begin episodes in stationary turbulence.
+
+        numbers: indices of the episodes
+        owners: index of each episode's trim
+        """
         draw = self._random.standard_normal((len(numbers), self._states.shape[1]))
         self._owners[numbers] = owners
         self._states[numbers] = _rowwise(self._stationary[owners], draw)
@@ -351,12 +376,15 @@ class EpisodeAir:
 
 
 def _rowwise(matrices: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return each row (N, n) times its matrix (N, m, n)."""
+    """Return the products matrices[i] @ rows[i] for matrices (N, m, n) and rows (N, n)."""
     return np.einsum("nij,nj->ni", matrices, rows)
 
 
 def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest action. Raises BadInputError for an action without limits."""
+    """Return the lowest and highest action, (m,) each.
+
+    Raises BadInputError for an action without a finite box.
+    """
     low, high = deployed.deployment.box
     for name, lowest, highest in zip(deployed.commanded, low, high, strict=True):
         if not (np.isfinite(lowest) and np.isfinite(highest)):
@@ -368,10 +396,9 @@ def _box_of(deployed: Deployed) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> Steered:
-    """Return the command steps of an environment, whose actions are given and clipped to the box.
+    """Return the command steps for actions that are given from outside and clipped to the box.
 
-    low: (m,), lower ends of the box
-    high: (m,), its upper ends
+    low, high: (m,), limits of the box
     """
     count = len(low)
     arguments = symbols_of_a_sample(deployed, count)
@@ -386,10 +413,10 @@ def _moved_by_actions(deployed: Deployed, low: np.ndarray, high: np.ndarray) -> 
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    """Return Q of states and outputs, and R of inputs.
+    """Return Q of states and outputs, and R of inputs, by name.
 
-    They come from the deployment file, else they are 1/nominal² of the linear states and the moved
-    inputs.
+    They come from the deployment file. Without a cost they are 1/nominal² of the linear states and
+    the commanded inputs.
     """
     model = deployed.model
     cost = deployed.deployment.cost

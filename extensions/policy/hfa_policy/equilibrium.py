@@ -1,6 +1,6 @@
 """Equilibrium of the sampled loop.
 
-It consists of X and U with f(X, U) = f(X0, U0) on the linear states and U = command(X, U).
+It consists of X and U with f(X, U) = f(X0, U0) in the linear states and U = command(X, U).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _AT_CLIP = 1e-9
 class Frames(NamedTuple):
     """Derivatives of a policy with respect to the observations of several samples.
 
-    K: (m', k), -∂u/∂x, with x the linear states of the last sample alone.
-    K_inputs: (m', m'), ∂u/∂u, with respect to the inputs before that sample.
+    K: (m', k), -∂u/∂x, with x the linear states at the present sample.
+    K_inputs: (m', m'), ∂u/∂u_before, with u_before the inputs just before that sample.
     past: (m', p), derivatives of u with respect to the earlier observations, the oldest first.
     C: (observations, k), slopes of an observation with respect to the states.
     D: (observations, m'), slopes of an observation with respect to the inputs.
@@ -49,17 +49,20 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Equilibrium of the sampled loop. At a kink, slopes are the means of both sides.
+    """Equilibrium of the sampled loop and its linearization there.
 
-    states: X, (n,); states outside the linear model are those of the trim.
+    At a kink, a slope is the mean of the slopes on both sides. u are the commanded inputs, x the
+    linear states.
+
+    states: X, (n,); states outside the linear model have their trim values.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x of the commanded inputs with respect to the linear states, all samples.
-    K_inputs: (m', m'), ∂u/∂u of the commanded inputs with respect to the previous ones.
+    K: (m', k), -∂u/∂x, summed over all samples of the history.
+    K_inputs: (m', m'), ∂u/∂u_before, with respect to the previous inputs.
     A: (k, k), of the aircraft.
     B: (k, m'), of the aircraft.
     C: (observations, k), slopes of the observations with respect to the linear states.
     clips: descriptions of saturated actions and inputs.
-    clipped_observations: saturated observations.
+    clipped_observations: names of the observations that the normalizer clips.
     kinks: notes on entries of A, B, K and K_inputs at a kink.
     basis: (k, r), basis of the coordinates of A, B, C and K, or None for the linear states.
     frames: derivatives with respect to each sample of the history, or None for a single sample.
@@ -79,7 +82,11 @@ class Equilibrium:
     frames: Frames | None = None
 
     def in_basis(self, basis: np.ndarray, inverse: np.ndarray) -> Equilibrium:
-        """Return the slopes in other coordinates: x = basis z (k, r), z = inverse x."""
+        """Return the equilibrium with its slopes in the coordinates z, x = basis z.
+
+        basis: (k, r)
+        inverse: (r, k), with z = inverse x
+        """
         frames = self.frames
         if frames is not None:
             frames = frames._replace(K=frames.K @ basis, C=frames.C @ basis)
@@ -95,9 +102,9 @@ class Equilibrium:
 
 
 class EquilibriumSearch:
-    """Newton's method for the linear states and the commanded inputs at one trim.
+    """Search for the equilibrium at one trim, in linear states and commanded inputs.
 
-    steady: the trim whose rates the equilibrium has; default: the point itself.
+    steady: trim whose rates the equilibrium has; by default the point itself.
     """
 
     def __init__(
@@ -121,9 +128,9 @@ class EquilibriumSearch:
         self.steady = at.model.at(at.states, at.inputs).f[self.rows]
 
     def from_point(self, states: np.ndarray, inputs: np.ndarray) -> Equilibrium | None:
-        """Return the equilibrium found from X (n,) and U (m,), or None.
+        """Return the equilibrium found by Newton's method from X (n,) and U (m,), or None.
 
-        The method is Newton's, preceded by least squares if it fails.
+        If the method fails, it is repeated from the point with the least squared residual.
         """
         start = np.concatenate([states, inputs])
         z = self.base.copy()
@@ -131,10 +138,9 @@ class EquilibriumSearch:
         return self._by_newton(z) or self._by_newton(self._least(z))
 
     def drift(self, equilibrium: Equilibrium) -> np.ndarray:
-        """Return the slopes of the linear states of the equilibrium, (k, n), by the implicit
-        function theorem.
+        """Return the slopes (k, n) of the equilibrium's linear states with respect to all states.
 
-        They are slopes with respect to the states outside the linear model, and 0 for the others.
+        They follow from the implicit function theorem. Slopes with respect to linear states are 0.
         """
         X = equilibrium.states
         U = equilibrium.inputs
@@ -153,9 +159,10 @@ class EquilibriumSearch:
     def lag(self, equilibrium: Equilibrium, drift: np.ndarray) -> np.ndarray:
         """Return the lag (k,) of the linear states behind a moving equilibrium, as in a climb.
 
-        The equilibrium moves with the states outside the linear model: x' = A x + B u = drift X'.
+        The equilibrium moves with the states outside the linear model. The lag x satisfies
+        A x + B u = drift X'.
 
-        drift: result of `drift`
+        drift: result of the method `drift`
         """
         plant = self.model.at(equilibrium.states, equilibrium.inputs)
         count = len(self.columns)
@@ -164,7 +171,7 @@ class EquilibriumSearch:
         return np.asarray(np.linalg.lstsq(closed, drift @ plant.f, rcond=1e-12)[0])
 
     def _least(self, z: np.ndarray) -> np.ndarray:
-        """Return a nearby z of least residual, by the Levenberg-Marquardt method."""
+        """Return a point near z with the least squared residual (Levenberg-Marquardt method)."""
         from scipy.optimize import least_squares
 
         def at(steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -220,8 +227,10 @@ class EquilibriumSearch:
         return z[:n], z[n:]
 
     def _slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs, and their derivatives with respect to the linear states and
-        the previous inputs."""
+        """Return the commanded inputs u and their slopes at z.
+
+        The slopes are derivatives with respect to the linear states and to the previous inputs.
+        """
         X, U = self._parts(z)
         commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
         u = np.array(commanded).ravel()[self.columns]
@@ -229,7 +238,10 @@ class EquilibriumSearch:
         return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
 
     def _system(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residual and its Jacobian in linear states and commanded inputs, or nan."""
+        """Return the residual and its Jacobian in linear states and commanded inputs.
+
+        Both are nan if the equations of motion have no finite value.
+        """
         X, U = self._parts(z)
         count = len(self.moving)
         try:
@@ -264,8 +276,10 @@ class EquilibriumSearch:
         )
 
     def _observed_slopes(self, X: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the slopes of the observations with respect to the linear states and the previous
-        commanded inputs, or 0 where there are none."""
+        """Return the slopes of the observations, with nan replaced by 0.
+
+        They are derivatives with respect to the linear states and to the previous commanded inputs.
+        """
         observe = self.deployed.observe
         slopes = observe.jacobian()(X, U, self.trim, observe(X, U, self.trim))
         by_states, by_inputs = (np.nan_to_num(np.array(part)) for part in slopes[:2])
@@ -283,7 +297,7 @@ class EquilibriumSearch:
         return Frames(-by_states[:, self.rows], by_inputs[:, self.columns], by_past, C, D)
 
     def _of_the_loop(self, notes: tuple[str, ...]) -> list[str]:
-        """Return the notes that concern linear states and commanded inputs."""
+        """Return the notes on entries of A and B of the linear states and the commanded inputs."""
         linear = self.model.linear
         columns = [("A", name) for name in linear]
         columns += [("B", name) for name in self.deployed.commanded]
@@ -293,11 +307,12 @@ class EquilibriumSearch:
     def _mean_slopes(
         self, z: np.ndarray, derivative: np.ndarray
     ) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return the derivatives (m', k + m') of the commanded inputs, averaged at kinks, with
-        notes.
+        """Return the slopes of the commanded inputs, averaged at kinks, and a note for each kink.
 
-        They are taken with respect to the linear states and the previous inputs. Each entry at a
-        kink has a note.
+        The slopes (m', k + m') are derivatives with respect to the linear states and to the
+        previous inputs.
+
+        derivative: (m', k + m'), exact derivative at z
         """
         names = (*self.model.linear, *self.deployed.commanded)
         commanded = self.deployed.commanded
@@ -321,7 +336,7 @@ class EquilibriumSearch:
         return slopes, tuple(notes)
 
     def _clips(self, X: np.ndarray, U: np.ndarray) -> tuple[str, ...]:
-        """Return descriptions of the actions and inputs at a limit."""
+        """Return descriptions of the saturated actions and inputs."""
         deployed = self.deployed
         observation = self._observed(X, U)
         _, raw, action = (np.array(part).ravel() for part in deployed.stages(observation))
@@ -350,13 +365,13 @@ class EquilibriumSearch:
         return tuple(dict.fromkeys(names[number] for number in clipped))
 
     def _observed(self, X: np.ndarray, U: np.ndarray) -> np.ndarray:
-        """Return the observations of all samples of the history."""
+        """Return the observations of all samples of the history, which are equal."""
         o = np.array(self.deployed.observe(X, U, self.trim)).ravel()
         return np.tile(o, self.deployed.deployment.history)
 
 
 def _reaches(value: float, lowest: float, highest: float) -> bool:
-    """Return whether a value lies at the end of an interval or beyond it."""
+    """Return whether a value is at the end of an interval or outside it."""
     width = highest - lowest
     slack = _AT_CLIP * width if np.isfinite(width) else 0.0
     return bool(value <= lowest + slack or value >= highest - slack)

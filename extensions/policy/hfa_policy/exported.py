@@ -1,4 +1,4 @@
-"""A deployed policy for other tools: its command at a sample, as C and as an FMU."""
+"""Export of a deployed policy to other tools: its command at a sample, in C and as an FMU."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ POLICY_FILES = ("deployed_policy.h", "deployed_policy.c")
 
 
 def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return file name -> text: C of the command at a sample.
+    """Return file name -> text of the C files for the command at a sample.
 
     The command includes observations, normalizer, clip and map.
 
-    origin: text on its origin
+    origin: comment on the origin of the policy
     """
     model = policy.deployed.model
     deployment = policy.deployed.deployment
@@ -58,10 +58,10 @@ def c_policy_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
 
 
 def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return the command u = g(v), v = [X; U before; past], as a loop for `write_fmu`.
+    """Return the command u = g(v) with v = [X; U before; past], as a loop for `write_fmu`.
 
-    Its one state is a clock, s, because model exchange requires a state. With a past, the
-    observations at this sample are outputs too.
+    Its only state is a clock, s, because model exchange requires a state. If the policy uses
+    earlier observations, the observations at the sample are also outputs.
     """
     model = policy.deployed.model
     y = ca.SX.sym("y", 1)
@@ -91,8 +91,9 @@ def policy_loop(policy: DeployedPolicy) -> ExportedLoop:
 
 
 def _command(policy: DeployedPolicy) -> ca.Function:
-    """Return the function (X, U before) -> U at its trim, or with a past (X, U before, past) -> (U,
-    o).
+    """Return the function (X, U before) -> U at the policy's trim.
+
+    If the policy uses earlier observations, the function is (X, U before, past) -> (U, o).
     """
     model = policy.deployed.model
     sampled = policy.deployed.sampled
@@ -110,5 +111,7 @@ def _command(policy: DeployedPolicy) -> ca.Function:
 
 
 def _identifier(name: str) -> str:
-    """Return the name of an observation or formula, reduced to letters, digits and _."""
+    """Return the name of an observation with each group of other characters than a-z, 0-9 replaced
+    by _.
+    """
     return re.sub(r"\W+", "_", name).strip("_")

@@ -1,9 +1,9 @@
 """Simulation of many flights of a deployed policy, sampled and held as deployed.
 
 A flight is a row [X; memory; lowest X; highest X; lowest U; highest U; past; trim; push]. The
-memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains the
-earlier observations that the policy uses. The trim is (X0; U0; p). The push is added to the rates
-of the linear states.
+memory contains the commands u_{k-1} ... u_{k-d-1} that act now or later. The past contains
+earlier observations that the policy uses. The trim is (X0; U0; p). The push is added to the
+rates of the linear states.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ Rows = Callable[..., list[np.ndarray]]
 
 
 class Steered(NamedTuple):
-    """Command at a sample in three steps, the second of which can process all flights at once.
+    """Command at a sample in three steps. The second step can process all flights at once.
 
-    enters: (X, U before, trim, extra) -> inputs of the network, (k,). With earlier observations,
-        past is a further argument.
+    enters: (X, U before, trim, extra) -> inputs of the network, (k,). If earlier observations are
+        used, `past` is a further argument.
     network: (k,) -> (m,).
     moves: (outputs of the network, X, U before, trim, extra) -> U.
-    rows: the network for many rows, or None where `network` is called for each.
+    rows: the network for many rows, or None if `network` is called for each row.
     past: (X, U before, trim, extra, past) -> past of the next sample, or None for one sample.
     """
 
@@ -56,7 +56,7 @@ class Steered(NamedTuple):
 
 
 def steered_by(deployed: Deployed) -> Steered:
-    """Return the command steps of an unchanged deployment."""
+    """Return the command steps of a deployment."""
     arguments = symbols_of_a_sample(deployed, 0)
     raw = ca.SX.sym("raw", len(deployed.commanded))
     past = ca.SX.sym("past", deployed.past)
@@ -76,7 +76,7 @@ def steered_by(deployed: Deployed) -> Steered:
 
 
 def symbols_of_a_sample(deployed: Deployed, extra: int) -> list[ca.SX]:
-    """Return symbols of X, U before, trim and further numbers."""
+    """Return symbols of X, U before, trim and `extra` further numbers."""
     n, m = len(deployed.model.states), len(deployed.model.inputs)
     sizes = (n, m, n + m + len(deployed.model.parameters), extra)
     return [ca.SX.sym("x", size) for size in sizes]
@@ -87,10 +87,10 @@ class SampledFlight:
     """Sampled loop and row layout of all flights of a deployment.
 
     deployed: the policy on its aircraft.
-    dt, delay: s.
+    dt, delay: sample time and delay, s.
     parts: number of integration steps in a sample.
     extra: number of further entries of a row, which are arguments of `steered` after the trim.
-    other: another policy; by default the deployment.
+    other: another policy; by default that of the deployment.
     winds: disturbances of the aircraft, which follow the push in a row.
     """
 
@@ -104,25 +104,25 @@ class SampledFlight:
 
     @cached_property
     def steered(self) -> Steered:
-        """Return the command of the flights."""
+        """Command steps of the flights."""
         return steered_by(self.deployed) if self.other is None else self.other
 
     @property
     def whole(self) -> int:
-        """Number of whole samples in the delay."""
+        """Number of complete samples in the delay."""
         samples = self.delay / self.dt
         nearest = round(samples)
         return nearest if abs(samples - nearest) <= _WHOLE else math.floor(samples)
 
     @property
     def early(self) -> float:
-        """Part of a sample, s, during which the previous command still acts."""
+        """Time after a sample, s, during which the previous command still acts."""
         rest = self.delay - self.whole * self.dt
         return rest if rest > _WHOLE * self.dt else 0.0
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Lengths of the parts of a row."""
+        """Number of entries of each part of a row."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         trim = n + m + len(model.parameters)
@@ -138,21 +138,21 @@ class SampledFlight:
 
     @property
     def samples_in_window(self) -> int:
-        """Number of samples in a window, at least one."""
+        """Number of samples in a window of `WINDOW` s, at least one."""
         return max(1, round(WINDOW / self.dt))
 
     @property
     def changing(self) -> int:
-        """Number of leading entries of a row that change between samples."""
+        """Number of leading entries of a row that change from sample to sample."""
         return sum(self.sizes[:7])
 
     def entering(self) -> ca.Function:
-        """Return the function row -> inputs of the network."""
+        """Function row -> inputs of the network."""
         row = ca.MX.sym("row", sum(self.sizes))
         return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
-        """Function (row, outputs of the network) -> ([X; memory] after a sample, acting input)."""
+        """Function (row, outputs of the network) -> ([X; memory] one sample later, acting input)."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))
@@ -174,9 +174,9 @@ class SampledFlight:
         return ca.Function("moved", [row, raw], [moved, ca.densify(acting)])
 
     def later(self) -> ca.Function:
-        """Function (row, outputs of the network) -> changed entries of the row after a sample.
+        """Function (row, outputs of the network) -> changed entries of the row one sample later.
 
-        They are X, memory, extremes of X and U so far, and past.
+        They are X, memory, lowest and highest X and U so far, and past.
         """
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.MX.sym("raw", self.steered.moves.numel_in(0))
@@ -193,29 +193,31 @@ class SampledFlight:
         return ca.Function("later", [row, raw], [ca.vertcat(moved, *ranges, *past)])
 
     def sample(self) -> ca.Function:
-        """Return the function row -> row a sample later."""
+        """Return the function row -> row one sample later."""
         row = ca.MX.sym("row", sum(self.sizes))
         raw = ca.vec(self.steered.network(self.entering()(row)))
         later = ca.vertcat(self.later()(row, raw), row[self.changing :])
         return ca.Function("sample", [row], [later])
 
     def _parts(self, row: ca.MX) -> list[ca.MX]:
-        """Return a row as its parts, of `sizes` entries each."""
+        """Split a row into its parts, with `sizes` entries each."""
         return ca.vertsplit(row, np.cumsum([0, *self.sizes]).tolist())
 
     def observed(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """Return (X, U before, trim, extra) of a row."""
+        """Return (X, U before the sample, trim, extra) of a row."""
         X, memory, _, _, _, _, _, trim, _, extra = self._parts(row)
         return X, memory[-len(self.deployed.model.inputs) :], trim, extra
 
     def _entered(self, row: ca.MX) -> tuple[ca.MX, ...]:
-        """Return the arguments of `steered.enters` from a row."""
+        """Return the arguments of `steered.enters` for a row."""
         past = [] if self.steered.past is None else [self._parts(row)[6]]
         return (*self.observed(row), *past)
 
     def window(self, flights: int, seconds: float) -> Window:
-        """Return the function that advances rows by a window, as machine code if there are enough
-        flights."""
+        """Return the function that advances rows by a window.
+
+        It is compiled to machine code if the flights have enough samples in total.
+        """
         is_long = flights * seconds / self.dt >= COMPILE_FROM
         on_rows = row_code if is_long else RowFunction
         network = self.steered.rows or _first_result(on_rows(self.steered.network))
@@ -224,8 +226,10 @@ class SampledFlight:
         return Window(entering, network, later, self.samples_in_window)
 
     def forget_extremes(self, rows: np.ndarray) -> None:
-        """Reset the extremes before a window, those of X to the present X and those of U to
-        none."""
+        """Reset the lowest and highest values before a window, in place.
+
+        For X they become the present X. For U they become inf and -inf.
+        """
         X, _, low_X, high_X, low_U, high_U, *_ = self.slices
         rows[:, low_X] = rows[:, X]
         rows[:, high_X] = rows[:, X]
@@ -233,7 +237,10 @@ class SampledFlight:
         rows[:, high_U] = -np.inf
 
     def are_inside(self, rows: np.ndarray, least: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """Return whether X is finite and its extremes are within limits (N, n), (N,)."""
+        """Return whether X is finite and its lowest and highest values are within limits, (N,).
+
+        least, most: limits of X, (N, n)
+        """
         X, _, low_X, high_X, *_ = self.slices
         inside = (rows[:, low_X] >= least) & (rows[:, high_X] <= most)
         return np.asarray(inside.all(axis=1) & np.isfinite(rows[:, X]).all(axis=1))
@@ -245,9 +252,14 @@ class SampledFlight:
         pushes: np.ndarray,
         extra: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the rows of flights that begin at states (N, n) about trims (N, ...).
+        """Return the initial rows of flights.
 
-        The inputs of the trim act, and the earlier observations equal the first.
+        The inputs have their trim values, and earlier observations equal the first.
+
+        starts: initial states X, (N, n)
+        trims: (X0; U0; p) of each flight's trim
+        pushes: disturbance pulse of each flight
+        extra: further entries of each row, or None
         """
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
@@ -263,12 +275,12 @@ class SampledFlight:
 
 
 def _first_result(function: Rows) -> RowNetwork:
-    """Return the first result of a function of rows."""
+    """Return a function of rows that returns only the first result of `function`."""
     return lambda rows: function(rows)[0]
 
 
 class Window:
-    """Function that advances rows by a number of samples."""
+    """Function that advances rows by a fixed number of samples."""
 
     def __init__(
         self,
@@ -283,7 +295,7 @@ class Window:
         self._later = later
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the rows a window later."""
+        """Return the rows at the end of the window."""
         rows = rows.copy()
         with np.errstate(all="ignore"):
             for _ in range(self._samples):
@@ -294,9 +306,9 @@ class Window:
 
 
 def in_threads(work: Callable[[np.ndarray], None], count: int) -> None:
-    """Call `work` with indices of rows, in up to one thread per processor.
+    """Call `work` with disjoint sets of row indices, in up to one thread per processor.
 
-    The rows are distributed in turn.
+    count: number of rows
     """
     threads = max(1, min(os.cpu_count() or 1, count // 100))
     dealt = [np.arange(first, count, threads) for first in range(threads)]

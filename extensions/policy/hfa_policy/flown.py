@@ -1,4 +1,4 @@
-"""A deployment file as a policy of `hfa fly`, sampled and held."""
+"""Deployment files as policies of `hfa fly`, sampled and held."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _CLOCK = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DeployedPolicy(Policy):
-    """Policy of `hfa fly` that holds the inputs of a deployment between its samples.
+    """Policy of `hfa fly` that holds the commanded inputs of a deployment between its samples.
 
     deployed: the policy on its aircraft.
-    point: the trim about which it flies.
+    point: the trim that its deviations refer to.
     """
 
     is_held = True
@@ -48,8 +48,10 @@ class DeployedPolicy(Policy):
 
     @property
     def tick(self) -> float:
-        """Longest time, s, of which the sample time and the delay are multiples. Raises
-        BadInputError unless both are whole microseconds."""
+        """Greatest common divisor of sample time and delay, s.
+
+        Raises BadInputError unless both are multiples of a microsecond.
+        """
         deployment = self.deployed.deployment
         dt = round(deployment.dt / _CLOCK)
         delay = round(deployment.delay / _CLOCK)
@@ -66,7 +68,11 @@ class DeployedPolicy(Policy):
         return held
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
-        """Return the sampler, which samples every dt. A command acts after the delay."""
+        """Return the function (tick, measured deviations of the states) -> deviations of the
+        inputs.
+
+        It samples every dt. A command acts after the delay.
+        """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
         states = np.array(self.point.states)
@@ -98,7 +104,10 @@ class DeployedPolicy(Policy):
         return sample
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return its name, deployment file (also by the key of 0.3, `card`) and network."""
+        """Return the policy's name, deployment file and network, for the JSON output.
+
+        The deployment file is also stored as `card`, its name in version 0.3.
+        """
         deployment = self.deployed.deployment
         return {
             "law": self.name,
@@ -109,16 +118,16 @@ class DeployedPolicy(Policy):
 
 
 def flown_card(path: Path, model: Model, point: OperatingPoint) -> DeployedPolicy:
-    """Return the policy of a deployment file about a trim, made by `flown_deployment`."""
+    """Return the policy of a deployment file about a trim, as `flown_deployment` does."""
     return flown_deployment(Deployment.load(path), point, f"of {path}")
 
 
 def flown_deployment(
     deployment: Deployment, point: OperatingPoint, name: str = "deployment"
 ) -> DeployedPolicy:
-    """Return the policy of a deployment about a trim, and warn of mistakes in its files.
+    """Return the policy of a deployment about a trim. Warn of mistakes that its files show.
 
-    Raises BadInputError as `refuse_undefined_at`.
+    Raises BadInputError if an observation, the policy or a map is not finite at the trim.
     """
     deployed = deployment.on(point.model)
     deployed.refuse_undefined_at([point])
@@ -136,23 +145,26 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 
 
 def exported_texts(policy: DeployedPolicy, origin: str) -> dict[str, str]:
-    """Return file name -> text of the policy in C."""
+    """Return file name -> text of the C files of a policy.
+
+    origin: comment on the origin of the policy
+    """
     from hfa_policy.exported import c_policy_texts
 
     return c_policy_texts(policy, origin)
 
 
 def exported_loop(policy: DeployedPolicy) -> ExportedLoop:
-    """Return the policy in the form for `write_fmu`."""
+    """Return a policy as a loop for `write_fmu`."""
     from hfa_policy.exported import policy_loop
 
     return policy_loop(policy)
 
 
 def sampled_scenario(policy: DeployedPolicy, scenario: Scenario, point: OperatingPoint) -> Scenario:
-    """Return the scenario with the ticks of a policy.
+    """Return the scenario with the duration, tick and step that a policy requires.
 
-    Without other dynamics its steps are those of `hfa assess`.
+    Its steps are equal to those of `hfa assess`, unless it contains moving air or actuators.
     """
     dt = policy.deployed.deployment.dt
     parts = parts_of_a_sample([point], dt)

@@ -1,6 +1,6 @@
 """Formulas of a deployment file as CasADi expressions.
 
-They consist of numbers, names, + - * / ** and a few functions, and nothing else of Python.
+A formula consists of numbers, names, + - * / ** and a few functions.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ _RULE = "a formula may contain numbers, names, + - * / ** and " + ", ".join(_FUN
 
 
 class Formula(NamedTuple):
-    """Parsed formula. No code in it is run.
+    """Parsed formula. It is never executed as Python code.
 
-    text: the text as typed.
-    tree: its syntax tree, with supported nodes only.
-    names: its variables, in the order in which they appear.
+    text: the formula as written.
+    tree: its syntax tree, which contains supported nodes only.
+    names: its variables, in order of appearance.
     """
 
     text: str
@@ -55,14 +55,17 @@ class Formula(NamedTuple):
     names: tuple[str, ...]
 
     def value(self, values: Mapping[str, Any]) -> ca.SX:
-        """Return the expression at values by name."""
+        """Return the expression of the formula.
+
+        values: name -> value
+        """
         return ca.SX(_value(self.tree, values))
 
 
 def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
-    """Return the formula of a text.
+    """Parse a formula.
 
-    known: the allowed names
+    known: permitted names
 
     Raises BadInputError for an unknown name, and for text that is not a formula.
     """
@@ -79,7 +82,13 @@ def read_formula(text: Any, known: tuple[str, ...]) -> Formula:
 
 
 def _check(node: ast.expr, text: str, known: tuple[str, ...], names: list[str]) -> None:
-    """Raise BadInputError for the first node that is not allowed, and collect the names."""
+    """Add the names in a syntax tree to `names`.
+
+    Raises BadInputError for the first node that is not supported.
+
+    text: the formula, for messages
+    known: permitted names
+    """
     if isinstance(node, ast.Name):
         refuse_unknown(f"the formula {shown(text)} contains the unknown name", node.id, known)
         names.append(node.id)
@@ -118,7 +127,7 @@ def _check_number(value: Any, text: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Return the value of a checked tree."""
+    """Return the value of a checked syntax tree for values by name."""
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else ca.SX(_CONSTANTS[node.id])
     if isinstance(node, ast.Constant):

@@ -1,4 +1,4 @@
-"""One episode of an aircraft as an `Env` of gymnasium."""
+"""One episode of an aircraft as a gymnasium `Env`."""
 
 from __future__ import annotations
 
@@ -20,16 +20,22 @@ _OBSERVED = np.dtype(np.float32)
 
 
 class AircraftEnvironment(gymnasium.Env):
-    """An aircraft about its trims: observation, action, timing and cost as in a deployment.
+    """Aircraft about its trims, with observation, action, timing and cost of a deployment.
 
-    Actions beyond the box are clipped. `info` contains `X`, `U` and the number of the trim. When an
-    episode leaves the envelope, `left` names the state, its limit and the time.
+    Actions outside the box are clipped. `info` contains `X`, `U` and the index of the trim. If the
+    aircraft leaves its limits, `info["left"]` names the state, its limit and the time.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012
 
     def __init__(self, episodes: Episodes, render_mode: str | None = None) -> None:
-        """Wrap the simulation of one episode."""
+        """Prepare the environment.
+
+        episodes: simulation of a single episode
+        render_mode: None or "rgb_array"
+
+        Raises BadInputError for another mode.
+        """
         self.episodes = episodes
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise BadInputError(f"render_mode is {shown(render_mode)}; give None or 'rgb_array'")
@@ -50,12 +56,12 @@ class AircraftEnvironment(gymnasium.Env):
 
     @property
     def dt(self) -> float:
-        """Seconds between two samples."""
+        """Sample time, s."""
         return self.episodes.deployed.deployment.dt
 
     @property
     def point(self) -> OperatingPoint:
-        """The trim of the episode."""
+        """Trim of the present episode."""
         return self.episodes.points[self._trim]
 
     @property
@@ -65,12 +71,12 @@ class AircraftEnvironment(gymnasium.Env):
 
     @property
     def seconds(self) -> float:
-        """Length of an episode, s."""
+        """Longest duration of an episode, s."""
         return self.episodes.samples * self.dt
 
     @property
     def observation_names(self) -> tuple[str, ...]:
-        """Names or formulas of the observations, in order; with a history those of one sample."""
+        """Names or formulas of the observations of one sample, in order."""
         return tuple(self.episodes.deployed.deployment.observation)
 
     @property
@@ -82,8 +88,11 @@ class AircraftEnvironment(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Restart from a random state about a random trim, or from options={"start": X, "trim":
-        number}."""
+        """Begin an episode at a random state about a random trim.
+
+        options={"start": X, "trim": index} sets the initial state and the trim instead. Returns the
+        observation and `info`.
+        """
         super().reset(seed=seed)
         if options and "start" in options:
             owners = np.array([self._trim_number(options.get("trim", 0))])
@@ -97,7 +106,7 @@ class AircraftEnvironment(gymnasium.Env):
         return observations[0].astype(np.float32), info
 
     def _trim_number(self, number: Any) -> int:
-        """Return the number of a trim. Raises BadInputError if there is no such trim."""
+        """Return a trim's index as an integer. Raises BadInputError if there is no such trim."""
         count = len(self.episodes.points)
         refuse_unless_whole("options: trim", number, 0)
         if number >= count:
@@ -107,7 +116,9 @@ class AircraftEnvironment(gymnasium.Env):
         return int(number)
 
     def _start(self, start: Any) -> np.ndarray:
-        """Return a state as floats, (n,). Raises BadInputError for anything else."""
+        """Return an initial state as an array (n,). Raises BadInputError unless it is n finite
+        numbers.
+        """
         states = numbers_in("options: start", start)
         wanted = self.episodes.states.shape[1:]
         if states.shape != wanted or not np.isfinite(states).all():
@@ -115,7 +126,13 @@ class AircraftEnvironment(gymnasium.Env):
         return states
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Advance the episode by one sample."""
+        """Advance the episode by one sample.
+
+        Returns observation, reward, whether the aircraft left its limits, whether the duration has
+        elapsed, and `info`.
+
+        action: (m,), clipped to the box
+        """
         if type(action) is not np.ndarray or action.dtype.kind != "f":
             action = numbers_in("an action", action)
         self.episodes.advance(action[None])
@@ -128,8 +145,9 @@ class AircraftEnvironment(gymnasium.Env):
         return self._frame.astype(_OBSERVED), reward, lost > 0.0, over > 0.0, info
 
     def render(self) -> np.ndarray | None:
-        """Return the picture of the episode so far, (height, width, 3), or None without a render
-        mode."""
+        """Return the picture of the episode so far, (height, width, 3), or None if render_mode is
+        None.
+        """
         if self.render_mode is None:
             return None
         from hfa_policy.episode_figure import episode_picture
@@ -141,12 +159,12 @@ class AircraftEnvironment(gymnasium.Env):
 
 
 def observation_space(observed: int) -> spaces.Box:
-    """Return the unbounded box of observations."""
+    """Return the unbounded space of `observed` observations."""
     return spaces.Box(-np.inf, np.inf, (observed,), np.float32)
 
 
 def action_space(episodes: Episodes) -> spaces.Box:
-    """Return the box of the actions."""
+    """Return the space of the actions."""
     return spaces.Box(
         episodes.low.astype(np.float32), episodes.high.astype(np.float32), dtype=np.float32
     )

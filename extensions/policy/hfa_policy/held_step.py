@@ -1,4 +1,4 @@
-"""Step of the aircraft from one sample to the next with held inputs, X⁺ = F(X, U)."""
+"""Simulation of the aircraft over one sample with held inputs, X⁺ = F(X, U)."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ _MOST_PARTS = 1000
 
 
 def parts_of_a_sample(points: list[OperatingPoint], dt: float) -> int:
-    """Return the number of integration steps of a sample.
+    """Return the number of integration steps in a sample.
 
-    It depends on the fastest mode of the aircraft at any of these trims.
+    It follows from the fastest mode of the aircraft at any of the trims.
+
+    dt: sample time, s
     """
     fastest = 0.0
     for point in points:
@@ -37,8 +39,9 @@ def step_of_integration(
 ) -> ca.Function:
     """Return the function [X; U; push; p; h] -> X after h seconds, one Runge-Kutta step of order 4.
 
-    X' = f(X, U, p, w) + d, (d, w) = push, with d on the states `linear` and w the disturbances
-    `winds` (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Table II.1.2).
+    X' = f(X, U, p, w) + d with (d, w) = push. d acts on the states `linear`, and w are the
+    disturbances `winds`. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations
+    I, Table II.1.2.
     """
     states = layout.names[0]
     inputs = layout.names[1]
@@ -68,10 +71,10 @@ def step_of_integration(
 def held_step(model: Model, dt: float, parts: int, winds: tuple[str, ...] = ()) -> ca.Function:
     """Return the function (X, U, push, p) -> X after dt seconds, in `parts` integration steps.
 
-    X: (n,), absolute
-    U: (m,), absolute and held
-    push: (k + w,), added to the rates of the linear states, then the disturbances `winds`
-    p: the parameters of the model
+    X: (n,), absolute values
+    U: (m,), absolute values, held
+    push: (k + w,), rates added to those of the linear states, then the disturbances `winds`
+    p: parameters of the model
     """
     layout = in_gusts(model).layout if winds else model.layout
     step = step_of_integration(layout, model.linear, winds)

@@ -1,7 +1,7 @@
-"""Pickles of Stable-Baselines3 and gymnasium, read without running any code.
+"""Pickles of Stable-Baselines3 and gymnasium, read without executing code.
 
-Arrays are read as arrays. Objects of these packages become bare attributes. Every other class or
-function is refused.
+Arrays are read as arrays. Objects of these packages become containers of their attributes. Any
+other class or function is refused.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ _KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8"
 class Inert:
     """Attributes of an object of another package, without its code.
 
-    made_of: "module.Class", set by the class that `_inert` makes.
+    made_of: "module.Class" of the object.
     """
 
     made_of = ""
 
     def __new__(cls, *_: Any, **__: Any) -> Inert:
-        """Create the object without arguments, whatever the pickle gives."""
+        """Create an empty object. The arguments in the pickle are ignored."""
         return super().__new__(cls)
 
     def __init__(self, *_: Any, **__: Any) -> None:
         pass
 
     def __setstate__(self, state: Any) -> None:
-        """Keep the attributes of a pickled object."""
+        """Store the attributes of a pickled object."""
         if isinstance(state, tuple) and len(state) == 2 and isinstance(state[1], dict):
             state = {**(state[0] or {}), **state[1]}
         if isinstance(state, dict):
@@ -48,13 +48,13 @@ class Inert:
             self.__dict__.pop("made_of", None)  # it is of the class, not of the file
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        """Ignore an entry of a container."""
+        """Ignore an entry of a pickled container."""
 
     def append(self, item: Any) -> None:
-        """Ignore an item of a container."""
+        """Ignore an item of a pickled container."""
 
     def extend(self, items: Any) -> None:
-        """Ignore the items of a container."""
+        """Ignore the items of a pickled container."""
 
 
 def _inert(module: str, name: str) -> type[Inert]:
@@ -62,7 +62,7 @@ def _inert(module: str, name: str) -> type[Inert]:
 
 
 class _Kind:
-    """Replacement of numpy.dtype in a pickle: a kind of number and its byte order."""
+    """Stand-in for numpy.dtype in a pickle: a kind of number and its byte order."""
 
     def __init__(self, kind: str, *_: Any) -> None:
         if not isinstance(kind, str) or kind not in _KINDS:
@@ -72,24 +72,24 @@ class _Kind:
         self.order = "="
 
     def __setstate__(self, state: Any) -> None:
-        """Set the state (version, byte order, ...)."""
+        """Set the byte order from the pickled state (version, byte order, ...)."""
         if state[1] in ("<", ">"):
             self.order = state[1]
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Return the data type of NumPy."""
+        """Return the NumPy data type."""
         return np.dtype(self.order + self.kind)
 
 
 class _Array(np.ndarray):
-    """Replacement of numpy.ndarray in a pickle.
+    """Stand-in for numpy.ndarray in a pickle.
 
-    It is empty until its state is known, and then an array of numbers.
+    It is empty until its pickled state is set.
     """
 
     def __setstate__(self, state: Any) -> None:
-        """Set the state (version, shape, kind, whether in Fortran's order, bytes)."""
+        """Set the pickled state (version, shape, kind, is in Fortran order, bytes)."""
         version, shape, kind, in_columns, content = state
         super().__setstate__((version, shape, kind.dtype, in_columns, content))
 
@@ -99,7 +99,7 @@ def _empty(*_: Any) -> _Array:
 
 
 def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
-    """Return the array of these bytes."""
+    """Return the array with these bytes, kind of numbers, shape and order."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
     return numbers.reshape(shape, order="F" if order == "F" else "C")
 
@@ -117,9 +117,9 @@ _NUMPY_CALLS: Mapping[str, Callable[..., Any]] = {
 
 
 class _Restricted(pickle.Unpickler):
-    """Unpickler that refuses objects by name, before their creation.
+    """Unpickler that refuses classes and functions by name, before an object is created.
 
-    It accepts arrays and objects of `_KEPT_PACKAGES` alone.
+    It accepts arrays, and objects of the packages `_KEPT_PACKAGES`.
     """
 
     def find_class(self, module: str, name: str) -> Any:
@@ -144,8 +144,8 @@ class _Restricted(pickle.Unpickler):
 def inert(content: bytes) -> Any:
     """Return the content of a pickle: dictionaries, lists, numbers, arrays and `Inert` objects.
 
-    Raises BadInputError if it would call anything else, is damaged, or needs more memory than it
-    has bytes.
+    Raises BadInputError if the pickle contains another class or function, is damaged, or would need
+    far more memory than its size.
     """
     try:
         refuse_pickle_bomb(content)

@@ -1,4 +1,4 @@
-"""A mistake of a deployment."""
+"""Mistakes of a deployment."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 
 class Mistake(NamedTuple):
-    """A mistake of a deployment.
+    """Mistake of a deployment.
 
-    kind: such as "scale" or "no normalizer".
-    proved: whether the files prove it. Otherwise they make it likely, or its repair clearly
+    kind: type of mistake, such as "scale" or "no normalizer".
+    proved: True if the files prove it. Otherwise the files make it likely, or correcting it clearly
         improves the flights.
-    text: one sentence about it.
+    text: description in one sentence.
     """
 
     kind: str
@@ -20,5 +20,5 @@ class Mistake(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Return the sentence of a report."""
+        """Return the line of the report, which begins with "mistake" or "perhaps"."""
         return f"{'mistake' if self.proved else 'perhaps'}: {self.text}"

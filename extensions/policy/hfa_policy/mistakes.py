@@ -1,4 +1,4 @@
-"""Mistakes of a deployment that its files show, or whose repair improves the flights."""
+"""Mistakes of a deployment that its files show, or whose correction improves the flights."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from hfa_policy.repair_trial import better_repairs
 def mistakes_of(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
     """Yield the mistakes that the files show.
 
-    If there are none, the mistakes whose repair clearly improves the flights are yielded. Policies
-    of several samples are not searched.
+    If there are none, mistakes are yielded whose correction clearly improves the flights. Policies
+    that use earlier samples are not searched.
     """
     if assessor.deployed.past:
         return

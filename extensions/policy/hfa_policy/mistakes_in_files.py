@@ -26,7 +26,7 @@ def mistakes_in_files(deployed: Deployed, points: Sequence[OperatingPoint]) -> I
 def notes_on_card(deployed: Deployed, points: Sequence[OperatingPoint]) -> list[str]:
     """Return a sentence for each mistake that the policy's files show, for a flight or an export.
 
-    There are none for a policy that uses several samples.
+    The list is empty for a policy that uses earlier samples.
     """
     if deployed.past:
         return []

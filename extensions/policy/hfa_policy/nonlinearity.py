@@ -20,11 +20,11 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Nonlinearity(NamedTuple):
-    """Largest |u - u_rest + K z| found for any commanded input over the box of z.
+    """Largest |u - u_e + K z| found for any commanded input over the box of deviations z.
 
-    It is relative to the largest |K z| over that box.
+    u_e is the input at the equilibrium. The deviation is relative to the largest |K z| in the box.
 
-    part: this ratio, a lower bound of the true one.
+    part: this ratio, a lower bound on the true maximum.
     state: linear state -> z at the largest deviation.
     """
 
@@ -33,7 +33,10 @@ class Nonlinearity(NamedTuple):
 
 
 class _Slope(NamedTuple):
-    """Linear policy to which a policy is compared, in the form that a search requires."""
+    """Linear policy u = -K z with which the deployed policy is compared.
+
+    P is 0. The search requires it but does not use it for policies.
+    """
 
     K: np.ndarray
     P: np.ndarray
@@ -42,9 +45,11 @@ class _Slope(NamedTuple):
 def nonlinearity(
     deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium, box: np.ndarray
 ) -> Nonlinearity:
-    """Return the largest deviation from the linearization that is found about an equilibrium.
+    """Return the largest deviation of a policy from its linearization at an equilibrium.
 
-    The inputs of the equilibrium act before the sample.
+    Before the sample, the inputs have their equilibrium values.
+
+    box: half-widths of the deviations z of the linear states, (k,)
     """
     model = deployed.model
     k = len(model.linear)

@@ -1,4 +1,4 @@
-"""Normalizer of Stable-Baselines3 between observation and network."""
+"""Normalizer of Stable-Baselines3 between observations and network."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class Normalizer:
     """Normalizer o -> clip((o - mean) / sqrt(variance + epsilon), -clip, clip).
 
     mean: (k,).
-    variance: (k,), none below 0.
+    variance: (k,), not negative.
     epsilon: added to the variance.
     clip: largest absolute value.
-    count: number of observations in its statistics, or nan if its file does not state it.
-    last: (E, k), last unnormalized observations of its environments, or None if unknown.
-    origin: its origin, for messages.
+    count: number of observations in the statistics, or nan if the file does not contain it.
+    last: (E, k), last unnormalized observations of E environments, or None if unknown.
+    origin: description of its source, for messages.
     """
 
     mean: np.ndarray
@@ -41,7 +41,7 @@ class Normalizer:
     origin: str = "mean and variance"
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for numbers that cannot normalize an observation."""
+        """Raise BadInputError unless the values define a normalizer."""
         for name in ("mean", "variance"):
             values = np.atleast_1d(numbers_in(f"{name} of the normalizer", getattr(self, name)))
             if values.ndim != 1 or not np.all(np.isfinite(values)):
@@ -58,10 +58,7 @@ class Normalizer:
             raise BadInputError(f"clip of the normalizer is {self.clip}; it must be above 0")
 
     def of_frames(self, count: int) -> Normalizer:
-        """Return the normalizer of the observations of several samples.
-
-        For a single sample it is this one.
-        """
+        """Return the normalizer for the observations of `count` samples."""
         if count == 1:
             return self
         means = np.tile(self.mean, count)
@@ -74,21 +71,24 @@ class Normalizer:
         return np.asarray(np.sqrt(self.variance + self.epsilon))
 
     def before_clip(self, observation: Any) -> Any:
-        """Return (o - mean) / deviation of an expression."""
+        """Return the expression (o - mean) / deviation of observations o."""
         return (observation - ca.DM(self.mean)) / ca.DM(self.deviation)
 
     def normalized(self, observation: np.ndarray) -> np.ndarray:
-        """Return normalized observations (..., k)."""
+        """Return the normalized observations.
+
+        observation: (..., k)
+        """
         return np.asarray(
             np.clip((observation - self.mean) / self.deviation, -self.clip, self.clip)
         )
 
 
 def read_normalizer(path: str | Path) -> Normalizer | None:
-    """Return the normalizer in a file of `VecNormalize.save`, without running its code.
+    """Read a normalizer from a file of `VecNormalize.save`, without executing its code.
 
-    The result is None where observations are not normalized. Raises a BadInputError with the file
-    and its fault.
+    The result is None if the VecNormalize does not normalize observations. Raises a BadInputError
+    that names the file and the fault.
     """
     with said_of(path):
         try:
@@ -123,7 +123,10 @@ def read_normalizer(path: str | Path) -> Normalizer | None:
 
 
 def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
-    """Return a number of a stored object."""
+    """Return a number among the attributes of a stored object.
+
+    Raises BadInputError unless it is a single number.
+    """
     numbers = numbers_in(f"its {name}", attributes.get(name))
     if numbers.size != 1:
         raise BadInputError(f"its {name} must be one number")
@@ -131,8 +134,12 @@ def _number_in(name: str, attributes: Mapping[str, Any]) -> float:
 
 
 def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
-    """Return the normalizer of a table mean, variance, epsilon, clip of a deployment file. Raises
-    BadInputError for a missing or wrong entry."""
+    """Return the normalizer of the table policy.normalizer of a deployment file.
+
+    entries: mean, variance, and optionally epsilon and clip
+
+    Raises BadInputError for a missing or wrong entry.
+    """
     for name in ("mean", "variance"):
         if name not in entries:
             raise BadInputError(f"policy.normalizer has no {name}; add the list, or name a file")
@@ -144,7 +151,7 @@ def normalizer_of(entries: Mapping[str, Any]) -> Normalizer:
 
 
 def _rows(values: Any, width: int) -> np.ndarray | None:
-    """Return observations as (E, k) doubles, or None for anything else."""
+    """Return observations as an array (E, width) of doubles, or None if they have another form."""
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.shape[1] != width:
         return None
     return np.array(values, dtype=float)

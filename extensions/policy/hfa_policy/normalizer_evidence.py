@@ -1,5 +1,7 @@
-"""Evidence in a policy's file of a normalizer in its training, compared with the deployment
-file."""
+"""Evidence in a policy's file of whether its training used a normalizer.
+
+It is compared with the deployment file.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,11 @@ _COUNT_AT_FIRST = 1e-4
 def mistakes_of_normalizer(
     deployed: Deployed, stored: Zip, normalizer: Normalizer | None
 ) -> Iterator[Mistake]:
-    """Yield the mistakes of the normalizer: omitted, superfluous, or of another checkpoint."""
+    """Yield the mistakes of the normalizer: omitted, superfluous, or of another checkpoint.
+
+    stored: settings in the policy's zip
+    normalizer: normalizer of the deployment, or None
+    """
     given = deployed.deployment.policy.get("normalizer")
     if given is None:
         training = _normalizer_in_training(deployed, stored)
@@ -57,7 +63,7 @@ def mistakes_of_normalizer(
 
 
 class _Training(Enum):
-    """Evidence in a policy's file of a VecNormalize in its training."""
+    """Evidence in a policy's file of a VecNormalize in the training."""
 
     NONE = "none, or none that normalized observations"
     UNKNOWN = "nothing"
@@ -66,7 +72,10 @@ class _Training(Enum):
 
 
 def _says_no_normalizer(training: _Training) -> str:
-    """Return the message on a missing normalizer, with the remedy."""
+    """Return the message on a missing normalizer, with the correction.
+
+    training: LIKELY or NORMALIZED
+    """
     text = (
         "the policy was trained with a VecNormalize that the deployment file omits: give its "
         f'file as normalizer, or normalizer = "{NONE}" where it normalized only rewards'
@@ -79,8 +88,8 @@ def _says_no_normalizer(training: _Training) -> str:
 def unknown_normalizer(deployed: Deployed) -> str:
     """Return a warning that the training may have used a normalizer, or "".
 
-    The warning is for a deployment that declares no normalizer where the policy's file does not
-    show whether training used one. It is "" if the file shows this or contains no evidence.
+    The warning is returned if the deployment file declares no normalizer and the policy's file
+    leaves open whether the training used one.
     """
     stored = deployed.deployment.actor.stored
     if stored is None or stored.timesteps == 0 or "normalizer" in deployed.deployment.policy:
@@ -96,12 +105,12 @@ def unknown_normalizer(deployed: Deployed) -> str:
 
 
 def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
-    """Return whether the training had a VecNormalize.
+    """Return the evidence on whether the training used a VecNormalize.
 
-    PPO and A2C store an original observation only in this case. SAC and TD3 always store one.
-    Behind a VecNormalize it is the one from which the last observation was computed, so that both
-    lie, column by column, on a line. Otherwise it is the observation a sample before. The records
-    of one or two environments show no line, and large changes at most.
+    PPO and A2C store an original observation only with a VecNormalize. SAC and TD3 always store
+    one. With a VecNormalize, the last observation is a linear function of it in each column.
+    Without one, it is the observation one sample earlier. With too few environments, no linear
+    function can be recognized, and only implausibly large changes are evidence.
     """
     if stored.last is None or stored.last_original is None:
         return _Training.NONE
@@ -116,11 +125,12 @@ def _normalizer_in_training(deployed: Deployed, stored: Zip) -> _Training:
 
 
 def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
-    """Return the distance of the last observations (E, k) from a linear function of the original
-    ones.
+    """Return the distance of the last observations from a linear function of the original ones.
 
-    It is computed column by column, relative to their range, and nan with too few. The largest
-    values may be clipped.
+    It is the largest over the columns, relative to the range of the column. The result is nan if
+    there are too few environments. Clipped values are omitted.
+
+    original, last: (E, k), for E environments
     """
     clip = np.abs(last).max()
     distances = []
@@ -136,10 +146,7 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Return whether the states change too much between the two observations.
-
-    An aircraft cannot change so much in a sample.
-    """
+    """Return whether the states change more from one observation to the next than an aircraft can."""
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)
@@ -155,11 +162,12 @@ def _jumps(deployed: Deployed, stored: Zip) -> bool:
 
 
 def is_of_another_checkpoint(stored: Zip, normalizer: Normalizer) -> bool:
-    """Return whether a VecNormalize and a policy are of different checkpoints.
+    """Return whether normalizer and policy are from different checkpoints.
 
-    At the same checkpoint the normalizer has seen one observation of each environment more than the
-    policy has taken steps. A second call of `learn` restarts the count. The result is therefore
-    False if the last observations show that both are of the same checkpoint."""
+    At equal checkpoints, the normalizer has counted one observation per environment more than the
+    policy. A second call of `learn` restarts the count. The result is therefore False if the
+    normalized last observations agree with the policy's.
+    """
     if not math.isfinite(normalizer.count) or stored.last is None:
         return False
     for original in (normalizer.last, stored.last_original):

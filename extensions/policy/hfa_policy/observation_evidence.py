@@ -1,4 +1,4 @@
-"""Comparison of the observations in a policy's training with those of the deployment file."""
+"""Comparison of the observations in training with those of the deployment file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UNCLEAR = "observations"
 
 
 class _Record(NamedTuple):
-    """The record of one observation in the training.
+    """Record of one observation in the training.
 
     centre, spread: mean and standard deviation.
     is_of_many: True for the statistics of a normalizer, False for those of the last few
@@ -40,12 +40,12 @@ class _Record(NamedTuple):
 
 
 class _Observed(NamedTuple):
-    """One observation of the deployment at the trims.
+    """Observation of the deployment at the trims.
 
-    name: its name in the deployment file.
-    state: the observed state, or "" for a formula.
-    about, scale: its entries in the deployment file.
-    values: (N,), values of its formula at the trims.
+    name: name in the deployment file.
+    state: observed state, or the formula.
+    about, scale: entries of the deployment file.
+    values: (N,), values of the formula at the trims.
     model: the aircraft.
     """
 
@@ -57,7 +57,10 @@ class _Observed(NamedTuple):
     model: Model
 
     def given(self, is_absolute: bool) -> np.ndarray:
-        """Return the observations at the trims, (N,): absolute values, or deviations."""
+        """Return the observation at each trim, (N,).
+
+        is_absolute: whether absolute values are observed; deviations are 0
+        """
         if not is_absolute:
             return np.zeros(len(self.values))
         about = 0.0 if self.about == "trim" else float(self.about)
@@ -65,26 +68,32 @@ class _Observed(NamedTuple):
 
     @property
     def is_absolute(self) -> bool:
-        """True if the deployment file declares absolute values."""
+        """True if the deployment file specifies absolute values, not deviations from the trim."""
         return bool(self.about != "trim")
 
     def contradicts(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the record of the training excludes this observation."""
+        """Return whether the training's record excludes the observation.
+
+        is_absolute: whether absolute values are observed, not deviations
+        """
         if record.is_of_many:
             return self._deviations(record, is_absolute) > _FAR
         return self._leaves_limits(record, is_absolute)
 
     def fits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the training may have seen the observation."""
+        """Return whether the observation is consistent with the training's record.
+
+        is_absolute: whether absolute values are observed, not deviations
+        """
         if record.is_of_many:
             return self._deviations(record, is_absolute) < _FITS
         return not self._leaves_limits(record, is_absolute)
 
     def is_of_any_scale_as_it_is(self, record: _Record) -> bool:
-        """Return whether the training may have seen it with the given `about` and another scale.
+        """Return whether the record is consistent with the given `about` and another scale.
 
-        Deviations of any scale lie about 0. So do absolute values of a state that may be 0, unlike
-        those of a speed, whose spread is far below its mean.
+        Deviations have means near 0 in any scale. So have absolute values of a state that may be 0.
+        A speed has a mean far above its standard deviation.
         """
         is_seen_about_0 = abs(record.centre) < _FITS * record.spread
         if not self.is_absolute:
@@ -93,26 +102,33 @@ class _Observed(NamedTuple):
         return low <= 0.0 <= high or not is_seen_about_0
 
     def agrees(self, record: _Record) -> bool:
-        """Return whether the training may have seen the observation as the deployment declares
-        it."""
+        """Return whether the record is consistent with the observation as the deployment file
+        declares it.
+        """
         return self.fits(record, self.is_absolute) and not self.wrong_scale(record)
 
     def _deviations(self, record: _Record, is_absolute: bool) -> float:
-        """Return the distance of the nearest trim from the mean, in standard deviations."""
+        """Return the distance of the nearest trim from the record's mean, in standard deviations.
+
+        Without a standard deviation, the value is neither far nor near.
+        """
         if record.spread == 0.0:
             return 0.5 * (_FITS + _FAR)
         return float(np.abs(self.given(is_absolute) - record.centre).min() / record.spread)
 
     def _leaves_limits(self, record: _Record, is_absolute: bool) -> bool:
-        """Return whether the last observations of the training are clearly outside a state's
-        limits."""
+        """Return whether the mean of the record is clearly outside the limits of the observed
+        state.
+        """
         if self.state not in self.model.states:
             return False
         seen = self.values + self.scale * (record.centre - self.given(is_absolute))
         return _outside(seen, *self.model.limits[self.state])
 
     def wrong_scale(self, record: _Record) -> str:
-        """Return the reason why its scale is not that of the training, or "" if it may be."""
+        """Return the reason why the scale differs from the training's scale, or "" if it may be
+        equal.
+        """
         if not record.is_of_many:
             return ""
         return _wrong_scale(self.model, self.state, self.scale, record.spread)
@@ -124,10 +140,10 @@ def mistakes_of_observations(
     normalizer: Normalizer | None,
     points: Sequence[OperatingPoint],
 ) -> Iterator[Mistake]:
-    """Yield mistakes of observations that the record of the training shows.
+    """Yield the mistakes of observations that the record of the training proves.
 
-    These are absolute values instead of deviations or the reverse, and wrong scales. Any other
-    difference has several possible reasons.
+    They are absolute values in place of deviations, deviations in place of absolute values, and
+    wrong scales. Any other contradiction is yielded as unclear.
     """
     seen = _seen(stored, normalizer)
     if seen is None:
@@ -160,7 +176,7 @@ def mistakes_of_observations(
 def _exchanged_with(
     number: int, observed: Sequence[_Observed], records: Sequence[_Record]
 ) -> list[str]:
-    """Return the names of observations that may be exchanged with this one."""
+    """Return the names of the observations that may be exchanged with observation `number`."""
     names = []
     for place, other in enumerate(observed):
         fit = observed[number].agrees(records[place]) and other.agrees(records[number])
@@ -170,8 +186,11 @@ def _exchanged_with(
 
 
 def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mistake:
-    """Return the mistake of an observation that differs from the training's for one of several
-    reasons."""
+    """Return the mistake of an observation that contradicts its record for several possible
+    reasons.
+
+    exchanged: names of observations with which it may be exchanged
+    """
     given = ", ".join(f"{value:.3g}" for value in one.given(one.is_absolute))
     causes = "its scale or its about"
     if exchanged:
@@ -184,7 +203,11 @@ def _unclear(one: _Observed, record: _Record, exchanged: Sequence[str]) -> Mista
 
 
 def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
-    """Yield the observations whose record only the other `about` explains."""
+    """Yield a mistake for the observations that only another `about` explains.
+
+    absolute: names of observations whose training used absolute values
+    deviations: names of observations whose training used deviations
+    """
     if absolute:
         yield Mistake(
             "deviations for absolute values",
@@ -204,9 +227,9 @@ def _of_abouts(absolute: list[str], deviations: list[str]) -> Iterator[Mistake]:
 def _seen(
     stored: Zip | None, normalizer: Normalizer | None
 ) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Return center and spread of the training's observations, (k,) each, or None if unknown.
+    """Return mean and standard deviation of the training's observations, (k,) each, or None.
 
-    Whether they are statistics of many observations is returned too.
+    A third value is True if they are statistics of many observations.
     """
     if normalizer is not None:
         has_statistics = not math.isfinite(normalizer.count) or normalizer.count > 1000.0
@@ -220,8 +243,8 @@ def _seen(
 def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.ndarray] | None:
     """Return mean and size of the training's observations, (k,) each, or None if unknown.
 
-    The size is the root mean square about the mean. Without a normalizer the last few observations
-    are used, with an assumed mean of 0.
+    The size is the root mean square about the mean. Without a normalizer, it is that of the last
+    few observations about an assumed mean of 0.
     """
     seen = _seen(deployment.actor.stored, deployment.normalizer)
     if seen is None:
@@ -233,7 +256,7 @@ def observations_of_training(deployment: Deployment) -> tuple[np.ndarray, np.nda
 
 
 def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint]) -> _Observed:
-    """Return an observation of the deployment file at the trims."""
+    """Return observation number `index` of the deployment file at the trims."""
     name = list(deployed.deployment.observation)[index]
     entry = deployed.deployment.observation[name]
     state = entry.get("formula", name)
@@ -244,7 +267,10 @@ def _observed_at(deployed: Deployed, index: int, points: Sequence[OperatingPoint
 
 
 def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
-    """Return the value of an observation's formula at a trim."""
+    """Return the value of an observation's formula at a trim.
+
+    The result is 0 for deviations of a formula that is not a single name.
+    """
     formula = deployed.observed[index]
     trim = deployed.trim_vector(point)
     n, m = len(deployed.model.states), len(deployed.model.inputs)
@@ -262,7 +288,10 @@ def _value_at(deployed: Deployed, index: int, point: OperatingPoint) -> float:
 
 
 def _outside(values: np.ndarray, low: float, high: float) -> bool:
-    """Return whether all values lie clearly outside the limits of a state."""
+    """Return whether all values are clearly outside the limits of a state.
+
+    The result is False if a limit is infinite.
+    """
     if not (math.isfinite(low) and math.isfinite(high)):
         return False
     room = 0.25 * (high - low)
@@ -270,8 +299,11 @@ def _outside(values: np.ndarray, low: float, high: float) -> bool:
 
 
 def _wrong_scale(model: Model, name: str, scale: float, spread: float) -> str:
-    """Return the reason why the scale of an observation is not that of the training, or "" if it
-    may be."""
+    """Return the reason why a scale differs from the training's scale, or "" if it may be equal.
+
+    name: observed state, or a formula, for which the result is ""
+    spread: standard deviation of the observation in training
+    """
     if name not in model.states:
         return ""
     low, high = model.limits[name]

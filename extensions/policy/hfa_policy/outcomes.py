@@ -1,5 +1,7 @@
-"""Outcomes of flights from a box of initial conditions: converge, leave the envelope, or
-neither."""
+"""Outcomes of flights from a box of initial conditions.
+
+A flight converges, leaves the envelope, or does neither.
+"""
 
 from __future__ import annotations
 
@@ -62,8 +64,9 @@ _OTHERS = 3
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
-    They are the nominal size for angles and angular rates. For a state of about the nominal size at
-    trim (speed) they are 10 % of it. They are at most half of the distance to a limit.
+    They are the nominal values, in particular for angles and angular rates. For a state whose trim
+    value is at least half its nominal value, such as a speed, they are 10 % of the nominal value.
+    They are at most half the distance to a limit.
     """
     widths = []
     for name in model.linear:
@@ -81,18 +84,18 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
 class Place:
     """A trim, its initial-condition box, and the equilibrium to which flights converge.
 
-    point: the trim.
-    box: (k,), half-widths of the initial conditions about it.
-    equilibrium: the equilibrium, or None where it does not exist.
-    stable: whether the loop is stable there, so that a flight that enters the ball has converged.
-    reach: states that the actions move there, or None without an equilibrium.
-    seconds: length of a flight.
-    swing: s, half a period of the slowest oscillation about the equilibrium; 0 if modes are not
+    point: the trim. box: (k,), half-widths of the initial conditions about the trim. equilibrium:
+    the equilibrium, or None if it does not exist. stable: whether the loop is stable at the
+    equilibrium; a flight that enters the ball about it has
+        then converged.
+    reach: states that the actions move, or None without an equilibrium.
+    seconds: duration of a flight.
+    swing: half a period of the slowest oscillation about the equilibrium, s; 0 if modes are not
         assessed.
     drift: (k, n), slopes of the equilibrium with respect to the states outside the linear model.
         Flights converge to the equilibrium at their altitude.
     lag: (k,), lag of the linear states behind that equilibrium.
-    steady: the trim with the rates of the equilibrium; by default the point.
+    steady: the trim whose rates the equilibrium has; by default the point.
     """
 
     point: OperatingPoint
@@ -108,14 +111,14 @@ class Place:
 
     @property
     def judged(self) -> np.ndarray:
-        """Indices of the linear states that decide whether a flight converges, (k,)."""
+        """Mask (k,) of the linear states that decide whether a flight converges."""
         return np.ones(len(self.box), dtype=bool) if self.reach is None else self.reach.judged
 
     @property
     def stays(self) -> bool:
         """True if converged flights remain converged.
 
-        This requires that no mode diverges, not even one out of reach.
+        This requires that no mode diverges, including modes that the actions do not move.
         """
         own = () if self.reach is None else self.reach.own
         return self.stable and all(mode.growth <= 0.0 for mode in own)
@@ -123,25 +126,24 @@ class Place:
 
 @dataclass(frozen=True)
 class Outcome(Result):
-    """The outcomes of the flights of one place.
+    """Outcomes of the flights about one trim.
 
     starts: number of flights.
     returned: number of flights that converged. Such a flight is within the ball about the
         equilibrium at the end, or earlier for half a period of the slowest oscillation and two
-        seconds. Where a mode diverges only the end counts.
+        seconds. If a mode diverges, only the end counts.
     lost: number of flights that left the limits of the model's states.
     worst_start: linear state -> initial value of the worst flight.
     worst_outcome: outcome of the worst flight: "leaves the envelope", "does not converge" or
         "converges".
-    slowest: s, longest time of convergence.
-    cycle: the limit cycle of flights that do not converge, or one about an unstable equilibrium, or
-        None without one.
+    slowest: longest time of convergence, s.
+    cycle: limit cycle of flights that do not converge, or about an unstable equilibrium, or None.
     elsewhere: number of flights that converge to another equilibrium.
     elsewhere_at: linear state -> value at the first other equilibrium.
     moving: number of flights that neither converge nor leave the limits within `seconds`.
     seconds: duration of a flight.
-    departure: the state that first leaves its limit in the flights that leave first, and its time,
-        or None without a departure.
+    departure: state that first leaves its limit, in the flight that leaves first, and its time, or
+        None if no flight leaves.
     """
 
     #: The last line has the names of 0.3, for one version.
@@ -168,14 +170,16 @@ class Outcome(Result):
 
     @property
     def worst_ends(self) -> str:
-        """`worst_outcome` in the words of 0.3: "lost", "is not back" or "returns"."""
+        """`worst_outcome` in the words of version 0.3: "lost", "is not back" or "returns"."""
         words = {LEAVES: "lost", DOES_NOT_CONVERGE: "is not back", CONVERGES: "returns"}
         return words[self.worst_outcome]
 
 
 def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[Any, Any]:
-    """Return initial conditions (count, n) and disturbance pulses (count, k) of a place, drawn from
-    a seed."""
+    """Return random initial conditions (count, n) and disturbance pulses (count, k) about a trim.
+
+    pushed: whether there are pulses; otherwise they are 0
+    """
     model = place.point.model
     random = np.random.default_rng([seed, 1])
     share = random.uniform(-1.0, 1.0, (count, len(model.linear)))
@@ -188,10 +192,10 @@ def seeded_starts(place: Place, count: int, seed: int, pushed: bool) -> tuple[An
 
 
 class FlownRows:
-    """Flights at several places.
+    """Simulation of flights at several places.
 
-    Each is simulated until it converges, leaves the envelope, cycles, settles elsewhere, or its
-    time is over.
+    A flight ends if it converges, leaves the envelope, is in a limit cycle, or remains at another
+    equilibrium, or if its duration has elapsed.
     """
 
     def __init__(
@@ -235,7 +239,10 @@ class FlownRows:
         self.swings_of_blocks = np.full(shape, np.inf)
 
     def fly(self, seconds: float, window: Window, progress: Progress | None = None) -> None:
-        """Fly all rows for `seconds`."""
+        """Simulate all flights for at most `seconds`.
+
+        window: function that advances rows by a window
+        """
         self.seconds = seconds
         count = len(self.rows)
         windows = max(1, round(seconds / (self.flight.samples_in_window * self.flight.dt)))
@@ -262,7 +269,11 @@ class FlownRows:
         self.status[back] = _RETURNED
 
     def _window(self, window: Window, flying: np.ndarray, number: int) -> None:
-        """Fly one window of the unfinished flights, and find those that end in it."""
+        """Simulate the unfinished flights for one window, and mark those that end in it.
+
+        flying: indices of the unfinished flights
+        number: number of earlier windows
+        """
         rows = self._flown(window, flying, number)
         lost = ~self.flight.are_inside(rows, self.least[flying], self.most[flying])
         distance, swings = self._in_balls(rows, flying)
@@ -274,7 +285,11 @@ class FlownRows:
         self.status[flying[lost]] = _LOST
 
     def _flown(self, window: Window, flying: np.ndarray, number: int) -> np.ndarray:
-        """Return the rows of flights after a window, with the extremes within it."""
+        """Return the rows of flights after a window, with the lowest and highest values within it.
+
+        flying: indices of the flights
+        number: number of earlier windows
+        """
         *_, push, _ = self.flight.slices
         rows = self.rows[flying]
         seconds = self.flight.samples_in_window * self.flight.dt
@@ -287,9 +302,10 @@ class FlownRows:
         return rows
 
     def _in_balls(self, rows: np.ndarray, flying: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the largest distance of flights from the equilibrium in the window, (N,).
+        """Return the distance from the equilibrium and the swing of each flight in a window.
 
-        Half the range of each linear state, (N, k), follows. Both are in units of the ball.
+        The distance (N,) is the largest in the window. The swing (N, k) is half the range of each
+        linear state. Both are in units of the ball.
         """
         _, _, low_X, high_X, *_ = self.flight.slices
         lowest = rows[:, low_X][:, self.linear]
@@ -302,25 +318,32 @@ class FlownRows:
         return distance, np.where(judged, (highest - lowest) / 2.0 / self.balls[flying], 0.0)
 
     def _back(self, flying: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights that stayed in the ball longer than any oscillation would.
+        """Return a mask of the flights that have converged.
 
-        No diverging mode moves them out later.
+        They stayed in the ball longer than half a period of any oscillation, approach the
+        equilibrium, and no mode diverges.
+
+        distance: largest distance from the equilibrium in the window, in units of the ball, (N,)
         """
         self.in_ball[flying] = np.where(distance <= 1.0, self.in_ball[flying] + 1, 0)
         stays = self.in_ball[flying] >= self.enough[flying]
         return np.asarray(self.stays[flying] & stays & (distance <= self.nearest[flying]))
 
     def _standing(self, flying: np.ndarray, distance: np.ndarray, swings: np.ndarray) -> np.ndarray:
-        """Return the mask of the flights that have been at another equilibrium for long enough."""
+        """Return a mask of the flights that have been at another equilibrium for enough windows.
+
+        distance, swings: as returned by `_in_balls`
+        """
         is_away = np.isfinite(distance) & (distance > _ELSEWHERE)
         stands = is_away & (swings.max(axis=1) <= _STANDS * distance)
         self.standing[flying] = np.where(stands, self.standing[flying] + 1, 0)
         return np.asarray(self.standing[flying] >= _STANDING)
 
     def _cycling(self, flying: np.ndarray, swings: np.ndarray, number: int) -> np.ndarray:
-        """Return the mask of the flights in a limit cycle.
+        """Return a mask of the flights in a limit cycle.
 
-        swings: half ranges in this window, in units of the ball
+        swings: half ranges in this window, (N, k), in units of the ball
+        number: number of earlier windows
         """
         blocks = self.swings_of_blocks[:, flying]
         blocks[0] = np.minimum(blocks[0], swings)
@@ -339,13 +362,16 @@ class FlownRows:
         return cycling
 
     def swings(self) -> np.ndarray:
-        """Half of the range of each linear state in the last window, (N, k)."""
+        """Half the range of each linear state in the last window, (N, k)."""
         _, _, low_X, high_X, *_ = self.flight.slices
         moved = (self.rows[:, high_X] - self.rows[:, low_X])[:, self.linear]
         return np.asarray(np.where(self.judged, moved / 2.0, 0.0))
 
     def outcome(self, owner: int, place: Place) -> Outcome:
-        """Return the outcomes of the flights of one place."""
+        """Return the outcomes of the flights about one trim.
+
+        owner: index of the trim
+        """
         model = place.point.model
         mine = np.flatnonzero(self.owners == owner)
         status = self.status[mine]
@@ -386,8 +412,10 @@ class FlownRows:
         )
 
     def _first_lost(self, lost: np.ndarray, place: Place) -> tuple[int, Departure | None]:
-        """Return the index of the flight that first leaves the envelope, and its departure or
-        None."""
+        """Return the index of the flight that first leaves the envelope, and its departure or None.
+
+        lost: indices of the flights that leave the envelope
+        """
         soonest = lost[self.times[lost] == self.times[lost].min()]
         envelope = flight_envelope(place.point.model, place.point)
         seconds = float(self.times[soonest[0]])
@@ -395,9 +423,11 @@ class FlownRows:
         return int(soonest[first]), left
 
     def _other_equilibria(self, settled: np.ndarray, place: Place) -> tuple[int, dict[str, float]]:
-        """Return the number of flights at another equilibrium, and the linear states at the first.
+        """Return the number of flights at other equilibria, and the first of these equilibria.
 
-        The others still move.
+        The equilibrium is given as linear state -> value.
+
+        settled: indices of the flights that are almost steady
         """
         search = EquilibriumSearch(self.flight.deployed, place.point, place.steady)
         X, memory, *_ = self.flight.slices
