@@ -121,7 +121,7 @@ class Deployment(Reported):
             self._check_timing()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the tables without the files that were read. An unpickled copy reads them again."""
+        """Return the tables without the files that were read. An unpickled copy rereads them."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @staticmethod

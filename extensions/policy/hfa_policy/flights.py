@@ -152,7 +152,7 @@ class SampledFlight:
         return ca.Function("entering", [row], [self.steered.enters(*self._entered(row))])
 
     def moved(self) -> ca.Function:
-        """Function (row, outputs of the network) -> ([X; memory] one sample later, acting input)."""
+        """Function (row, outputs of the network) -> ([X; memory] after a sample, acting input)."""
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         row = ca.MX.sym("row", sum(self.sizes))

@@ -146,7 +146,7 @@ def _distance_from_lines(original: np.ndarray, last: np.ndarray) -> float:
 
 
 def _jumps(deployed: Deployed, stored: Zip) -> bool:
-    """Return whether the states change more from one observation to the next than an aircraft can."""
+    """Return whether the states change more between two observations than an aircraft can."""
     assert stored.last is not None
     assert stored.last_original is not None
     changes = np.abs(stored.last - stored.last_original).max(axis=0)

@@ -453,10 +453,14 @@ class FlownRows:
         return count, first
 
     def _worst(self, neither: np.ndarray, returned: np.ndarray) -> tuple[int, str]:
-        """Return the number of the worst flight that stays inside, and how it ends.
+        """Return the index of the worst flight that stays inside the envelope, and its outcome.
 
-        The worst is the one of `neither` that stays farthest from the trim. Without one it is the
-        slowest of `returned`, and without these 0."""
+        It is the flight of `neither` that stays farthest from the trim. If `neither` is empty, it
+        is the slowest of `returned`. If both are empty, the result is (0, "").
+
+        neither: indices of the flights that neither converge nor leave the envelope
+        returned: indices of the flights that converge
+        """
         if neither.size:
             return int(neither[np.argmax(self.nearest[neither])]), DOES_NOT_CONVERGE
         if returned.size:
@@ -465,7 +469,10 @@ class FlownRows:
 
 
 def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
-    """Return whether an equilibrium is that of the place."""
+    """Return whether an equilibrium coincides with the equilibrium of a place.
+
+    linear: indices of the linear states
+    """
     if place.equilibrium is None:
         return False
     apart = np.abs(other.states - place.equilibrium.states)[linear]
@@ -475,8 +482,10 @@ def _is_same(other: Equilibrium, place: Place, linear: list[int]) -> bool:
 def measured_cycle(
     flight: SampledFlight, row: np.ndarray, place: Place, seconds: float = _CYCLE_SECONDS
 ) -> LimitCycle | None:
-    """Return the oscillation of the flight that begins at a row, as `limit_cycle` finds it, or
-    None."""
+    """Return the limit cycle of the flight that begins at a row, or None if there is none.
+
+    seconds: duration of the flight
+    """
     model = place.point.model
     X, memory, *_ = flight.slices
     m = len(model.inputs)
@@ -502,8 +511,10 @@ def fly_places(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> tuple[list[Outcome], list[Outcome]]:
-    """Return the outcomes of `samples` seeded flights at each place, without and with a disturbance
-    pulse."""
+    """Simulate `samples` flights about each trim, without and with a disturbance pulse.
+
+    Returns the outcomes at each trim without a pulse, then the outcomes with a pulse.
+    """
     rows = []
     for pushed in (False, True):
         for place in places:
@@ -522,10 +533,10 @@ def fly_places(
 def ends_from_trim(
     flight: SampledFlight, points: list[OperatingPoint], window: Window, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ends of flights from their trims after `seconds`: X (N, n) and the acting inputs
-    (N, m).
+    """Simulate flights that begin at their trims.
 
-    A flight in which a window changes no state by more than `_STILL` of its nominal value is over.
+    Returns the final X (N, n) and the final acting inputs (N, m). The flights end early if no state
+    changes by more than `_STILL` of its nominal value within a window.
     """
     model = points[0].model
     still = _STILL * np.array([model.signals[name].nominal for name in model.states])

@@ -1,4 +1,4 @@
-"""Modes of an aircraft that a deployment moves and observes about an equilibrium."""
+"""Modes of an aircraft at an equilibrium that a deployment can move and observe."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _DEFECTIVE = 1e10
 
 
 class OwnMode(NamedTuple):
-    """A slow mode of the aircraft that a deployment does not change.
+    """Slow mode of the aircraft that a deployment does not change.
 
     name: name of the mode, with its time to half or to double.
-    growth: 1/s, real part of its eigenvalue.
-    why: why it is out of reach, or "" for a mode within reach.
+    growth: real part of its eigenvalue, 1/s.
+    why: reason why the deployment cannot change the mode, or "" if it can.
     """
 
     name: str
@@ -43,9 +43,11 @@ class OwnMode(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Modes about an equilibrium that count in the assessment of a deployment.
+    """Modes at an equilibrium that count in the assessment of a deployment.
 
-    judged: (k,), flags of the linear states that count, all unless a slow mode is out of reach.
+    A mode is out of reach if the actions do not move it or the observations do not show it.
+
+    judged: (k,), mask of the linear states that count; all, unless a slow mode is out of reach.
     loop: the equilibrium in coordinates of the r modes within reach; unchanged if all are.
     own: slow modes of the aircraft that are out of reach.
     states: names of the states that count.
@@ -61,20 +63,20 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
     """Return the modes within reach, for deviations within a box (k,).
 
     Actions affect such a mode and observations show it. Mode i has the eigenvalue λ, the left
-    eigenvector w' and the right eigenvector v, w'v = 1. It is out of reach where it does not double
+    eigenvector w' and the right eigenvector v, w'v = 1. It is out of reach if it does not double
     within ten seconds and one of two ratios is below 0.05:
 
         Σ_j |w'B_j| n_j min(1 / |Re λ|, 60 s) / Σ_l |w_l| b_l
         max_j |C_j v| / (Σ_l |C_jl| b_l max_l (|v_l| / b_l))
 
     n are the nominal inputs, b is the box, and C are the derivatives of the observations with
-    respect to the states. The first ratio is the motion by held nominal inputs over that by the
-    box. The second is the change of an observation as a part of its range.
+    respect to the states. The first ratio is the motion of the mode under constant nominal inputs,
+    relative to the box. The second is the change of an observation, relative to its range.
 
-    Where no slow mode is out of reach, all modes are judged. Otherwise the loop lacks all modes out
-    of reach. The fast ones among them decay. Their coupling hardly changes the radius of the loop
-    (by 4e-8 for the c172p by pitch). They would dominate a relative cost, because they cost nearly
-    nothing.
+    If no slow mode is out of reach, all modes are assessed. Otherwise all modes out of reach are
+    removed from the loop, including fast ones. The fast ones decay, and their coupling hardly
+    changes the radius of the loop (by 4e-8 for the c172p with pitch control). They would dominate a
+    relative cost because their cost is almost zero.
     """
     A = equilibrium.A
     B = equilibrium.B
@@ -112,12 +114,13 @@ def reach_of(deployed: Deployed, equilibrium: Equilibrium, box: np.ndarray) -> R
 def left_alone(
     deployed: Deployed, equilibrium: Equilibrium, slowest: complex, dt: float
 ) -> OwnMode | None:
-    """Return the aircraft's mode that corresponds to the slowest mode of the sampled loop, or None.
+    """Return the slow mode of the aircraft that the policy hardly changes, or None.
 
-    The mode is slow, and the policy moves its eigenvalue by at most 10 %.
+    It corresponds to the slowest mode of the sampled loop, whose eigenvalue differs from it by at
+    most 10 %.
 
-    slowest: the eigenvalue of the sampled loop of largest absolute value
-    dt: s
+    slowest: eigenvalue of the sampled loop with the largest absolute value
+    dt: sample time, s
     """
     if slowest == 0.0 or not np.isfinite(slowest):
         return None
@@ -132,10 +135,11 @@ def left_alone(
 
 
 def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the largest change of an observation relative to its range in a box, for each mode,
-    (r,).
+    """Return the largest change of an observation for each mode, (r,), relative to its range in a
+    box.
 
     modes: (k, r), a column for each mode
+    box: half-widths of the box, (k,)
     """
     changes = np.abs(C @ modes)
     ranges = np.abs(C) @ box
@@ -144,15 +148,19 @@ def _share_of_range(C: np.ndarray, modes: np.ndarray, box: np.ndarray) -> np.nda
 
 
 def _real(values: np.ndarray, vectors: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return a real basis of the chosen modes, (k, number of modes)."""
+    """Return a real basis of the chosen modes, one column for each mode.
+
+    values: eigenvalues, (k,)
+    vectors: eigenvectors, (k, k)
+    chosen: mask of the modes, (k,)
+    """
     real = vectors[:, chosen & (values.imag == 0.0)].real
     pairs = vectors[:, chosen & (values.imag > 0.0)]
     return np.hstack([real, pairs.real, pairs.imag])
 
 
 def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMode]:
-    """Return the modes of the aircraft with this eigenvalue, with their times to half or to
-    double."""
+    """Return the modes of the aircraft with this eigenvalue, and their times to half or double."""
     model = deployed.model
     found = []
     for mode in modes_of(A, model.linear, model.modes):
@@ -171,8 +179,11 @@ def _own_modes(deployed: Deployed, A: np.ndarray, value: complex) -> list[OwnMod
 def seconds_to_converge(radius: float, dt: float) -> float:
     """Return the duration of flights about an equilibrium, s.
 
-    It is four time constants of the slowest mode of the sampled loop, whose spectral radius is
-    given. It is at least `HORIZON` and at most `LONGEST`.
+    It is four time constants of the slowest mode of the sampled loop. It is at least `HORIZON` and
+    at most `LONGEST`.
+
+    radius: spectral radius of the sampled loop
+    dt: sample time, s
     """
     if not 0.0 < radius < 1.0:
         return HORIZON

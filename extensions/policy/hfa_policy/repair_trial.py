@@ -1,11 +1,13 @@
 """Search for changes of a deployment file that improve its policy's flights.
 
-Some changes of correct files also improve the flights. A policy that is too strong or too late
-improves with any change that weakens it, and a badly trained one with many changes. Therefore a
-change is reported only if the policy flies well with it and clearly better than with the file as
-written. In addition, no other gain may be about as good. Such a gain counts only if it helps,
-because a weak policy of the wrong sign flies no worse than no policy. If the file contains the cost
-of the training, a change must also bring the policy near the optimum of this cost.
+Some changes of correct files also improve the flights. A policy with a gain that is too high, or
+with too much delay, improves with any change that weakens it. A badly trained policy improves
+with many changes. A change is therefore reported only under these conditions:
+
+- The flights with the change are good and clearly better than with the file as written.
+- No change of gain alone improves the flights about as much. It must be an improvement, because
+  a weak policy with the wrong sign is no worse than no policy.
+- If the file contains the cost of the training, the cost with the change is near its optimum.
 """
 
 from __future__ import annotations
@@ -74,7 +76,12 @@ _RATES = (0.5, 0.25, 0.125)
 
 
 class _Found(NamedTuple):
-    """A change that is clearly better, with its kind and its assumption."""
+    """Change that is clearly better.
+
+    flown: results of the flights with the change.
+    kind: kind of the mistake.
+    why: assumption of the change, for the message.
+    """
 
     flown: Flown
     kind: str
@@ -82,16 +89,16 @@ class _Found(NamedTuple):
 
 
 def better_repairs(assessor: Assessor, assessed: Sequence[AssessedPoint]) -> Iterator[Mistake]:
-    """Yield the changes of the deployment that improve the flights clearly, the best first.
+    """Yield the changes of the deployment that clearly improve the flights, the best first.
 
-    There are none where the flights are good already.
+    Nothing is yielded if the flights are already good.
     """
     if not all(_flies_well(point) for point in assessed):
         yield from _Trial(assessor, assessed).named()
 
 
 def _flies_well(point: AssessedPoint) -> bool:
-    """Return whether the policy holds at a trim, and most flights converge near it."""
+    """Return whether the policy holds at a trim and most flights converge near the trim."""
     if not point.holds or point.flights is None:
         return False
     near_trim = bool(np.all(np.abs(point.offset) <= NEAR * point.place.box))
@@ -99,7 +106,7 @@ def _flies_well(point: AssessedPoint) -> bool:
 
 
 def _brings_most_back(flown: Flown) -> bool:
-    """Return whether most flights converge with a change."""
+    """Return whether most flights converge."""
     return flown.back >= _WELL * len(flown.costs)
 
 
@@ -109,10 +116,12 @@ def _harms(flown: Flown) -> bool:
 
 
 def _is_better(flown: Flown, card: Flown) -> bool:
-    """Return whether a change is clearly better.
+    """Return whether a change is clearly better than the file as written.
 
-    No more flights than before leave the envelope. In addition, clearly more flights converge at
-    clearly less cost, or no fewer converge at a third of the cost.
+    With the change, no more flights may leave the envelope and no fewer may converge. In addition,
+    either clearly more flights converge at clearly less cost, or the cost is at most a third.
+
+    card: results with the file as written
     """
     if flown.kept < card.kept or flown.back < card.back:
         return False
@@ -123,17 +132,22 @@ def _is_better(flown: Flown, card: Flown) -> bool:
 
 
 def _weakens(repair: Repair) -> bool:
-    """Return whether a change reduces an observation or an action, as the absence of control
-    would.
+    """Return whether a change reduces an observation or an action.
+
+    The absence of control would have a similar effect.
     """
     largest = np.abs(repair.P).max(axis=1)
     return bool(np.any(largest < 1.0) or np.any(np.abs(repair.gain) < 1.0))
 
 
 def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
-    """Return whether a mere change of gain helps as much.
+    """Return whether a change of gain alone is about as good as a change.
 
-    With it about as many flights converge at about the same cost, or the cost is clearly lower.
+    With such a gain, about as many flights converge at about the same cost, or the cost is clearly
+    lower. The gain must clearly improve on flights without control.
+
+    none: results without control
+    other_gains: results with other gains
     """
     for other in other_gains:
         is_as_good = _CLEARLY * other.back >= flown.back and other.times(flown) < _CLEARLY
@@ -144,7 +158,7 @@ def _is_a_gain(flown: Flown, none: Flown, other_gains: Sequence[Flown]) -> bool:
 
 
 class _Trial:
-    """Changes simulated together at the trims where the deployment file performs worst."""
+    """Trials of changes, simulated together at the trims with the worst flights."""
 
     def __init__(self, assessor: Assessor, assessed: Sequence[AssessedPoint]) -> None:
         self.deployed = assessor.deployed
@@ -157,9 +171,9 @@ class _Trial:
         self.gains = [card_with_gain(self.card, gain) for gain in _GAINS]
 
     def named(self) -> Iterator[Mistake]:
-        """Yield the reported changes: the best of each kind, the best first.
+        """Yield the changes to report: the best of each kind, the best first.
 
-        There are none where the delay alone explains the flights.
+        Nothing is yielded if the delay alone explains the flights.
         """
         if self._is_only_late():
             return
@@ -182,10 +196,10 @@ class _Trial:
                 yield Mistake(each.kind, False, _said(each, of_gains[0]))
 
     def _near_optimal(self, found: list[_Found]) -> list[_Found]:
-        """Return the changes whose flights cost about as much as those of the optimum.
+        """Return the changes whose flights cost about as much as the flights of the optimum.
 
-        This applies if the deployment file has the cost, because only a policy trained for this
-        cost is near its optimum.
+        All are returned if the deployment file contains no cost or no optimum exists. Only a policy
+        trained for this cost is near its optimum.
         """
         if self.card.cost is None or not found:
             return found
@@ -200,14 +214,14 @@ class _Trial:
         ]
 
     def _is_only_late(self) -> bool:
-        """Return whether the delay alone keeps the policy from flying well."""
+        """Return whether most flights converge without the delay."""
         if self.card.delay == 0.0:
             return False
         (on_time,) = self.flights.flown(self.gains[:1], _WHOLE, delay=0.0)
         return _brings_most_back(on_time)
 
     def _left(self, repairs: Sequence[Repair]) -> list[Repair]:
-        """Return the changes of each kind that cost least in a few short flights."""
+        """Return the changes of each kind with the lowest costs in a few short flights."""
         flown = self.flights.flown(repairs, _SHORT)
         costs = [float(np.log(of_repair.costs).sum()) for of_repair in flown]
         left: dict[str, list[Repair]] = {}
@@ -220,8 +234,10 @@ class _Trial:
     def _is_clear(self, repair: Repair, flown: Flown, of_gains: Sequence[Flown]) -> bool:
         """Return whether a change is clearly better than the file as written.
 
-        In addition, neither a mere gain nor the absence of control is as good. A change that the
-        training's record supports must only be better than the file.
+        In addition, neither a change of gain nor the absence of control may be about as good. A
+        change that the training's record supports must only be better than the file.
+
+        of_gains: results of the file as written, without control, and with other gains
         """
         if repair.kind == "order":
             if of_gains[0].times(flown) < _AS_IT_IS:
@@ -240,8 +256,9 @@ class _Trial:
         return not is_none and not _is_a_gain(flown, none, others)
 
     def _is_weaker_action(self, repair: Repair, flown: Flown) -> bool:
-        """Return whether the actions that a change makes smaller fly about as well a little
-        smaller, or omitted.
+        """Return whether a change that weakens actions is about as good with still weaker actions.
+
+        The weakest trial omits these actions.
         """
         smaller = repair.gain < 1.0
         gains = [np.where(smaller, part, 1.0) for part in _WEAKER]
@@ -252,13 +269,12 @@ class _Trial:
         )
 
     def _faster(self, of_gains: Sequence[Flown]) -> list[_Found]:
-        """Return the slowest faster sample time at which the policy flies well at a third of the
-        cost.
+        """Return a shorter sample time at which the policy is good at a third of the cost, or [].
 
-        There is none where a gain, at either sample time, is clearly cheaper, because the policy is
-        then too strong.
+        The longest such sample time is returned. The result is [] if a change of gain, at either
+        sample time, has clearly lower cost, because the gain of the policy is then too high.
 
-        of_gains: flights at the sample time of the file, the first of the file as written.
+        of_gains: results at the sample time of the file, the first of the file as written
         """
         card = of_gains[0]
         (short,) = self.flights.flown(self.gains[:1], _SHORT)
@@ -279,7 +295,7 @@ class _Trial:
     # What the training saw.
 
     def _nearer(self, repair: Repair) -> float:
-        """Return how much closer to the training's record the observations of the changed file are.
+        """Return how much closer the observations are to the training's record with a change.
 
         The result is 0 without a record.
         """
@@ -290,7 +306,7 @@ class _Trial:
     def _misfit(self, deployment: Deployment) -> float:
         """Return Σ |log(size of the initial observations / size in training)|.
 
-        Sizes are the root mean squares about the training's mean.
+        A size is the root mean square about the training's mean.
         """
         seen = observations_of_training(deployment)
         assert seen is not None
@@ -308,8 +324,7 @@ class _Trial:
 
 
 def _said(found: _Found, of_card: Flown) -> str:
-    """Return a sentence on the change, with the cost of the file as written relative to the cost
-    with it."""
+    """Return a sentence on a change, with the relative cost of the file as written."""
     times = of_card.times(found.flown)
     said = f"{times:.3g}" if times < 1000.0 else "over 1000"
     return f"flights would improve if {found.why}: now they cost {said} times as much"

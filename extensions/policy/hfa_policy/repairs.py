@@ -1,4 +1,4 @@
-"""Trial changes of a deployment file, each of which repairs one possible mistake."""
+"""Trial changes of a deployment file. Each corrects one possible mistake."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _DEGREES = 180.0 / np.pi
 
 
 class Repair(NamedTuple):
-    """One change of a deployment: o' = P o + c and a' = gain S a.
+    """Change of a deployment: o' = P o + c and a' = gain S a.
 
-    kind: kind of the mistake that it repairs.
-    text: the assumption of the change.
-    deployment: the changed deployment file.
-    P: (k, k). c follows from the changed deployment file at a trim.
+    kind: kind of the mistake that it corrects.
+    text: assumption of the change, for the message.
+    deployment: the changed deployment.
+    P: (k, k). c follows from the changed deployment at a trim.
     gain: (m,).
     S: (m, m).
     """
@@ -36,12 +36,12 @@ class Repair(NamedTuple):
 
 
 def card_with_gain(card: Deployment, gain: float) -> Repair:
-    """Return the deployment with all actions times a gain."""
+    """Return the change that multiplies all actions by a gain, without a changed deployment."""
     return _with_gains(card, "", "", card, np.full(len(card.action), gain))
 
 
 def repairs_of(deployed: Deployed) -> list[Repair]:
-    """Return every single change of the deployment that is tried."""
+    """Return all changes of the deployment that are tried, one at a time."""
     card = deployed.deployment
     of_observations = [*_exchanges(card), *_abouts(card), *_scales(deployed)]
     return [*of_observations, *_signs(card), *_exchanged_actions(card), *_units(deployed)]
@@ -58,7 +58,10 @@ def _with_observation(
 def _with_gains(
     card: Deployment, kind: str, text: str, changed: Deployment, gain: np.ndarray
 ) -> Repair:
-    """Return the change of a deployment file that multiplies its actions."""
+    """Return a change that multiplies the actions by gains (m,).
+
+    changed: the changed deployment
+    """
     return Repair(kind, text, changed, np.eye(len(card.observation)), gain, np.eye(gain.size))
 
 
@@ -74,7 +77,7 @@ def _exchanges(card: Deployment) -> Iterator[Repair]:
 
 
 def _signs(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes of sign: of each action alone, and of all actions."""
+    """Yield the changes of sign, of each action and of all actions together."""
     turned = {name: _times(entry, -1.0) for name, entry in card.action.items()}
     for number, name in enumerate(card.action):
         changed = card.changed(action={**card.action, name: turned[name]})
@@ -88,7 +91,7 @@ def _signs(card: Deployment) -> Iterator[Repair]:
 
 
 def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Return the entry of an action whose map multiplies it by a factor."""
+    """Return the entry of an action with the action multiplied by a factor in its map."""
     map_of_action = entry.get("map", "trim + a")
     return {**entry, "map": re.sub(r"\ba\b", f"({factor!r} * a)", map_of_action)}
 
@@ -96,7 +99,7 @@ def _times(entry: Mapping[str, Any], factor: float) -> dict[str, Any]:
 def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
     """Yield the changes that exchange two actions.
 
-    A box stays with its place, because it is the network's.
+    The boxes keep their order, because they belong to the outputs of the network.
     """
     names = list(card.action)
     for one, other in combinations(range(len(names)), 2):
@@ -111,12 +114,12 @@ def _exchanged_actions(card: Deployment) -> Iterator[Repair]:
 
 
 def _moving(entry: Mapping[str, Any], place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of an action with the box of another one."""
+    """Return the entry of an action with the box of another entry."""
     return {key: part for key, part in {**entry, "box": place.get("box")}.items() if part}
 
 
 def _units(deployed: Deployed) -> Iterator[Repair]:
-    """Yield the changes of actions on angles that are 57 times too large in the map."""
+    """Yield the change that converts actions on angles from degrees to radians."""
     card = deployed.deployment
     angles = [name for name in card.action if deployed.model.unit(name) in ("rad", "deg")]
     if angles:
@@ -132,7 +135,7 @@ def _units(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _abouts(card: Deployment) -> Iterator[Repair]:
-    """Yield the changes from absolute values to deviations from trim, and the reverse."""
+    """Yield the changes of all observations from deviations to absolute values, and the reverse."""
     for about, text in ((0.0, "absolute values"), ("trim", "deviations from trim")):
         observation = {name: {**entry, "about": about} for name, entry in card.observation.items()}
         if observation != card.observation:
@@ -164,13 +167,13 @@ def _scales(deployed: Deployed) -> Iterator[Repair]:
 
 
 def _divided(card: Deployment, scales: np.ndarray) -> dict[str, Any]:
-    """Return a deployment file with these scales of the observations."""
+    """Return the table `observation` of a deployment with these scales."""
     entries = zip(card.observation.items(), scales.tolist(), strict=True)
     return {name: {**entry, "scale": scale} for (name, entry), scale in entries}
 
 
 def _angles(deployed: Deployed) -> list[bool]:
-    """Return for each observation whether it depends on angles or their rates."""
+    """Return whether each observation depends on angles or angular rates."""
     found = []
     for formula in deployed.observed:
         units = {deployed.model.unit(name) for name in formula.names}
@@ -181,7 +184,8 @@ def _angles(deployed: Deployed) -> list[bool]:
 def _sizes(deployed: Deployed) -> np.ndarray:
     """Return the size of each observation, (k,).
 
-    It is the deviation of cost 1 by the deployment file's Q, else the model's nominal size, else 1.
+    It is the deviation with cost 1 for the deployment's Q. Without a weight it is the nominal value
+    of the signal, or 1 for a formula.
     """
     Q, _ = cost_weights(deployed)
     signals = deployed.model.signals

@@ -1,6 +1,6 @@
 """Flights of a deployed policy from its trim with sensor noise, a gust or turbulence.
 
-They are simulated as by `hfa fly`.
+They are simulated as in `hfa fly`.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ class RoughFlights(Result):
     """Flights from one trim with sensor noise or in moving air.
 
     flights: number of flights.
-    inside: number that stay inside the envelope.
+    inside: number of flights that stay inside the envelope.
     seconds: duration of a flight, s.
     disturbed_by: description of noise, gust or turbulence.
     rms: linear state or commanded input -> root mean square deviation from the trim, inside the
         envelope.
-    calm: root mean squares of a flight without noise in still air.
+    calm: the same root mean squares for a flight without noise in still air.
     departure: departure of the flight that leaves the envelope first, or None.
-    air: the gust or turbulence, in a line, or "" for none.
-    left_out: components that the equations do not support, one sentence each.
+    air: description of the gust or turbulence in one line, or "".
+    left_out: components of the moving air that the equations do not support, one sentence each.
     """
 
     flights: int
@@ -56,10 +56,9 @@ class RoughFlights(Result):
 
 
 def rough_scenario(scenario: Scenario, model: Model, samples: int) -> Scenario:
-    """Return the scenario on a model.
+    """Return the scenario for a model.
 
-    Raises BadInputError if it does not fit the model, contains no disturbance, or no flight is
-    requested.
+    Raises BadInputError if it does not fit the model, contains no disturbance, or `samples` is 0.
     """
     if samples < 1:
         raise BadInputError(
@@ -79,8 +78,9 @@ def rough_flights(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> list[RoughFlights]:
-    """Return the flights of a deployment from each trim: at most 20 where something is random,
-    otherwise one.
+    """Simulate a deployment from each trim in noise or moving air.
+
+    There are at most 20 flights from each trim, or one if the scenario contains nothing random.
 
     scenarios: noise, gust and turbulence at each trim, from `rough_scenario`.
     """
@@ -99,7 +99,7 @@ def rough_flights(
 
 
 def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
-    """Return the results of the flights of one trim."""
+    """Simulate the flights from one trim, and a flight without noise in still air."""
     flights = [fly_member(plan, member) for member in range(plan.members)]
     rms = _rms(plan, flights)
     still = sampled_scenario(policy, Scenario(plan.scenario.duration), plan.point)
@@ -122,8 +122,7 @@ def _flown(plan: MonteCarlo, policy: DeployedPolicy) -> RoughFlights:
 
 
 def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
-    """Return linear state or input -> root mean square deviation from trim, while inside the
-    envelope."""
+    """Return linear state or input -> root mean square deviation from trim inside the envelope."""
     rows = [member_row(plan, flight) for flight in flights]
     seconds = np.array([row["flown"] for row in rows])
     of_each = np.array([np.concatenate([row["rms_error"], row["effort"]]) for row in rows])
@@ -132,7 +131,7 @@ def _rms(plan: MonteCarlo, flights: Sequence[Flight]) -> dict[str, float]:
 
 
 def _disturbed_by(scenario: Scenario) -> str:
-    """Return the disturbances of a flight in words, or "" for none."""
+    """Return the names of a scenario's disturbances as text, or "" if there are none."""
     uncertain = scenario.uncertainty
     named = {
         "noise": any(uncertain.noise.values()),
@@ -146,18 +145,20 @@ def _disturbed_by(scenario: Scenario) -> str:
 
 
 def _turbulence_text(turbulence: Turbulence | None) -> str:
-    """Return "light turbulence" for that level, or "turbulence" for a given intensity."""
+    """Return "light turbulence" for a level, or "turbulence" for a given intensity."""
     if turbulence is None or not isinstance(turbulence.level, str):
         return "turbulence"
     return f"{turbulence.level} turbulence"
 
 
 def rough_table(found: Sequence[RoughFlights], trims: Sequence[str], units: Sequence[str]) -> Table:
-    """Return two rows for each trim: flights inside the envelope, and root mean square deviations
-    from the trim. Two rows of the calm flight follow.
+    """Return the table of root mean square deviations, with two rows for each trim.
 
-    trims: the text of each trim
-    units: of the entries of `rms`
+    The first row is for the flights with noise or in moving air, with the number inside the
+    envelope. The second is for the flight in calm air.
+
+    trims: description of each trim
+    units: unit of each entry of `rms`
     """
     names = [
         name if unit == "1" else f"{name} {shown_unit(unit)}"

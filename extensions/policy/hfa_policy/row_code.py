@@ -1,4 +1,4 @@
-"""CasADi Functions of many rows as machine code that computes several rows side by side."""
+"""CasADi Functions as machine code that evaluates several rows at a time."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ _WRITE = """for (int j = 0; j < {size}; j++)
 
 
 class RowCode:
-    """Compiled function that is called for each row of its arguments, as a `RowFunction`.
+    """Compiled function that is evaluated for each row of its arguments, like a `RowFunction`.
 
-    Threads can run it in parallel.
+    Several threads may call it in parallel.
     """
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
@@ -116,7 +116,10 @@ class RowCode:
         self._sizes = [function.numel_out(index) for index in range(function.n_out())]
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
-        """Return the results (N, size of the result) for arguments (N, size of the argument)."""
+        """Return the results (N, size of the result) for arguments (N, size of the argument).
+
+        Raises ValueError for an argument of another shape.
+        """
         count = len(tables[0])
         given = [np.ascontiguousarray(table, dtype=float) for table in tables]
         for table, width in zip(given, self._widths, strict=True):
@@ -127,9 +130,10 @@ class RowCode:
         return results
 
     def bound(self, table: np.ndarray, results: Sequence[np.ndarray]) -> Callable[[], Any]:
-        """Return a function of one table that writes its results into these arrays.
+        """Return a function without arguments that evaluates `table` and writes into `results`.
 
-        A result may be the table itself, because each row is read before it is written.
+        A result may be the table itself, because each row is read before it is written. Raises
+        ValueError unless all arrays are contiguous, of doubles and of matching shapes.
         """
         for each, width in zip((table, *results), (*self._widths, *self._sizes), strict=True):
             if each.shape != (len(table), width) or each.dtype != float or not each.data.contiguous:
@@ -141,9 +145,9 @@ class RowCode:
 def bound_rows(
     code: RowCode | RowFunction, table: np.ndarray, results: Sequence[np.ndarray]
 ) -> Callable[[], Any]:
-    """Return a function of one table that writes its results into these arrays.
+    """Return a function without arguments that evaluates `table` and writes into `results`.
 
-    They may be the table itself.
+    A result may be the table itself.
     """
     if isinstance(code, RowCode):
         return code.bound(table, results)
@@ -156,12 +160,12 @@ def bound_rows(
 
 
 def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunction:
-    """Return a dense function as machine code for many rows.
+    """Compile a dense function for many rows.
 
-    CasADi calls the function if its operations cannot be written as C or, with a note, if no
-    compiler works.
+    CasADi evaluates the function instead if its operations cannot be written in C, or, with a note,
+    if no compiler is available.
 
-    one_row: whether it processes one row at a time.
+    one_row: whether one row is evaluated at a time.
     """
     with MAKING:
         try:
@@ -176,10 +180,10 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """Return the C text of a function.
+    """Return the C source of a function.
 
-    Raises RuntimeError if CasADi cannot expand it to scalars, and BadInputError if `c_function`
-    cannot write it.
+    Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
+    `c_function` does not support an operation.
     """
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
@@ -215,8 +219,7 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return the compiler option for this processor's registers, and the number of doubles in
-    one."""
+    """Return the compiler option for this processor's registers, and the doubles per register."""
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux

@@ -1,11 +1,12 @@
-"""Exact sampled loop about an equilibrium, with held inputs and delayed commands.
+"""Exact sampled loop at an equilibrium, with held inputs and delayed commands.
 
-With the state s = (x_k; u_{k-1}; ...; u_{k-d-1}) of a delay of d samples and a part f of one,
+For a delay of d samples plus a fraction f of a sample, the state is
+s = (x_k; u_{k-1}; ...; u_{k-d-1}), and
 
     x_{k+1} = Φ x_k + Γ_late u_{k-d} + Γ_early u_{k-d-1},    u_k = -K x_k + K_inputs u_{k-d-1}.
 
-Γ_early acts during the first f dt and Γ_late during the rest of a sample. u_{k-d-1} is the input
-that acts just before the sample. For a policy of several samples, s also contains the earlier
+Γ_early acts during the first f dt of a sample and Γ_late during the remainder. u_{k-d-1} is the
+input just before the sample. For a policy that uses several samples, s also contains the earlier
 observations o = C x + D u. Source: Franklin, Powell and Workman, Digital Control of Dynamic
 Systems, Section 4.3.
 """
@@ -33,14 +34,14 @@ _WHOLE = 1e-9
 
 
 class Chain(NamedTuple):
-    """System s⁺ = F s + G v, u = C s, which is the closed loop for v = u.
+    """System s⁺ = F s + G v, u = C s. The closed loop is v = u.
 
     F: (N, N).
     G: (N, m).
     C: (m, N).
     states: number of aircraft states, the first entries of s.
-    dt: s.
-    start: (N, states), s at the first sample of a deviation of the states.
+    dt: sample time, s.
+    start: (N, states), s at the first sample for a deviation of the states.
     """
 
     F: np.ndarray
@@ -57,9 +58,9 @@ class Chain(NamedTuple):
 
     @property
     def slowest(self) -> complex:
-        """The eigenvalue of the closed loop of largest absolute value.
+        """Eigenvalue of the closed loop with the largest absolute value.
 
-        It is inf where its gains are too large to compute with.
+        It is inf if the closed-loop matrix is not finite.
         """
         closed = self.closed
         if not np.isfinite(closed).all():
@@ -69,15 +70,14 @@ class Chain(NamedTuple):
 
     @property
     def radius(self) -> float:
-        """The spectral radius of the closed loop."""
+        """Spectral radius of the closed loop."""
         return abs(self.slowest)
 
 
 def slowest_swing(chain: Chain) -> float:
-    """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 without
-    one.
+    """Return half the period, s, of the slowest lightly damped oscillation of a loop, or 0 if none.
 
-    Half a period damps such an oscillation to no less than a twentieth.
+    An oscillation is lightly damped if more than a twentieth of it remains after half a period.
     """
     values = np.linalg.eigvals(chain.closed)
     values = values[np.angle(values) != 0.0]
@@ -96,9 +96,9 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
 
 def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
-    """Return the sampled loop about an equilibrium.
+    """Return the sampled loop at an equilibrium.
 
-    delay: s
+    dt, delay: sample time and delay, s
     """
     samples = delay / dt
     whole = round(samples) if abs(samples - round(samples)) <= _WHOLE else math.floor(samples)
@@ -143,13 +143,13 @@ def chain_of(equilibrium: Equilibrium, dt: float, delay: float) -> Chain:
 
 
 class Delays(NamedTuple):
-    """The effect of delays on a loop.
+    """Effect of delays on a loop.
 
-    radii: spectral radius with 0, 1, 2, ... whole samples of delay, up to the first unstable one.
-    limit: s, first unstable delay in whole samples, from the deployed one on, or None without one
-        up to `searched`.
-    fine: s, first unstable delay to 5 % of a sample, or None without one up to `searched`.
-    searched: s, the longest delay examined.
+    radii: spectral radius with delays of 0, 1, 2, ... samples, up to the first unstable one.
+    limit: first unstable delay in complete samples, s, not below the deployed delay, or None if
+        there is none up to `searched`.
+    fine: first unstable delay to 5 % of a sample, s, or None if there is none up to `searched`.
+    searched: longest delay that was examined, s.
     """
 
     radii: tuple[float, ...]
@@ -159,9 +159,12 @@ class Delays(NamedTuple):
 
 
 def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays, searched upward from the deployed one sample by sample.
+    """Return the effect of delays, searched sample by sample from the deployed delay.
 
-    An unstable loop may be stable again at a longer delay.
+    An unstable loop may be stable again with a longer delay. The search ends at the first unstable
+    delay.
+
+    dt, deployed_delay: s
     """
     first = math.ceil(deployed_delay / dt - _WHOLE)
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
@@ -175,7 +178,10 @@ def delays(equilibrium: Equilibrium, dt: float, deployed_delay: float) -> Delays
 
 
 def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samples: int) -> float:
-    """Return the first unstable delay within the last sample before `samples`, in parts of it."""
+    """Return the first unstable delay, s, within the sample that ends at `samples`.
+
+    It is searched in steps of 1/`_PARTS` of a sample.
+    """
     for part in range(1, _PARTS):
         delay = (samples - 1 + part / _PARTS) * dt
         if delay >= deployed_delay and chain_of(equilibrium, dt, delay).radius >= 1.0:
@@ -184,10 +190,10 @@ def _first_lost(equilibrium: Equilibrium, dt: float, deployed_delay: float, samp
 
 
 class Margins(NamedTuple):
-    """Margins of a stable sampled loop, opened where its commands enter the aircraft.
+    """Margins of a stable sampled loop, opened at the commanded inputs.
 
     inputs: margins of each commanded input, with the other loops closed.
-    disk: disk margin of all inputs at once.
+    disk: disk margin for simultaneous changes of all inputs.
     """
 
     inputs: tuple[LoopMargin, ...]
@@ -195,7 +201,7 @@ class Margins(NamedTuple):
 
 
 def margins(chain: Chain) -> Margins:
-    """Return the margins of a stable loop at z = exp(jω dt), for ω up to half the sampling rate."""
+    """Return the margins of a stable loop at z = exp(jω dt), for ω up to π / dt."""
     loop = _closed_loop(chain)
     loops = tuple(single_margin(loop, i) for i in range(len(chain.C)))
     return Margins(loops, disk_of(loop))

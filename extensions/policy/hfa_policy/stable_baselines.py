@@ -1,9 +1,12 @@
-"""Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3) and their settings.
+"""Reader of Stable-Baselines3 zip files (PPO, A2C, SAC and TD3).
 
-The conventions are those of Stable-Baselines3 2.x. Squashing is a flag. PPO and A2C clip the mean
-to the Box. SAC, TD3 and PPO with `squash_output` apply tanh and map [-1, 1] to the Box. The
-activation is in `policy_kwargs`. Otherwise it is tanh for PPO and A2C, and relu for SAC and TD3.
-With gSDE the mean of SAC is clipped to ±clip_mean (2) before its tanh.
+It follows the conventions of Stable-Baselines3 2.x:
+
+- PPO and A2C clip the mean to the Box. SAC, TD3 and PPO with `squash_output` apply tanh and map
+  [-1, 1] to the Box.
+- The activation is in `policy_kwargs`. By default it is tanh for PPO and A2C, and relu for SAC
+  and TD3.
+- With gSDE, the mean of SAC is clipped to ±clip_mean (2) before tanh.
 """
 
 from __future__ import annotations
@@ -57,21 +60,20 @@ _SETTINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Zip:
-    """The settings of a policy in its zip.
+    """Settings of a policy in a Stable-Baselines3 zip.
 
     algorithm: "PPO or A2C", "SAC" or "TD3".
     part: names of the actor's tensors, for `network_in`.
     activation: activation between the layers.
     layout: widths of the hidden layers.
     squash: whether the output is tanh, mapped to the Box.
-    clip_mean: largest size of the output before tanh, or inf without such a clip.
+    clip_mean: largest absolute value before tanh, or inf if it is not clipped.
     low, high: (m,), the Box of the actions.
     observations: number of observations.
-    timesteps: steps of its training.
-    environments: number in parallel.
-    last: (E, k), its last observations, normalized if a normalizer was used, or None where not
-        stored.
-    last_original: (E, k), before normalization, or None where not stored.
+    timesteps: number of training steps.
+    environments: number of parallel environments.
+    last: (E, k), last observations, normalized if a normalizer was used, or None if not stored.
+    last_original: (E, k), observations before normalization, or None if not stored.
     """
 
     algorithm: str
@@ -95,9 +97,9 @@ class Zip:
 
 
 def read_zip(path: str | Path) -> Zip:
-    """Return the settings in the zip of a policy. No code in it is run.
+    """Read the settings in the zip of a policy, without executing its code.
 
-    Raises a BadInputError with the file and its actual content.
+    Raises a BadInputError that names the file and the fault.
     """
     with said_of(path):
         try:
@@ -120,7 +122,7 @@ def read_zip(path: str | Path) -> Zip:
 
 
 def _member(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Return one file of the zip, of a bounded size."""
+    """Return a file in the zip, of limited size. Raises BadInputError if it is missing."""
     if name not in archive.namelist():
         raise BadInputError(
             f"it contains no {name}; give a file written by Stable-Baselines3's model.save"
@@ -129,7 +131,13 @@ def _member(archive: zipfile.ZipFile, name: str) -> bytes:
 
 
 def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zip:
-    """Return the settings from the data and the names of the tensors."""
+    """Return the settings of a policy.
+
+    data: entries of the zip's file `data`
+    tensors: name -> tensor
+
+    Raises BadInputError for an unsupported setting.
+    """
     _refuse_other_class("policy_class", data, _POLICIES)
     settings = _stored(data, "policy_kwargs") or {}
     if not isinstance(settings, dict):
@@ -167,7 +175,7 @@ def _described(data: Mapping[str, Any], tensors: Mapping[str, np.ndarray]) -> Zi
 
 
 def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    """Raise BadInputError where an entry is a class that is not among those known."""
+    """Raise BadInputError if an entry is a class other than the known ones."""
     if data.get(entry) is None:
         return
     try:
@@ -185,8 +193,11 @@ def _refuse_other_class(entry: str, data: Mapping[str, Any], known: tuple[str, .
 
 
 def _algorithm(tensors: Mapping[str, np.ndarray]) -> tuple[str, str, str]:
-    """Return the algorithm, the actor's tensors and the usual activation, from the names of the
-    tensors."""
+    """Return the algorithm, the words that select the actor's tensors, and the default activation.
+
+    They follow from the names of the tensors. Raises BadInputError if the policy is not a
+    feed-forward actor of PPO, A2C, SAC or TD3.
+    """
     names = " ".join(tensors)
     if "features_extractor." in names:
         raise BadInputError("it has a features extractor with weights; export the policy to ONNX")
@@ -216,7 +227,7 @@ def _is_weight(name: str, part: str) -> bool:
 
 
 def _stored(data: Mapping[str, Any], name: str) -> Any:
-    """Return an entry of the data, unpickled with restrictions if necessary."""
+    """Return an entry of the data. A pickled entry is read without executing its code."""
     entry = data.get(name)
     if isinstance(entry, dict) and ":serialized:" in entry:
         with said_of(name):
@@ -229,7 +240,10 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float) -> float:
-    """Return a non-negative number of the data, or `usual` where it is missing."""
+    """Return a nonnegative number of the data, or `usual` if it is missing.
+
+    Raises BadInputError for another value.
+    """
     entry = entries.get(name)
     if entry is None:
         return usual
@@ -252,7 +266,12 @@ def _activation(stored: Any, usual: str) -> str:
 
 
 def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and highest values of a Box of one axis, (k,) each."""
+    """Return the lowest and highest values of a Box, (k,) each.
+
+    Raises BadInputError for another space and for a Box of several axes.
+
+    what: "actions" or "observations", for messages
+    """
     space = _stored(data, name)
     kind = getattr(space, "made_of", type(space).__name__).rpartition(".")[2]
     low = getattr(space, "low", None)
@@ -267,7 +286,7 @@ def _box(data: Mapping[str, Any], name: str, what: str) -> tuple[np.ndarray, np.
 
 
 def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
-    """Return stored observations as (E, k) doubles, or None without any."""
+    """Return stored observations as an array (E, k) of doubles, or None if there are none."""
     stored = _stored(data, name)
     if not isinstance(stored, np.ndarray) or stored.ndim != 2:
         return None
@@ -275,7 +294,7 @@ def _observations(data: Mapping[str, Any], name: str) -> np.ndarray | None:
 
 
 def is_stable_baselines(path: Path) -> bool:
-    """Return whether the file is a zip that `model.save` of Stable-Baselines3 has written."""
+    """Return whether a file is a zip written by Stable-Baselines3's `model.save`."""
     try:
         with zipfile.ZipFile(regular_file(path)) as archive:
             return {"data", "policy.pth"} <= set(archive.namelist())

@@ -15,9 +15,8 @@ from trim.point.solve import find_operating_point
 def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
     """Return operating points, given or found at values of the scheduling variable.
 
-    For None it is the model's own trim.
-
-    Raises BadInputError for a point of another aircraft, for another object, and for an empty list.
+    Without `points`, the result is the model's default trim. Raises BadInputError for a point of
+    another aircraft, for another object and for an empty list.
     """
     if points is None:
         return (find_operating_point(model, usual_condition(model)),)
@@ -42,7 +41,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
 
 
 def _listed(points: Any) -> list[Any]:
-    """Return one or several points as a list."""
+    """Return one or several points as a list. An object that is not iterable is one point."""
     if isinstance(points, OperatingPoint):
         return [points]
     try:

@@ -1,4 +1,4 @@
-"""Assessment of a deployed policy on changed aircraft, with other parameters or unmoved inputs."""
+"""Assessment of a deployed policy on changed aircraft, with other parameters or fixed inputs."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _MOST_SAMPLES = 100
 
 @dataclass(frozen=True, eq=False)
 class Variation(Result):
-    """The policy on an aircraft with one change, with the trim values of the original.
+    """Assessment of a policy on an aircraft with one change, with the trim values of the original.
 
-    name: name of the parameter or input.
-    value: its value.
-    assessed: the assessment, whose point has the states and inputs of the original trim.
+    name: name of the changed parameter or input.
+    value: changed value.
+    assessed: assessment at the states and inputs of the original trim.
     """
 
     json_keys = (
@@ -50,19 +50,19 @@ class Variation(Result):
 
     @property
     def text(self) -> str:
-        """Name and value, with the unit."""
+        """Name and value of the change, with the unit."""
         return f"{self.name} {self.assessed.point.model.describe(self.name, self.value)}"
 
 
 def changes_of(
     deployed: Deployed, vary: Mapping[str, tuple[float, float]]
 ) -> list[tuple[str, float]]:
-    """Return each change of the aircraft as a name and a value.
+    """Return the changes of the aircraft as (name, value).
 
     vary: parameter, or input that no action moves -> (lowest, highest).
 
-    Raises BadInputError for another name, for limits that are not two numbers in rising order, and
-    for values beyond the limits of the model.
+    Raises BadInputError for another name, for limits that are not two numbers in ascending order,
+    and for values outside the limits of the model.
     """
     model = deployed.model
     inputs = [name for name in model.inputs if name not in deployed.commanded]
@@ -81,7 +81,7 @@ def changes_of(
 
 
 def refuse_unvaried(model: Model, name: str, inputs: Sequence[str]) -> None:
-    """Raise BadInputError unless the name is a parameter of the model or one of these inputs."""
+    """Raise BadInputError unless `name` is a parameter of the model or is in `inputs`."""
     if name in inputs:
         return
     if name in model.inputs:
@@ -100,10 +100,9 @@ def variations(
     changes: Sequence[tuple[str, float]],
     progress: Progress | None = None,
 ) -> list[Variation]:
-    """Return the assessment of the policy on each changed aircraft, one change at a time, at each
-    trim.
+    """Assess the policy at each trim on each changed aircraft, one change at a time.
 
-    changes: result of `changes_of`.
+    changes: (name, value) of each change, from `changes_of`.
     """
     found: list[Variation] = []
     for point in assessor.points if changes else ():
@@ -121,7 +120,7 @@ def variations(
 
 
 def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
-    """Return two finite numbers in ascending order.
+    """Return the limits of a variation as two finite numbers in ascending order.
 
     Raises BadInputError for anything else.
     """
@@ -133,7 +132,7 @@ def _lowest_and_highest(name: str, limits: Any) -> tuple[float, float]:
 
 
 def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
-    """Raise BadInputError for a value beyond the limits of an input."""
+    """Raise BadInputError for a value outside the limits of an input."""
     signal = model.inputs[name]
     for value in values:
         if not signal.min <= value <= signal.max:
@@ -144,7 +143,7 @@ def _refuse_beyond(model: Model, name: str, values: Sequence[float]) -> None:
 
 
 def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
-    """Return the states and inputs of a trim on an aircraft with one change."""
+    """Return the trim with one parameter or input changed. The other trim values are unchanged."""
     model = point.model
     if name in model.parameters:
         return replace(point, model=model.with_parameters(**{name: value}), problem=None)
@@ -152,8 +151,10 @@ def _changed(point: OperatingPoint, name: str, value: float) -> OperatingPoint:
 
 
 def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
-    """Return the deployment with numbers for the trim values in its observations, because a
-    deployed policy keeps the trim of the original aircraft."""
+    """Return the deployment with fixed numbers in place of trim values in its observations.
+
+    On a changed aircraft, a deployed policy thus keeps the trim of the original aircraft.
+    """
     card = deployed.deployment
     whole = {
         name: {**entry, "about": 0.0, "scale": 1.0} for name, entry in card.observation.items()
@@ -170,9 +171,9 @@ def frozen_at(deployed: Deployed, point: OperatingPoint) -> Deployed:
 
 
 def variation_table(found: Sequence[Variation], trims: Sequence[str]) -> Table:
-    """Return a table with one row for each change and trim.
+    """Return the table of changed aircraft, with one row for each change and trim.
 
-    trims: the text of each trim, in order.
+    trims: description of each trim, in order.
     """
     rows = []
     per_trim = len(found) // len(trims)

@@ -1,4 +1,4 @@
-"""`VecEnv` of Stable-Baselines3 with many episodes of an aircraft."""
+"""Stable-Baselines3 `VecEnv` with many episodes of an aircraft."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hfa_support.errors import numbers_in, refuse_unless_whole
 
 
 class AircraftVectorEnvironment(VecEnv):
-    """Episodes that step together in compiled code and restart when they end."""
+    """Episodes that advance together in compiled code and restart when they end."""
 
     def __init__(self, episodes: Episodes) -> None:
         self.episodes = episodes
@@ -29,8 +29,10 @@ class AircraftVectorEnvironment(VecEnv):
         self._began = time.monotonic()
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Set the seed of all initial conditions from the next reset on, and return it for each
-        episode."""
+        """Set the seed of all initial conditions from the next reset on.
+
+        Returns the seed once for each episode.
+        """
         if seed is not None:
             refuse_unless_whole("seed", seed, 0)
         self._random = np.random.default_rng(seed)
@@ -46,14 +48,15 @@ class AircraftVectorEnvironment(VecEnv):
         return self.episodes.begin(numbers, self._random).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Store the actions for `step_wait`."""
+        """Store the actions (N, m) for `step_wait`."""
         self._actions = numbers_in("actions", actions)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Advance all episodes by one sample and restart those that ended.
+        """Advance all episodes by one sample and restart the episodes that ended.
 
-        Their `infos` contain the last observation and the departures from the envelope. They also
-        contain the return, length and time that Stable-Baselines3 logs as ep_rew_mean and
+        Returns observations, rewards, flags of ended episodes, and an `info` for each episode. For
+        an ended episode, `info` contains the last observation and the departure from the envelope.
+        It also contains return, length and time, which Stable-Baselines3 logs as ep_rew_mean and
         ep_len_mean.
         """
         stepped = self.episodes.step(self._actions)
@@ -81,17 +84,17 @@ class AircraftVectorEnvironment(VecEnv):
         """Do nothing: no file or process is open."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute once for each episode."""
+        """Return an attribute, repeated for each episode."""
         return [getattr(self, attr_name) for _ in self._of(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of all episodes, which share it."""
+        """Set an attribute, which all episodes share."""
         setattr(self, attr_name, value)
 
     def env_method(
         self, method_name: str, *arguments: Any, indices: Any = None, **options: Any
     ) -> list[Any]:
-        """Return the result of a method once for each episode."""
+        """Call a method once for each episode and return the results."""
         return [getattr(self, method_name)(*arguments, **options) for _ in self._of(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:

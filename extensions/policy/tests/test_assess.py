@@ -1,4 +1,4 @@
-"""`assess`: its results in Python and as JSON; flights and their outcomes."""
+"""Results of `assess` in Python and as JSON, and outcomes of flights."""
 
 import json
 from dataclasses import replace
@@ -32,12 +32,15 @@ KEYS = {
 
 @pytest.fixture(scope="module")
 def good():
-    """Return a policy that is stable at two trims, with few flights."""
+    """Return the assessment of a policy that is stable at two trims, with few flights."""
     return assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=16)
 
 
 def test_the_first_line_is_verdict_and_two_findings(good):
-    """The first line is a verdict and two findings."""
+    """The first line contains the verdict and two findings, in at most 100 columns.
+
+    Further findings follow on separate lines. A requirement that is not satisfied comes first.
+    """
     lines = good.report().title.split("\n")
     assert lines[0] == "PASS: holds from 45 to 60 m/s at 50 Hz; unstable with 20 ms of delay"
     assert lines[1] == "every flight converges"
@@ -77,7 +80,7 @@ def test_data_have_the_keys_that_are_promised(good):
     ],
 )
 def test_formula_not_smooth_at_trim_refused_by_name(table, name, entry):
-    """A formula that is not smooth at the trim is refused by name."""
+    """A formula that is not smooth at the trim is refused, with its table and name."""
     o = ca.SX.sym("o", 4)
     right = gtm_card({"file": ca.Function("gain", [o], [0.1 * o[1:3]])})
     model = model_of(GTM)
@@ -110,7 +113,7 @@ def test_a_delay_beyond_the_limit_does_not_hold():
 
 @pytest.mark.parametrize("name", ["ppo_gtm", pytest.param("ppo_raw", marks=pytest.mark.slow)])
 def test_rest_is_where_flight_of_200_s_ends(name):
-    """The stated equilibrium is the end of a flight of 200 s."""
+    """The equilibrium equals the end of a flight of 200 s that begins at the trim."""
     deployed = card(name).on(aircraft(name))
     points = trims(name)[:1]
     assessor = Assessor(deployed, points, samples=0)
@@ -122,7 +125,7 @@ def test_rest_is_where_flight_of_200_s_ends(name):
 
 
 def test_a_flight_is_that_of_its_equations():
-    """One sample with a delay of one and a half samples equals SciPy's integration."""
+    """The simulation of a sample with a delay of 1.5 samples equals SciPy's integration."""
     from scipy.integrate import solve_ivp
 
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
@@ -183,7 +186,7 @@ def test_flights_are_decided_by_their_seed():
 
 
 def test_normalizer_files_do_not_show_note_and_data(capsys):
-    """A normalizer that the files do not show is reported as a note and in the data."""
+    """A warning is printed and stored if the files do not show whether a normalizer was used."""
     words = ["assess", str(FOLDER / "sac_gtm.toml"), "--aircraft", GTM, "--at", "45"]
     assert main([*words, "--samples", "0", "--json"]) == 0
     printed = capsys.readouterr()
@@ -235,7 +238,7 @@ def test_the_nonlinearity_is_found_where_it_was_planted():
 
 
 def test_box_and_needs_are_those_of_the_command():
-    """`hfa.assess` accepts the box and the requirements that `hfa assess` has as options."""
+    """`hfa.assess` accepts the box and the requirements of `hfa assess`. Wrong ones are refused."""
     model = aircraft("ppo_gtm")
     o = ca.SX.sym("o", 4)
     gain = gtm_card({"file": ca.Function("gain", [o], [ca.vertcat(0.1 * o[2], 0.0)])})
@@ -259,7 +262,11 @@ def test_a_gain_has_no_nonlinearity():
 
 @pytest.mark.parametrize("delay", [0.0, 0.02])
 def test_aircraft_of_one_input_is_assessed_and_flown(delay):
-    """The pendulum, A = [0 1; g / l -b / m l²], is assessed, and its loop is that of held steps."""
+    """A pendulum with one input is assessed, simulated, and used as an environment.
+
+    Its spectral radius equals python-control's for A = [0 1; g / l -b / m l²] and held inputs, with
+    and without delay.
+    """
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     gain = np.array([[2.5, 0.5]])
     o = ca.SX.sym("o", 2)
@@ -286,8 +293,9 @@ def test_aircraft_of_one_input_is_assessed_and_flown(delay):
 
 
 def kinked_model():
-    """Return the GTM with a speed rate that falls with |pitch rate|, which has a kink at every
-    trim.
+    """Return the GTM with a speed rate that decreases with |pitch rate|.
+
+    It has a kink at every trim.
     """
     gtm = model_of(GTM)
 
@@ -300,8 +308,9 @@ def kinked_model():
 
 
 def test_slopes_at_a_kink_are_those_of_linearize():
-    """At a kink cost, radius and margins follow from the A and B of `linearize`, and a finding
-    names it.
+    """At a kink, the equilibrium has the A and B of `linearize`. A finding names the kink.
+
+    At a kink of the policy, K is the mean of both slopes.
     """
     o = ca.SX.sym("o", 4)
     gain = ca.Function("gain", [o], [ca.vertcat(0.3 * o[2] + 0.5 * ca.fmax(o[3], 0.0), 0.0)])
@@ -323,7 +332,12 @@ F16 = f"{ROOT}/examples/f16.py:F16"
 
 
 def f16_card(**tables):
-    """Return a deployment with the elevator of the F-16 about its altitude and pitch rate."""
+    """Return a deployment for the F-16's elevator.
+
+    It observes alpha, pitch rate and pitch.
+
+    tables: further tables of the deployment
+    """
     o = ca.SX.sym("o", 3)
     gain = ca.Function("gain", [o], [50.0 * o[0] + 60.0 * o[1] + 20.0 * o[2]])
     return Deployment(
@@ -336,9 +350,9 @@ def f16_card(**tables):
 
 
 def test_a_trim_at_edge_of_envelope_is_refused():
-    """A trim at the edge of the envelope is refused if other states move the state at the edge.
+    """A trim at the limit of a state is refused if other states move this state.
 
-    The shipped aircraft is inside of its envelope at its own trim.
+    The F-16 as shipped has a trim inside its envelope.
     """
     model = model_of(F16)
     edged = replace(
@@ -373,10 +387,10 @@ def test_a_lost_flight_names_state_limit_and_time():
 
 
 def test_the_first_lost_flight_is_the_first():
-    """The flight that leaves first is reported, compared with SciPy for flights that leave within
-    one second.
+    """The flight that leaves the envelope first is reported.
 
-    A second of the pulse has 33 samples.
+    It and its time equal those of SciPy's integration, without and with a disturbance pulse of 33
+    samples.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     wrong = np.array([[0.0, 2.0, 0.2, 2.0], [0.0, 0.0, 0.0, 0.0]])
@@ -397,8 +411,9 @@ def test_the_first_lost_flight_is_the_first():
 
 
 def _leaves_after(deployed, place, start, push):
-    """Return the time, s, at which a flight leaves the limits of its states, by SciPy from sample
-    to sample.
+    """Return the time, s, at which a flight leaves the limits of its states, or inf.
+
+    The flight is integrated by SciPy from sample to sample.
     """
     model, point = place.point.model, place.point
     trim, X, U = deployed.trim_vector(point), start, np.array(point.inputs)
@@ -416,10 +431,9 @@ def _rate(_, x, model, u, d):
 
 
 def test_changed_aircraft_are_flown_with_frozen_trim_values():
-    """A changed aircraft is flown with frozen trim values.
+    """A policy on a changed aircraft keeps the trim values of the original aircraft.
 
-    Its equilibrium at another xcg equals SciPy's root of the equations with the gain about the
-    original trim.
+    Its equilibrium with another xcg equals SciPy's root of the equations of motion with the policy.
     """
     from scipy.optimize import root
 
@@ -470,8 +484,9 @@ def test_a_wrong_change_is_refused_before_trims(vary, said):
 
 
 def test_several_deployments_are_one_table(capsys, tmp_path):
-    """Several deployments at equal trims and initial conditions are one table, with FAIL if one of
-    them does not meet a requirement.
+    """Several deployments are compared in one table, with equal trims and initial conditions.
+
+    The first line begins with FAIL if one of them does not satisfy a requirement.
     """
     model = model_of(GTM)
     linear = hfa.linearize(model, trims_of(model, [45.0])[0])

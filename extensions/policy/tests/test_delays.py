@@ -1,6 +1,4 @@
-"""The sampled loop is unstable from the delay on, to the sample, at which flights leave the
-envelope.
-"""
+"""The smallest unstable delay of the sampled loop agrees with flights, to the sample."""
 
 import numpy as np
 import pytest
@@ -19,10 +17,12 @@ SMALL = 1e-6
 
 
 def is_lost(name, point, equilibrium, delay):
-    """Return whether a small deviation of a flight grows in its last half, or to a hundred times
-    its size.
+    """Return whether a small deviation from a flight grows.
 
-    It is the difference of two flights, of which one begins in the equilibrium.
+    It grows if it is larger at the end than in the middle, or exceeds 100 times its initial size.
+    The deviation is the difference between two flights, one of which begins at the equilibrium.
+
+    delay: s
     """
     deployment = card(name)
     deployed = deployment.on(aircraft(name))
@@ -54,7 +54,7 @@ def is_lost(name, point, equilibrium, delay):
     ],
 )
 def test_delay_that_is_lost_is_that_of_flights(name, number):
-    """The smallest unstable delay of the loop equals that of flights."""
+    """Flights are stable one sample below the smallest unstable delay, and unstable at this delay."""
     deployment = card(name)
     point = trims(name)[number]
     assessor = Assessor(deployment.on(aircraft(name)), (point,), samples=0)

@@ -1,5 +1,6 @@
-"""Deployment files: every mistake is one line that names the entry, and files are read and never
-run.
+"""Errors in deployment files.
+
+Each error is one line that names the entry. Files are read without executing their code.
 """
 
 import base64
@@ -52,12 +53,15 @@ def folder(tmp_path):
 
 
 def compiled(path):
-    """Read and compile everything in a deployment file."""
+    """Load a deployment file and compile its command on the GTM."""
     return Deployment.load(path).on(model_of(GTM)).command
 
 
 def message_of(folder, text):
-    """Return the message with which a deployment file is refused."""
+    """Write a deployment file, and return the message with which it is refused.
+
+    Asserts that the message is one line.
+    """
     (folder / "card.toml").write_text(text)
     with pytest.raises(BadInputError) as caught:
         compiled(folder / "card.toml")
@@ -148,7 +152,7 @@ def test_a_formula_is_arithmetic():
 
 
 class Caller:
-    """An object whose pickle would call a function when it is read."""
+    """Object whose pickle calls a function when it is loaded."""
 
     def __init__(self, path):
         self.path = path
@@ -167,7 +171,7 @@ def test_a_normalizer_is_read(name):
 
 
 def test_pickle_that_calls_is_refused_and_not_run(folder):
-    """A pickle that calls a function is refused and not run."""
+    """A pickle that would call a function is refused, and the function is not called."""
     made = folder / "made"
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller(str(made))))
     said = message_of(folder, CARD.replace("ppo_gtm.pkl", "calls.pkl"))
@@ -176,7 +180,10 @@ def test_pickle_that_calls_is_refused_and_not_run(folder):
 
 
 def rewrite_zip(folder, changed):
-    """Write the zip of a folder again with changed data."""
+    """Rewrite the policy's zip in a folder with changed data.
+
+    changed: data of the zip -> changed data
+    """
     rewritten = io.BytesIO()
     with (
         zipfile.ZipFile(folder / "ppo_gtm.zip") as archive,
@@ -188,7 +195,7 @@ def rewrite_zip(folder, changed):
 
 
 def test_zip_whose_data_calls_refused_and_not_run(folder):
-    """A zip whose data call a function is refused and not run."""
+    """A zip whose data would call a function is refused, and the function is not called."""
     made = folder / "made"
     call = base64.b64encode(pickle.dumps(Caller(str(made)))).decode()
     rewrite_zip(folder, lambda data: data | {"action_space": {":serialized:": call}})
@@ -216,7 +223,7 @@ SHARED_KEY = b"\x80\x04}K\x01\x940" + b"0".join(
     ],
 )
 def test_pickle_that_takes_more_than_bytes_is_refused(folder, content):
-    """A pickle that reads beyond its bytes is refused."""
+    """A pickle that would need far more memory than its size is refused."""
     (folder / "bomb.pkl").write_bytes(content)
     assert "bomb.pkl: it" in message_of(folder, CARD.replace("ppo_gtm.pkl", "bomb.pkl"))
 
@@ -244,7 +251,7 @@ def test_a_normalizer_without_its_numbers_is_refused(folder, stored, typed):
     ],
 )
 def test_data_of_zip_of_another_type_are_refused(folder, entries):
-    """A zip with data of another type is refused."""
+    """A zip with an entry of a wrong type is refused, with the name of the entry."""
     rewrite_zip(folder, lambda data: data | entries)
     assert next(iter(entries)) in message_of(folder, CARD)
 
@@ -262,9 +269,7 @@ def test_data_of_zip_of_another_type_are_refused(folder, entries):
     ],
 )
 def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
-    """A policy of another class is refused by name, because the user's code defines its forward
-    pass.
-    """
+    """A policy of another class is refused by name, because that class defines its output."""
     stored = {
         name: {":serialized:": base64.b64encode(content).decode()}
         for name, content in entries.items()
@@ -274,8 +279,9 @@ def test_zip_of_another_class_is_refused_by_name(folder, entries, named):
 
 
 def test_action_scale_of_state_dict_is_its_box(folder):
-    """A state dict of CleanRL scales its tanh by action_scale and action_bias. A deployment file
-    with the same box is accepted.
+    """The action_scale and action_bias of a CleanRL state dict define the box of the actions.
+
+    `squash = false` contradicts them and is refused.
     """
     random = np.random.default_rng(3)
     weights = {"fc_mu.weight": random.normal(size=(2, 4)), "fc_mu.bias": np.zeros(2)}
@@ -343,7 +349,7 @@ def test_a_damaged_zip_is_one_line(folder, name):
 
 
 def test_gain_and_state_dict_onnx_graph_policies_too(tmp_path):
-    """A gain, a state dict and an ONNX graph are accepted as policies."""
+    """A gain and a state dict with the same weights have equal actions."""
     K = np.array([[0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8]])
     np.savez(tmp_path / "gain.npz", K=K)
     np.savez(tmp_path / "layer.npz", **{"weight": -K, "bias": np.zeros(2)})
@@ -363,7 +369,7 @@ def test_a_zip_says_what_it_is():
 
 
 def test_a_card_in_python_is_that_of_file():
-    """A deployment made in Python equals that of the file."""
+    """A deployment constructed in Python has the box and the sample time of its file."""
     loaded = card("ppo_gtm")
     again = Deployment(
         loaded.policy, loaded.observation, loaded.action, loaded.timing, loaded.cost, loaded.folder
@@ -373,7 +379,7 @@ def test_a_card_in_python_is_that_of_file():
 
 
 def test_a_deployment_that_was_read_is_pickled(folder):
-    """A deployment can be pickled, as SubprocVecEnv requires."""
+    """A deployment whose files were read can be pickled, as SubprocVecEnv requires."""
     read = card("ppo_gtm")
     assert read.actor
     assert pickle.loads(pickle.dumps(read)).actor.chain == read.actor.chain
@@ -402,7 +408,10 @@ def test_a_wrong_argument_is_one_line(make):
 
 
 def shared(times):
-    """Return nested lists, each of which contains the next one twice."""
+    """Return nested lists, each of which contains the next one twice.
+
+    times: number of levels
+    """
     inner = [1]
     for _ in range(times):
         inner = [inner, inner]
@@ -410,7 +419,7 @@ def shared(times):
 
 
 def test_pickle_of_shared_lists_is_refused_at_once(folder):
-    """A pickle of shared lists with 2^32 leaves is refused at once, without visiting the leaves."""
+    """A pickle of shared lists with 2^32 leaves is refused without visiting each leaf."""
     content = pickle.dumps({"obs_rms": shared(32)}, 2)
     with pytest.raises(BadInputError, match="refer to each other too often"):
         inert(content)
@@ -418,13 +427,13 @@ def test_pickle_of_shared_lists_is_refused_at_once(folder):
 
 
 def test_a_file_does_not_name_its_own_class(folder):
-    """A pickle cannot make an object appear to be of another class."""
+    """A pickle cannot change the class name that is stored for an object."""
     stored = inert(b"\x80\x02cgymnasium.spaces.box\nBox\n)\x81}X\x07\0\0\0made_ofX\x01\0\0\0ysb.")
     assert stored.made_of == "gymnasium.spaces.box.Box"
 
 
 def test_stacks_of_frames_actors_crossq_refused_in_words():
-    """Stacks of frames and actors of CrossQ are refused with a message."""
+    """Policies for stacks of frames and CrossQ actors are refused with an explanation."""
     from hfa_policy.stable_baselines import _algorithm
 
     one = gtm_card({"file": FOLDER / "ppo_raw.zip"}, observation={"speed": {}})

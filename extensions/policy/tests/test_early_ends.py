@@ -1,4 +1,7 @@
-"""A flight that is ended early has the outcome that it would have at its end."""
+"""Flights that end early.
+
+Their outcome equals the outcome at the end of their full duration.
+"""
 
 from dataclasses import replace
 
@@ -22,8 +25,10 @@ STARTS = 100
 @pytest.mark.parametrize("late", [0, 2])
 @pytest.mark.parametrize("name", ["td3_gtm", "ppo_raw"])
 def test_flights_that_end_early_are_classified_right(name, late):
-    """Flights that end early are classified rightly: swings of the TD3 policy grow by 1 % in 5 s
-    and leave the envelope.
+    """Flights that end early are classified correctly.
+
+    Among them are oscillations of the TD3 policy that grow by 1 % in 5 s and would leave the
+    envelope.
     """
     dt = card(name).dt
     deployment = card(name).changed(timing={"dt": dt, "delay": late * dt})
@@ -54,10 +59,10 @@ def test_flights_that_end_early_are_classified_right(name, late):
 @pytest.mark.slow
 @pytest.mark.parametrize("stays", [True, False])
 def test_a_flight_that_has_converged_stays(stays):
-    """A flight that counts as converged stays in the ball, because half of the slowest period is
-    awaited.
+    """A flight that counts as converged stays in the ball.
 
-    The phugoid of a small aircraft under a weak gain takes 16 s and drifts in altitude.
+    The search waits half the slowest period. Without this wait, some flights would leave the ball.
+    The phugoid of a small aircraft with a weak gain has a period of 16 s and drifts in altitude.
     """
     model = load_model(f"{ROOT}/examples/uav.toml")
     o = ca.SX.sym("o", 2)
@@ -87,7 +92,7 @@ def test_a_flight_that_has_converged_stays(stays):
 
 
 def test_the_equilibrium_follows_the_altitude():
-    """The slope of the equilibrium by the altitude is that between two trims 100 m apart."""
+    """The slope of the equilibrium by altitude equals the difference between altitudes 100 m apart."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     deployment = gtm_card({"file": ca.Function("none", [ca.SX(4, 1)], [ca.SX(2, 1)])})
     deployment = deployment.changed(action={"elevator": {}, "rudder": {}})
@@ -106,10 +111,10 @@ def test_the_equilibrium_follows_the_altitude():
 
 
 def _flown_on(flown, window, chosen, seconds=HORIZON):
-    """Return the chosen rows at the end of the full time.
+    """Simulate the chosen flights to the end of their full duration.
 
-    For each row the largest distance from the equilibrium in balls, and the lowest and highest X,
-    are also returned.
+    Returns their final rows, and for each flight the largest distance from the equilibrium, in
+    balls, and the lowest and highest X.
     """
     X, _, low, high, *_ = flown.flight.slices
     rows, times = flown.rows.copy(), flown.times.copy()
@@ -128,9 +133,7 @@ def _flown_on(flown, window, chosen, seconds=HORIZON):
 
 
 def _distance(flown, rows, chosen):
-    """Return the largest distance of flights from their equilibrium in their last window, in
-    balls.
-    """
+    """Return the largest distance of flights from their equilibrium in the last window, in balls."""
     X, _, low, high, *_ = flown.flight.slices
     moved = rows[:, X] - flown.trims[chosen]
     centres = flown.centres[chosen] + np.einsum("nij,nj->ni", flown.drifts[chosen], moved)
@@ -142,7 +145,7 @@ def _distance(flown, rows, chosen):
 
 @pytest.mark.slow
 def test_states_lag_behind_an_equilibrium_that_climbs():
-    """In a climb the speed settles off the equilibrium of its altitude, by the predicted amount."""
+    """In a climb, the speed lags behind the equilibrium at its altitude by the predicted amount."""
     model = load_model(f"{ROOT}/examples/uav.toml")
     point = hfa.find_operating_point(model, hold={"gamma": np.radians(1.0)})
     o = ca.SX.sym("o", 2)
@@ -169,11 +172,10 @@ def test_states_lag_behind_an_equilibrium_that_climbs():
 
 
 def test_modes_out_of_reach_take_flights_out_again():
-    """A flight in the ball does not count as converged if a mode that no action moves takes it out
-    again.
+    """A flight that leaves the ball again, through a mode that no action moves, does not converge.
 
-    For y' = .02 y and x' = -x + u + .02 y², x = .02 y² / 2.04 is in the ball first and not at the
-    end.
+    For y' = .02 y and x' = -x + u + .02 y² with u = -x, the state x = .02 y² / 2.04 is inside the
+    ball at first and outside at the end.
     """
     signal = hfa.Signal(nominal=1.0, min=-50.0, max=50.0)
     model = hfa.Model(

@@ -1,4 +1,4 @@
-"""An aircraft as an environment: flights, rewards, seeds and ends of episodes."""
+"""Environments of an aircraft: simulation, rewards, seeds and ends of episodes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_checker_of_gymnasium_passes(name: str) -> None:
 
 
 def test_points_are_what_assess_takes() -> None:
-    """Points are operating points, values of the scheduling variable, or None, as for `assess`."""
+    """Points are operating points, values of the scheduling variable, or None, as in `assess`."""
     model, deployment = aircraft("ppo_gtm"), card("ppo_gtm")
     speeds = []
     for points in (trims("ppo_gtm")[1:2], trims("ppo_gtm")[1], [45.0]):
@@ -51,8 +51,9 @@ def test_points_are_what_assess_takes() -> None:
 
 
 def test_an_environment_needs_no_deployment() -> None:
-    """Without a deployment all linear states are observed as deviations, and all inputs are
-    actions.
+    """Without a deployment, all linear states are observed and all inputs are actions.
+
+    The observations are deviations from the trim in nominal values.
     """
     model = aircraft("ppo_gtm")
     env = environment(model)
@@ -73,7 +74,7 @@ def test_an_environment_needs_no_deployment() -> None:
 
 
 def test_the_usual_deployment_takes_a_sample_time() -> None:
-    """dt is accepted only without a deployment."""
+    """A sample time is accepted without a deployment, and refused together with one."""
     model = aircraft("ppo_gtm")
     for make in (environment, vector_environment):
         with pytest.raises(BadInputError, match=r"timing\.dt"):
@@ -85,7 +86,7 @@ def test_the_usual_deployment_takes_a_sample_time() -> None:
 
 
 def test_an_action_that_is_no_number_is_error() -> None:
-    """An action that is not a number is an error."""
+    """An action of a wrong size or type, or with NaN, is refused."""
     env = environment(aircraft("ppo_gtm"), card("ppo_gtm"), trims("ppo_gtm")[:1])
     env.reset(seed=1)
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
@@ -95,7 +96,10 @@ def test_an_action_that_is_no_number_is_error() -> None:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) -> None:
-    """A random gain on elevator and throttle flies for 4 s in the environment as by the command."""
+    """A random gain on elevator and throttle gives equal flights in the environment and by `fly`.
+
+    The flights last 4 s, with and without delay.
+    """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
     gain = 0.1 * np.random.default_rng(4).normal(size=(2, 4))
@@ -136,8 +140,9 @@ def test_policy_in_environment_is_flown_as_by_command(tmp_path, delay: float) ->
 
 
 def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
-    """The reward of a sample is minus its cost, and an episode that leaves pays the remaining
-    cost.
+    """The reward of a sample is its negative cost.
+
+    When an episode leaves the limits, this cost is counted for all remaining samples.
     """
     model = aircraft("ppo_gtm")
     point = trims("ppo_gtm")[1]
@@ -155,8 +160,9 @@ def test_sample_pays_cost_and_who_leaves_pays_rest() -> None:
 
 
 def test_an_episode_ends_where_numbers_end() -> None:
-    """An action without a value of its map ends the episode, at once or after the delay, with the
-    cost of the last number.
+    """An action for which the map has no value ends the episode, immediately or after the delay.
+
+    The observation before it is returned, with a large cost.
     """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
@@ -239,7 +245,7 @@ def test_many_episodes_at_once_are_those_of_one() -> None:
 
 
 def test_threads_do_not_change_episodes() -> None:
-    """Episodes divided among threads equal those of one thread."""
+    """Episodes computed in several threads equal those computed in one thread."""
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     many = Episodes(deployed, trims("ppo_gtm"), 520)
     few = Episodes(deployed, trims("ppo_gtm"), 60)
@@ -268,7 +274,10 @@ def test_training_logs_the_return_of_episodes() -> None:
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_episodes_meet_the_turbulence_of_flights() -> None:
-    """Turbulence in episodes depends on the seed only, and alpha has the spread of `fly`."""
+    """Turbulence in episodes depends only on the seed.
+
+    The states have the standard deviations that `fly` gives.
+    """
     light = Turbulence("light", 150.0, span=2.0)
     model, deployment = aircraft("ppo_gtm"), gtm_card({}, action=ACTION)
     points = trims("ppo_gtm")[1:2]
@@ -308,7 +317,10 @@ def test_what_an_environment_leaves_out_is_a_warning() -> None:
 
 
 def test_weights_of_the_cost_are_those_of_a_game() -> None:
-    """Q and R as matrices, diagonals or by name give the reward of a deployment with this cost."""
+    """Q and R may be matrices, diagonals, or given by name, as in a game.
+
+    They give the reward of a deployment with this cost. A matrix that is not diagonal is refused.
+    """
     model = aircraft("ppo_gtm")
     n, m = len(model.linear), len(model.inputs)
     Q = dict(zip(model.linear, np.arange(1.0, n + 1).tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""The command of a deployment file in C and in an FMU equals its command in Python."""
+"""Export of a deployment file: its command in C and in an FMU equals the command in Python."""
 
 import ctypes
 import subprocess
@@ -23,8 +23,12 @@ def exported(name, point, target):
 
 
 def differences(policy, command):
-    """Return the differences of a compiled command from that of the deployment file, at states and
-    inputs about the trim."""
+    """Return the largest difference between an exported command and the deployment's command.
+
+    It is computed at random states and inputs about the trim, in nominal values of the inputs.
+
+    command: (X, U before) -> U
+    """
     model = policy.deployed.model
     random = np.random.default_rng(0)
     states = [signal.nominal for signal in model.states.values()]
@@ -40,7 +44,7 @@ def differences(policy, command):
 
 
 def compiled(folder):
-    """Return the function (X, U before) -> U of the exported C."""
+    """Compile the exported C in a folder. Return its function (X, U before) -> U."""
     library = folder / "policy.so"
     words = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-O1", "-fPIC", "-shared"]
     source = folder / "deployed_policy.c"

@@ -1,4 +1,4 @@
-"""`hfa fly --policy` flies the policy that `hfa assess` judges."""
+"""Simulation of deployment files with `hfa fly --policy`."""
 
 import shutil
 import warnings
@@ -54,8 +54,9 @@ def test_the_flight_is_that_of_the_assessment(tmp_path, delay):
 
 
 def test_half_a_sample_has_half_steps_of_integration():
-    """A delay of half a sample has half steps of integration, although 0.025 s minus two samples of
-    0.01 s is slightly above 0.005 s in doubles.
+    """With a delay of 2.5 samples, a sample consists of two integration steps of half a sample.
+
+    In floating point, 0.025 s minus two samples of 0.01 s is slightly above 0.005 s.
     """
     deployed = card("ppo_gtm").on(aircraft("ppo_gtm"))
     point = trims("ppo_gtm")[0]
@@ -73,7 +74,7 @@ def test_half_a_sample_has_half_steps_of_integration():
 
 @pytest.mark.parametrize("map_", ["trim + 14 * a + log(pitch_rate)", "trim + a / (a - a)"])
 def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
-    """A formula without a value at the trim is refused, as by `hfa assess`."""
+    """A map without a value at the trim is refused by `fly` and by an environment."""
     text = (FOLDER / "ppo_gtm.toml").read_text().replace('"ppo_gtm', f'"{FOLDER}/ppo_gtm')
     path = tmp_path / "card.toml"
     path.write_text(text.replace("trim + 14*a", map_))
@@ -85,7 +86,7 @@ def test_formula_without_value_at_trim_refused_by_assessment(tmp_path, map_):
 
 
 def test_sample_time_of_parts_of_microsecond_is_refused():
-    """A sample time with a fraction of a microsecond is refused."""
+    """A sample time that is not a multiple of a microsecond is refused."""
     name = "ppo_gtm"
     odd = card(name).changed(timing={"dt": 0.0123456789})
     deployed = odd.on(aircraft(name))
@@ -95,7 +96,10 @@ def test_sample_time_of_parts_of_microsecond_is_refused():
 
 
 def card_without_normalizer(folder):
-    """Return a deployment file without the VecNormalize with which its policy was trained."""
+    """Write a deployment file that omits the VecNormalize of its policy's training.
+
+    Returns its path.
+    """
     right = (FOLDER / "ppo_gtm.toml").read_text()
     named = 'normalizer = "ppo_gtm.pkl"'
     assert named in right
@@ -106,7 +110,10 @@ def card_without_normalizer(folder):
 
 
 def test_card_is_flown_warns_of_what_files_prove(tmp_path):
-    """A flight of a deployment file warns of mistakes that its files prove."""
+    """A flight of a deployment file warns of mistakes that the policy's files prove.
+
+    A right deployment file causes no warning.
+    """
     point = trims("ppo_gtm")[1]
     with pytest.warns(UserWarning, match="mistake: the policy was trained with a VecNormalize"):
         flown_card(card_without_normalizer(tmp_path), aircraft("ppo_gtm"), point)
@@ -125,7 +132,7 @@ def test_fly_and_export_note_what_files_card_prove(tmp_path, capsys, words):
 
 
 def test_a_file_is_flown_as_its_content(tmp_path):
-    """`fly` accepts the file of a deployment or of a gain."""
+    """`hfa.fly` accepts the path of a deployment file or of a gain."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[0]
     path = FOLDER / "ppo_gtm.toml"
     by_name = fly(model, point, path, 0.2, initial={"alpha": 0.01})

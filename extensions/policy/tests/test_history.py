@@ -1,4 +1,4 @@
-"""Policies that take the observations of several samples."""
+"""Policies that use the observations of several samples."""
 
 import ctypes
 import subprocess
@@ -26,7 +26,12 @@ GAIN[1, [4, 8]] = [-1.0, -1.0]
 
 
 def stacked(delay=0.0, history=3, gain=GAIN):
-    """Return a deployment file whose gain observes three samples of the four states."""
+    """Return a deployment of a gain that observes several samples of the GTM's four states.
+
+    delay: s
+    history: number of samples
+    gain: (2, 4 history)
+    """
     o = ca.SX.sym("o", gain.shape[1])
     policy = {"file": ca.Function("gain", [o], [ca.DM(gain) @ o])}
     action = {"elevator": {"box": [-9, 9]}, "throttle": {"box": [-9, 9]}}
@@ -34,7 +39,10 @@ def stacked(delay=0.0, history=3, gain=GAIN):
 
 
 def test_the_loop_is_that_of_past_states():
-    """The spectral radius is that of (x_k; x_{k-1}; x_{k-2}) with SciPy's held plant."""
+    """The spectral radius equals that of the loop with state (x_k; x_{k-1}; x_{k-2}).
+
+    That loop is built with SciPy's held plant.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     result = hfa.assess(model, stacked(), [point], samples=0)
     linear = hfa.linearize(model, point)
@@ -51,7 +59,7 @@ def test_the_loop_is_that_of_past_states():
 
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_flights_are_those_of_fly_and_of_episodes(delay):
-    """Flights of one second equal those of `fly` and of episodes from one initial condition."""
+    """A flight of one second ends at the same state in `assess`, in `fly` and in an environment."""
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     card = stacked(delay)
     start = np.add(point.states, [2.0, 0.03, 0.1, -0.05])

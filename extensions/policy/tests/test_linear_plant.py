@@ -1,4 +1,4 @@
-"""Policies assessed on a linear plant in a file."""
+"""Policies on a linear plant in a file."""
 
 import json
 
@@ -25,7 +25,10 @@ SAMPLED = ("--sample-time", "0.02")
 
 @pytest.fixture
 def assessed(tmp_path, capsys):
-    """Return exit code, output and errors of `hfa assess` on a plant with a gain."""
+    """Return a function that runs `hfa assess` on a plant with a gain.
+
+    It returns exit code, output and errors.
+    """
 
     def run(K, *words, **plant):
         np.savez(tmp_path / "plant.npz", **plant)
@@ -40,7 +43,7 @@ def assessed(tmp_path, capsys):
 
 @pytest.mark.parametrize("A", [[[0.0, 1.0], [2.0, -0.3]], [[0.0, 1.0], [0.0, 0.0]]])
 def test_a_linear_plant_is_assessed(assessed, A):
-    """The spectral radius equals that of SciPy's held plant, also for a singular A."""
+    """The spectral radius equals that of SciPy's held plant. A may be singular."""
     B, K = np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", A=A, B=B)
     data = json.loads(output)
@@ -68,8 +71,9 @@ def test_a_file_without_a_linear_plant_is_refused(assessed, plant, said):
 
 @pytest.mark.parametrize(("doubles", "code"), [(150.0, 0), (5.0, 1)])
 def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code):
-    """A slow mode of a state that the deployment file does not observe is reported. A fast one is
-    judged.
+    """A slow mode that no observation shows is reported and does not count.
+
+    A faster such mode counts, and the policy fails.
     """
     rate = np.log(2.0) / doubles
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, rate]]
@@ -83,9 +87,7 @@ def test_slow_mode_that_no_observation_shows_is_reported(assessed, doubles, code
 
 
 def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
-    """An unstable mode that doubles in 150 s is named in the first line if the policy has no gain
-    on it.
-    """
+    """An unstable slow mode on which the policy has no gain is named in the first line."""
     A = [[0.0, 1.0, 0.0], [2.0, -0.3, 0.0], [0.0, 0.05, np.log(2.0) / 150.0]]
     np.savez("plant.npz", A=A, B=[[0.0], [1.0], [0.1]])
     for gain, said in ((0.0, "leaves x3 (doubles in 150 s) as it is"), (0.005, "")):
@@ -98,8 +100,9 @@ def test_slow_mode_policy_leaves_named_in_first_line(folder, capsys):
 
 
 def test_a_gain_alone_is_assessed(folder, capsys):
-    """A gain alone has the result of a deployment file of all states and inputs. A sample time is
-    accepted only for a gain.
+    """A gain without a deployment file has the result of a deployment of all states and inputs.
+
+    A sample time is required for a gain and refused for a deployment file.
     """
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     np.savez("plant.npz", A=A, B=B)

@@ -1,5 +1,7 @@
-"""Planted mistakes of deployment files: proved ones are named, better changes are suggested, and
-correct files have no finding.
+"""Planted mistakes of deployment files.
+
+Proved mistakes are named, and changes that improve the flights are suggested. Right files have
+no finding.
 """
 
 import shutil
@@ -26,7 +28,7 @@ DEGREES = 180.0 / np.pi
 
 
 def kinds(name, deployment):
-    """Return the mistakes that the files prove."""
+    """Return the kinds of mistakes that the files of a policy show."""
     deployed = deployment.on(aircraft(name))
     return [mistake.kind for mistake in mistakes_in_files(deployed, trims(name))]
 
@@ -54,16 +56,18 @@ def test_a_missing_normalizer_is_named(name):
 
 @pytest.mark.parametrize(("name", "proved"), [("a2c_gtm", True), ("td3_gtm", False)])
 def test_missing_normalizer_of_SAC_TD3_likely_not_proved(name, proved):
-    """A missing normalizer of SAC and TD3 is called likely and not proved, because other units
-    would also cause large changes between samples.
+    """A missing normalizer of SAC and TD3 is reported as likely, not as proved.
+
+    Other units could also cause large changes between samples.
     """
     deployed = with_policy(name, normalizer=None).on(aircraft(name))
     assert [mistake.proved for mistake in mistakes_in_files(deployed, trims(name))] == [proved]
 
 
 def of_eight_environments(last, last_original):
-    """Return the deployment file of a SAC without a normalizer, with these last observations of its
-    training.
+    """Return a deployment of a SAC without normalizer, with eight environments.
+
+    last, last_original: (8, 4), last observations in training
     """
     deployment = Deployment.load(FOLDER / "sac_gtm.toml")
     actor = deployment.actor
@@ -73,8 +77,9 @@ def of_eight_environments(last, last_original):
 
 
 def test_lines_prove_the_missing_normalizer_of_SAC():
-    """Observations on lines prove the missing normalizer of SAC, even if they are small. Clipped
-    ones are on no line.
+    """Last observations that are linear in the original ones prove a normalizer of SAC.
+
+    They may be small, and some are clipped.
     """
     original = np.random.default_rng(1).normal(size=(8, 4))
     last = np.clip((original - 0.1) / [0.3, 0.5, 0.9, 1.1], -2.0, 2.0).astype(np.float32)
@@ -85,8 +90,10 @@ def test_lines_prove_the_missing_normalizer_of_SAC():
 
 @pytest.mark.parametrize("change", [0.0, 0.003, 1.0])
 def test_SAC_without_a_normalizer_lacks_none(change):
-    """No normalizer is missed for a SAC trained without one: its observations are equal or one
-    sample apart, and far apart at the beginning of episodes.
+    """A SAC that was trained without a normalizer has no finding.
+
+    Its last observations are equal to the original ones, one sample later, or far away if an
+    episode begins.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
@@ -95,8 +102,9 @@ def test_SAC_without_a_normalizer_lacks_none(change):
 
 
 def test_a_normalizer_too_many_of_SAC_is_named():
-    """A superfluous normalizer of SAC is named if the observations are one sample apart. One
-    environment alone does not show it.
+    """A superfluous normalizer of SAC is named if several environments prove that none was used.
+
+    The records of one environment do not prove this.
     """
     random = np.random.default_rng(1)
     original = random.normal(size=(8, 4))
@@ -116,8 +124,9 @@ def test_observations_that_do_not_vary_prove_no_normalizer():
 
 
 def test_one_environment_of_SAC_does_not_show_normalizer():
-    """The report states that one environment of SAC does not show a normalizer, unless the
-    deployment file states that none was used.
+    """A warning states that the records of one SAC environment do not show a normalizer.
+
+    There is no warning if the deployment file specifies that none was used.
     """
     said = unknown_normalizer(card("sac_gtm").on(aircraft("sac_gtm")))
     assert 'else normalizer = "none"' in said
@@ -137,15 +146,13 @@ def test_a_normalizer_too_many_is_named():
 
 @pytest.mark.parametrize(("name", "other"), [("ppo_gtm", "a2c_gtm"), ("a2c_gtm", "td3_gtm")])
 def test_the_normalizer_of_another_checkpoint_is_named(name, other):
-    """The normalizer of another checkpoint is named, without other findings on its statistics."""
+    """The normalizer of another checkpoint is named. Its statistics cause no further finding."""
     found = kinds(name, with_policy(name, normalizer=f"{other}.pkl"))
     assert found == ["another checkpoint's normalizer"]
 
 
 def test_normalizer_four_numbers_no_count_to_another_checkpoint():
-    """A normalizer given as four numbers has no count, and is not assigned to another
-    checkpoint.
-    """
+    """A normalizer given as a table has no count, so it is not assigned to another checkpoint."""
     stored = read_normalizer(FOLDER / "ppo_gtm.pkl")
     table = {"mean": stored.mean, "variance": stored.variance}
     assert kinds("ppo_gtm", with_policy("ppo_gtm", normalizer=table)) == []
@@ -157,7 +164,7 @@ def test_absolute_values_for_deviations_are_named(name):
 
 
 def test_degrees_for_radians_are_named_beyond_limits():
-    """Degrees in place of radians are named if the training would have left the limits."""
+    """Degrees in place of radians are named if the training would have exceeded the limits."""
     name = "ppo_gtm"
     scaled = {
         key: {**entry, "scale": entry["scale"] * (1.0 if key == "speed" else DEGREES)}
@@ -167,7 +174,7 @@ def test_degrees_for_radians_are_named_beyond_limits():
 
 
 def trained_on_absolute_values():
-    """Return the deployment file of a policy whose normalizer has seen absolute values."""
+    """Return a deployment whose normalizer has the statistics of absolute values."""
     right = observed("ppo_gtm", about=0.0)
     deployed = right.on(aircraft("ppo_gtm"))
     trim = deployed.trim_vector(trims("ppo_gtm")[1])
@@ -179,7 +186,7 @@ def trained_on_absolute_values():
 
 
 def test_order_is_not_proved_to_be_absolute_values():
-    """A wrong order of states is not mistaken for absolute values."""
+    """A wrong order of absolute observations is reported as unclear, not as deviations."""
     right = trained_on_absolute_values()
     names = ["pitch", "alpha", "pitch_rate", "speed"]
     wrong = right.changed(observation={key: right.observation[key] for key in names})
@@ -188,7 +195,7 @@ def test_order_is_not_proved_to_be_absolute_values():
 
 
 def test_degrees_are_not_proved_to_be_deviations():
-    """Degrees are not mistaken for deviations, because small angles are near 0 in any unit."""
+    """Angles in degrees are not reported as deviations, because angles are near 0 in any unit."""
     right = trained_on_absolute_values()
     observation = {
         key: {**entry, "scale": entry["scale"] / (1.0 if key == "speed" else DEGREES)}
@@ -198,7 +205,7 @@ def test_degrees_are_not_proved_to_be_deviations():
 
 
 def test_scales_left_out_are_not_proved_to_deviations():
-    """Omitted scales are not mistaken for deviations."""
+    """Omitted scales of absolute values are reported as unclear, not as deviations."""
     right = observed("ppo_raw", about=0.0)
     stored = card("ppo_raw").actor.stored
     last = stored.last.copy()
@@ -223,7 +230,10 @@ def exchanged(name, one, other):
 
 
 def suggested(name, deployment, points=None):
-    """Return the texts of the suggested changes."""
+    """Return the texts of the suggested changes. Asserts that no mistake is proved.
+
+    points: trims, by default those of the policy
+    """
     assessor = Assessor(deployment.on(aircraft(name)), points or trims(name), 24)
     found = list(mistakes_of(assessor, assessor.assessed()))
     assert not any(mistake.proved for mistake in found)
@@ -243,7 +253,10 @@ def test_the_order_of_observations_is_suggested():
 
 
 def rescaled(name, of):
-    """Return the deployment file with other scales of its angles."""
+    """Return the deployment of a policy with other scales of its angles.
+
+    of: scale -> changed scale
+    """
     observation = {
         key: {**entry, "scale": entry["scale"] if key == "speed" else of(entry["scale"])}
         for key, entry in card(name).observation.items()
@@ -265,8 +278,9 @@ def test_degrees_and_the_sample_time_are_suggested(changed, said):
 
 
 def without_records(deployment, times=1.0):
-    """Return a deployment file whose policy, multiplied by `times`, has no evidence of its
-    training.
+    """Remove the records of training from a deployment, and return the deployment.
+
+    times: factor on the output of the policy
     """
     actor = card("ppo_raw").actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
@@ -284,7 +298,7 @@ def without_records(deployment, times=1.0):
     ],
 )
 def test_degrees_suggested_of_policy_without_records_of_training(of, said):
-    """Degrees are suggested for a policy without records of its training."""
+    """A wrong angle unit is suggested for a policy without records of its training."""
     found = suggested("ppo_raw", without_records(rescaled("ppo_raw", of)))
     assert any(said in text for text in found)
 
@@ -292,14 +306,17 @@ def test_degrees_suggested_of_policy_without_records_of_training(of, said):
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.25, 1.0, 4.0])
 def test_nothing_suggested_of_right_card_without_records_training(times):
-    """Nothing is suggested for a right deployment file without records of training."""
+    """For a right deployment file without records of training, no change is suggested.
+
+    This also holds if the output of the policy is multiplied by a factor.
+    """
     right = Deployment.load(FOLDER / "ppo_raw.toml")
     assert suggested("ppo_raw", without_records(right, times)) == []
 
 
 @pytest.mark.slow
 def test_nothing_is_suggested_of_exchange_whose_loop_stable():
-    """No change is suggested for an exchange of states whose loop is stable."""
+    """No change is suggested if two observations are exchanged and the loop is still stable."""
     assert suggested("ppo_raw", exchanged("ppo_raw", 1, 2)) == []
 
 
@@ -307,7 +324,7 @@ def test_nothing_is_suggested_of_exchange_whose_loop_stable():
 @pytest.mark.parametrize("times", [0.25, 2.0, 4.0])
 @pytest.mark.parametrize("name", ["a2c_gtm", "ppo_gtm", "ppo_raw"])
 def test_a_right_card_gets_no_suggestion(name, times):
-    """Nothing is suggested for a right deployment file whose policy is too strong or too weak."""
+    """For a right deployment file whose policy is too strong or too weak, no change is suggested."""
     actor = card(name).actor
     o = ca.SX.sym("o", actor.function.numel_in(0))
     strong = Deployment.load(FOLDER / f"{name}.toml")
@@ -320,7 +337,7 @@ def test_a_right_card_gets_no_suggestion(name, times):
 @pytest.mark.parametrize("delay", [0.0, 0.02, 0.06])
 @pytest.mark.parametrize("name", [name for name in AIRCRAFT if name != "ppo_c172"])
 def test_nothing_suggested_of_right_card_with_without_delay(name, delay):
-    """Nothing is suggested for a right deployment file, with or without a delay."""
+    """For a right deployment file, no change is suggested, with or without a delay."""
     timing = {**card(name).timing, "delay": delay}
     assert suggested(name, card(name).changed(timing=timing)) == []
 
@@ -330,8 +347,9 @@ SCALES = {"speed": 50.0, "alpha": 0.1, "pitch": 0.2, "pitch_rate": 0.5}
 
 
 def optimum_on_f16(times=1.0):
-    """Return the deployment file of an exact optimum on the F-16, multiplied by `times`, with
-    scales.
+    """Return a deployment of the exact optimum on the F-16, with scaled observations.
+
+    times: factor on the gain
     """
     Q = {name: scale**-2 for name, scale in SCALES.items()}
     R = {"thrust": 1e-6, "elevator": 0.04}
@@ -350,14 +368,14 @@ def optimum_on_f16(times=1.0):
 
 
 def kinds_on_f16(deployment):
-    """Return the changes that are suggested."""
+    """Return the kinds of mistakes that are reported for a deployment on the F-16."""
     model = model_of(F16)
     assessor = Assessor(deployment.on(model), trims_of(model, [502.0]), 12)
     return [mistake.kind for mistake in mistakes_of(assessor, assessor.assessed())]
 
 
 def with_mistake(kind):
-    """Return the optimum on the F-16 with a mistake in its deployment file."""
+    """Return the deployment of the optimum on the F-16 with one mistake of this kind."""
     right = optimum_on_f16()
     observation = {name: dict(entry) for name, entry in right.observation.items()}
     if kind == "sign":
@@ -382,20 +400,23 @@ def with_mistake(kind):
 
 @pytest.mark.parametrize("kind", ["sign", "order", "about", "degrees", "scale", "map", "actions"])
 def test_each_kind_of_mistake_suggested_on_another_aircraft(kind):
-    """Each kind of mistake is suggested on another aircraft."""
+    """Each kind of mistake is found on the F-16."""
     assert kind in kinds_on_f16(with_mistake(kind))
 
 
 @pytest.mark.parametrize(("times", "found"), [(-0.1, ["sign"]), (-0.02, []), (-10.0, [])])
 def test_a_change_is_named_only_near_the_optimum(times, found):
-    """A wrong sign is named for a gain up to ten times too weak, beyond which the change does not
-    help.
+    """A wrong sign is named only if the corrected policy is near the optimum.
+
+    times: factor on the optimal gain
     """
     assert kinds_on_f16(optimum_on_f16(times)) == found
 
 
 def test_optimum_of_changed_flights_is_that_of_scipy():
-    """The deployment file of the exact optimum has the optimal cost, except for sampling."""
+    """Flights with the exact optimum as a deployment cost about as much as with the sampled
+    optimum.
+    """
     model = model_of(F16)
     deployed = optimum_on_f16().on(model)
     assessor = Assessor(deployed, tuple(trims_of(model, [502.0])), 4)
@@ -407,7 +428,7 @@ def test_optimum_of_changed_flights_is_that_of_scipy():
 
 
 def test_all_signs_are_suggested_together():
-    """All wrong signs are suggested together if no single change would suffice."""
+    """If all actions have the wrong sign, changing all signs is suggested."""
     right = optimum_on_f16()
     turned_all = {name: {"map": "trim - a"} for name in right.action}
     model = model_of(F16)
@@ -420,14 +441,14 @@ def test_all_signs_are_suggested_together():
 @pytest.mark.slow
 @pytest.mark.parametrize("times", [0.02, 0.2, 1.0, 3.0])
 def test_nothing_is_suggested_of_optimum_of_another_strength(times):
-    """Nothing is suggested for the optimum multiplied by a factor."""
+    """For the optimum multiplied by a factor, no change is suggested."""
     assert kinds_on_f16(optimum_on_f16(times)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", [2, 6])
 def test_nothing_is_suggested_of_optimum_that_is_late(samples):
-    """Nothing is suggested for the optimum with a delay."""
+    """For the optimum with a delay, no change is suggested."""
     assert (
         kinds_on_f16(optimum_on_f16().changed(timing={"dt": 0.05, "delay": samples * 0.05})) == []
     )
@@ -440,7 +461,7 @@ def test_a_sign_is_suggested_of_late_optimum_too():
 
 
 def test_card_whose_normalizer_lies_elsewhere_refused_by_name(tmp_path):
-    """A deployment file whose normalizer does not exist is refused, and its name is stated."""
+    """A deployment file whose normalizer does not exist is refused, with the normalizer's name."""
     for file in ("ppo_gtm.toml", "ppo_gtm.zip"):
         shutil.copy(FOLDER / file, tmp_path)
     with pytest.raises(ValueError, match=r"ppo_gtm\.pkl: cannot be read"):

@@ -1,4 +1,4 @@
-"""Rows computed together equal rows that CasADi computes one by one."""
+"""Compiled evaluation of many rows. The results equal CasADi's."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_narrow_registers_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 17])
 def test_any_number_of_rows_and_functions_called_inside(count: int) -> None:
-    """Any number of rows, and functions that call others, give equal results."""
+    """Any number of rows is evaluated, and functions may call other functions."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
     inner = ca.Function("inner", [ca.vertcat(x, p)], [x[::-1] * p], {"never_inline": True})
     X, P, nothing = ca.MX.sym("x", 2), ca.MX.sym("p"), ca.MX.sym("nothing", 0)

@@ -1,4 +1,4 @@
-"""The sampled loop, its margins and its cost compared with python-control and SciPy."""
+"""Sampled loop, margins and cost, compared with python-control and SciPy."""
 
 import math
 import warnings
@@ -22,8 +22,9 @@ R = {"elevator": 1.11, "throttle": 0.00051}
 
 
 def linear_case(scale=1.0):
-    """Return the exact LQR times `scale` as a policy on the GTM, its equilibrium and its
-    deployment.
+    """Return the LQR of the GTM as a deployment, its equilibrium and its gain.
+
+    scale: factor on the gain
     """
     model = model_of(GTM)
     (point,) = trims_of(model, [45.0])
@@ -54,8 +55,10 @@ def test_the_sampled_aircraft_is_that_of_python_control(case):
 
 
 def test_half_a_period_of_the_slowest_oscillation():
-    """The slowest swing is half a period of 0.5 rad/s. If this mode decays to 5 % within it, the
-    swing is half a period of 3 rad/s.
+    """The slowest swing is half the period of the mode at 0.5 rad/s.
+
+    If this mode decays below 5 % within half its period, the result is half the period of the mode
+    at 3 rad/s.
     """
     for damping, expected in ((0.05, math.pi / 0.5), (0.8, math.pi / 3.0)):
         real = -0.5 * damping / math.sqrt(1.0 - damping**2)
@@ -68,7 +71,7 @@ def test_half_a_period_of_the_slowest_oscillation():
 
 @pytest.mark.parametrize("samples", [1, 3])
 def test_a_delay_is_chain_of_python_controls_delays(case, samples):
-    """A delay equals a chain of unit delays of python-control."""
+    """The loop with a delay equals python-control's loop with a chain of unit delays."""
     _, equilibrium, K = case
     plant = control.c2d(control.ss(equilibrium.A, equilibrium.B, np.eye(4), 0), DT, "zoh")
     shift = control.ss(np.zeros((2, 2)), np.eye(2), np.eye(2), 0, DT)
@@ -81,8 +84,9 @@ def test_a_delay_is_chain_of_python_controls_delays(case, samples):
 
 
 def test_half_sample_delay_half_sample_at_twice_rate(case):
-    """A delay of half a sample equals one sample at half the sample time with a command that
-    changes every other sample.
+    """The loop with half a sample of delay equals a loop with half the sample time.
+
+    In that loop, the delay is one sample and the command changes every second sample.
     """
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT / 2)
@@ -119,7 +123,7 @@ def test_margins_are_those_of_python_control(case):
 
 
 def test_gain_at_margin_is_at_edge_of_stability(case):
-    """At each gain margin the loop has a pole on the unit circle to 1e-9."""
+    """With the gain at its margin, the largest pole is on the unit circle to 1e-9."""
     _, equilibrium, K = case
     Phi, Gamma = held(equilibrium.A, equilibrium.B, DT)
     for loop, margin in enumerate(margins(chain_of(equilibrium, DT, 0.0)).inputs):
@@ -150,7 +154,7 @@ def test_costs_are_those_of_scipy(scale):
 
 
 def test_loop_of_wrong_sign_is_lost_without_delay(case):
-    """A loop of the wrong sign is unstable without delay."""
+    """A loop with a wrong sign is unstable with the shortest delay, 0."""
     deployed, _, _ = case
     flipped = deployed.deployment.action["elevator"] | {"map": "trim - a"}
     action = {**deployed.deployment.action, "elevator": flipped}

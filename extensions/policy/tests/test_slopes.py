@@ -1,4 +1,4 @@
-"""The command of a deployment file and its slopes equal those of Stable-Baselines3 in float64."""
+"""Command of a deployment file and its slopes, compared with Stable-Baselines3 in float64."""
 
 import json
 import zipfile
@@ -45,7 +45,7 @@ def test_the_references_cover_what_is_asked():
 
 
 def test_K_is_the_slope_of_card_at_rest():
-    """K is the slope of the policy at its equilibrium."""
+    """K equals central differences of the command at the equilibrium."""
     name = "td3_gtm"
     deployed = card(name).on(aircraft(name))
     point = trims(name)[0]
@@ -79,7 +79,7 @@ def test_the_stored_slopes_are_those_of_stable_baselines(name):
 
 
 def test_card_of_ONNX_file_is_that_of_zip(tmp_path):
-    """A deployment file of an ONNX file equals that of the zip."""
+    """A deployment file with an ONNX file has the actions of Stable-Baselines3."""
     onnx = pytest.importorskip("onnx")
     zipped = card("ppo_gtm")
     with zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive:

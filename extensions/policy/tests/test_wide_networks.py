@@ -17,7 +17,10 @@ from hfa_policy.trims import trims_of
 
 
 def wide_file(path, width, seed=0):
-    """Write a state dict of two hidden layers with random weights of moderate gain."""
+    """Write a state dict with two hidden layers and random weights, and return its path.
+
+    width: number of units of each hidden layer
+    """
     random = np.random.default_rng(seed)
     sizes = (4, width, width, 2)
     arrays = {}
@@ -32,7 +35,7 @@ def wide_file(path, width, seed=0):
 
 @pytest.mark.parametrize("name", [name for name in ROW_ACTIVATIONS if name])
 def test_an_activation_on_rows_is_that_of_graph(name):
-    """An activation evaluated on rows equals that of the graph."""
+    """Each activation has equal values on rows and as a graph of CasADi scalars."""
     values = np.linspace(-45.0, 45.0, 31)
     graph = [float(entry) for entry in ACTIVATIONS[name](values)]
     np.testing.assert_allclose(ROW_ACTIVATIONS[name](values.copy()), graph, rtol=1e-13, atol=1e-15)
@@ -40,7 +43,10 @@ def test_an_activation_on_rows_is_that_of_graph(name):
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_the_network_on_rows_is_that_of_graph(name):
-    """The network evaluated on rows equals the graph."""
+    """The actors of the test policies have equal outputs on rows and as CasADi functions.
+
+    The observations are not changed in place.
+    """
     actor = card(name).actor
     observations = np.random.default_rng(1).normal(size=(601, actor.function.numel_in(0)))
     kept = observations.copy()
@@ -60,7 +66,10 @@ def test_a_wide_network_is_computed_in_single_precision(tmp_path):
 @pytest.mark.parametrize(("width", "nearness"), [(100, 1e-12), (160, 1e-5)])
 @pytest.mark.parametrize("activation", ["gelu", "selu"])
 def test_wide_network_of_any_operations_computed_on_rows(tmp_path, activation, width, nearness):
-    """A wide network with any operations is evaluated on rows."""
+    """A network of any width and activation has the outputs of its CasADi function on rows.
+
+    Wide networks agree to single precision.
+    """
     card = gtm_card({"file": wide_file(tmp_path / "wide.npz", width), "activation": activation})
     observations = np.random.default_rng(1).normal(size=(20, 4))
     graph = np.array(card.actor.function(observations.T)).T
@@ -102,7 +111,7 @@ def test_a_wide_ONNX_graph_is_computed_on_rows(tmp_path):
 
 
 def test_flight_that_cycles_is_not_flown_to_end():
-    """A flight in a limit cycle is not simulated to its end."""
+    """A flight in a limit cycle ends early."""
     late = card("ppo_gtm").changed(timing={"dt": 0.02, "delay": 0.08})
     assessor = Assessor(late.on(aircraft("ppo_gtm")), trims("ppo_gtm")[1:2], samples=8)
     flight = assessor.flight()

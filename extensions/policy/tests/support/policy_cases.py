@@ -1,4 +1,4 @@
-"""Policies of the tests and their aircraft."""
+"""Policies for the tests, and their aircraft."""
 
 from functools import cache
 from pathlib import Path
@@ -31,7 +31,7 @@ model_of = cache(load_model)
 
 
 def aircraft(name):
-    """Return the model of a policy's aircraft."""
+    """Return the aircraft of a policy."""
     where = (AIRCRAFT | UNTRAINED)[name][0]
     return model_of(where) if where else hfa.aircraft()
 
@@ -44,12 +44,15 @@ def card(name):
 
 @cache
 def trims(name):
-    """Return the trims of the case."""
+    """Return the trims of a policy."""
     return trims_of(aircraft(name), AIRCRAFT[name][1])
 
 
 def gtm_card(policy, **tables):
-    """Return a deployment on the GTM with all four states as deviations from trim."""
+    """Return a deployment on the GTM that observes all four states as deviations from trim.
+
+    tables: replacements of the tables observation, action and timing
+    """
     entries = {
         "observation": {"speed": {}, "alpha": {}, "pitch_rate": {}, "pitch": {}},
         "action": {"elevator": {}, "throttle": {}},

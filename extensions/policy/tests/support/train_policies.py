@@ -1,9 +1,10 @@
-"""Train the policies of `policies/` again, each by its deployment file, and write their slopes.
+"""Train the policies of `policies/` again, and write their outputs and slopes.
 
     python extensions/policy/tests/support/train_policies.py [NAME ...]
 
-The slopes are computed with Stable-Baselines3's own modules in float64. Each training takes two to
-eight minutes and needs stable-baselines3, which no test of the default suite needs.
+Each is trained according to its deployment file. The slopes are computed with the modules of
+Stable-Baselines3 in float64. A training takes two to eight minutes and needs stable-baselines3,
+which the default tests do not need.
 """
 
 import json
@@ -133,9 +134,7 @@ def train(name):
 
 
 def slopes(name, count=5):
-    """Return observations, actions and their slopes by the modules of Stable-Baselines3 in
-    float64.
-    """
+    """Return observations, actions and their slopes, computed with Stable-Baselines3 in float64."""
     algorithm, *_, is_normalized, _, _, _ = PLANS[name]
     policy = algorithm.load(FOLDER / f"{name}.zip", device="cpu").policy.double()
     stored = None
