@@ -166,7 +166,9 @@ class Equations:
         return ["throttle"]
 
     def _parameter_names(self) -> Iterator[str]:
-        """Yield the names of levers, gravity, wind, payloads, tanks and engines."""
+        """Yield the names of the parameters: levers, gravity, wind, tanks, point masses and
+        engines.
+        """
         yield from (*_LEVERS, "mixture", "advance", "gravity", *WINDS)
         yield from (f"tank{number}" for number in range(len(self.parts.tanks)))
         yield from (f"pointmass{number}" for number in range(len(self.parts.points)))
@@ -176,7 +178,7 @@ class Equations:
 
     @cached_property
     def mass(self) -> Mass:
-        """Mass, center of gravity and inertia."""
+        """Weight, center of gravity and inertia, for the given tank contents and point masses."""
         read = partial(self.properties.read_or, where=str(self.parts.path))
         bodies = []
         for number, point in enumerate(self.parts.points):
@@ -194,14 +196,17 @@ class Equations:
         return mass_of(self.parts.empty, bodies)
 
     def reference_point(self, where: str) -> ca.SX:
-        """Point where the aerodynamic forces act, inches."""
+        """Return the point where the aerodynamic forces act, structural frame, inches, (3,).
+
+        where: location in a file, for messages
+        """
         point = []
         for axis, own in zip("xyz", self.parts.wings.reference_point, strict=True):
             point.append(self.properties.read_or(f"metrics/aero-rp-{axis}-in", own, where))
         return ca.vertcat(*map(ca.SX, point))
 
     def _winds(self, gusty: bool) -> Winds:
-        """Return the symbols of the air over ground and of the gusts in it."""
+        """Return the steady wind, and the gusts if `gusty`, as symbols."""
         gusts = None
         if gusty:
             north, east, up = (self.gusts[name] for name in GUSTS)
@@ -249,7 +254,7 @@ class Equations:
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
     def _define_loads(self) -> None:
-        """Define the properties of tanks and point masses, and those derived from them."""
+        """Define the properties of tanks, point masses, mass and center of gravity."""
         for number, tank in enumerate(self.parts.tanks):
             prefix = f"propulsion/tank[{number}]"
             contents = self.parameters[f"tank{number}"]
@@ -280,21 +285,23 @@ class Equations:
         self._follow("aero/h_b-mac-ft", self._reference_height)
 
     def _of_mass(self, name: str) -> Any:
-        """Return a property of mass."""
+        """Return the mass property with this name."""
         return mass_properties(self.mass)[name]
 
     def _follow(self, name: str, compute: Callable[[], Any]) -> None:
-        """Define a property of the state that is computed when it is first read."""
+        """Define a property that is computed from the states when it is first read."""
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _reference_height(self) -> Any:
-        """Height of the aerodynamic reference point, in spans."""
+        """Return the height of the aerodynamic reference point above the ground, divided by the
+        span.
+        """
         arm = self.mass.arm(self.reference_point(""))
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
 
     def _define_reactions(self, reactions: Reactions) -> None:
-        """Define the sums of external forces."""
+        """Define the properties of the total external force and moment."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
                 (0, f"forces/fb{along}-external-lbs"),
@@ -307,7 +314,11 @@ class Equations:
                 self._follow(name, total)
 
     def _reach_throttles(self) -> None:
-        """Use the position of a throttle as the input if it does not follow its command."""
+        """Use the position of a throttle as the input if the control system does not pass on its
+        command.
+
+        A note reports this to the user.
+        """
         for file in self.parts.engines:
             own_name = f"throttle{file.number}"
             name = own_name if own_name in self.inputs else "throttle"
@@ -318,7 +329,7 @@ class Equations:
                 self.cut_throttles.append(name)
 
     def _define_functions(self) -> None:
-        """Define the properties of <property value="..."> and of named functions."""
+        """Define the properties set by <property value="..."> and by named functions."""
         loaded = sorted(self.parts.sections, key=lambda part: LOADED.index(part.name))
         sections: list[tuple[Element, int | None]] = [(part, None) for part in loaded]
         sections += [(file.engine, file.number) for file in self.parts.engines]
@@ -329,10 +340,12 @@ class Equations:
                 self._define_function(part, number, self._order_of(section, part))
 
     def _order_of(self, section: Element, function: Element) -> int:
-        """Return the place of a function in the order of evaluation.
+        """Return the position of a function in JSBSim's order of evaluation.
 
-        Functions of the control system precede its components. Functions of the air outside the
-        axes precede those of the axes.
+        Functions of a control system precede its components. Aerodynamic functions outside an
+        <axis> precede those in an <axis>.
+
+        section: element that contains the function
         """
         if not self.properties.step:
             return AFTER_ALL
@@ -343,9 +356,13 @@ class Equations:
         return AFTER_ALL
 
     def _define_property(self, element: Element, overrides: bool) -> None:
-        """Set a property of a file, unless it already has a value that must not be overridden.
+        """Set the property of a <property> element.
 
-        Properties of JSBSim that can be set are set too.
+        A built-in JSBSim property is set if it can be written. Pilot commands keep their symbols.
+        The value of a parameter becomes its value at the start. Any other property is set unless it
+        has a value already and `overrides` is False.
+
+        Raises BadInputError for a read-only JSBSim property.
         """
         value = element.as_number(element.attributes.get("value", "0"))
         rights = access(plain(element.text))
@@ -368,9 +385,12 @@ class Equations:
             self.properties.define_initial(element.text, value)
 
     def _define_function(self, element: Element, number: int | None, order: int) -> None:
-        """Define the property named by a function or a table.
+        """Define the property named by a function or a table. It is computed when it is first read.
 
-        A property to which it copies its value is replaced by that name for all readers.
+        A property in `copyto` may not be read: BadInputError then asks for the function's name.
+
+        number: index of the engine that contains the function, or None
+        order: position in JSBSim's order of evaluation
         """
         name = "-".join(element.attributes["name"].split(" "))
         copy = element.attributes.get("copyto")
@@ -397,8 +417,9 @@ class Equations:
             self.properties.compute(full_name, writer)
 
     def _add_engine(self, file: EngineFile, around: Surroundings) -> Writer:
-        """Define the properties of an engine, and return a writer whose value is the engine's
-        effect."""
+        """Define the properties of an engine. Return a writer whose value is the engine's
+        `Effect`.
+        """
         writer = jets.add_engine(file, around, computing(file, around))
         if file.number == 0:
             for axis, (along, moment_axis) in enumerate(zip("xyz", "lmn", strict=True)):
@@ -407,7 +428,11 @@ class Equations:
         return writer
 
     def _define_sum(self, name: str, kind: str, axis: int) -> None:
-        """Define a property as the sum over all engines."""
+        """Define a property as a component of the force or moment of all engines.
+
+        kind: "force" or "moment"
+        axis: index of the component
+        """
 
         def compute() -> Any:
             parts = (getattr(effect, kind)[axis] for effect in self._effects())
@@ -416,16 +441,18 @@ class Equations:
         self.properties.compute(name, Writer(compute, "", -1))
 
     def _effects(self) -> list[Effect]:
-        """Return the effects of all engines."""
+        """Return the force, moment and thrust of each engine."""
         return [
             self.properties.value_of(writer, file.full_name("thrust"), file.mount.where)
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
         ]
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set the rates of all states, and the outputs.
+        """Set the time derivatives of all states, and the outputs.
 
-        outside: force and moment of external reactions
+        x: object with the states as attributes
+        air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each
+        outside: force and moment of the external reactions
         """
         motion = self.motion
         mass = self.mass
@@ -462,8 +489,10 @@ class Equations:
                 self.outputs[f"spool_error{file.number}"] = error
 
     def _add_filters(self) -> None:
-        """Add the rates of the states of the control system, including those that these rates
-        require."""
+        """Add the filter states of the control system with their time derivatives.
+
+        A derivative may require further filter states, which are added too.
+        """
         done = 0
         while done < len(self.properties.filters):
             state = self.properties.filters[done]
@@ -475,10 +504,11 @@ class Equations:
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Solve for alphadot and betadot, on which aerodynamic forces depend, and substitute them.
+        """Solve for the time derivatives of alpha and beta, on which forces may depend, and
+        substitute them.
 
-        One Newton step solves the equations where they are linear in both rates. Two more solve
-        quadratic equations.
+        One Newton step is exact if the equations are linear in them. Otherwise three steps are
+        made, which suffices for quadratic equations.
         """
         symbols = ca.vertcat(*self.rate_symbols)
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
@@ -498,9 +528,9 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _blow(self) -> None:
-        """Substitute a wind set by the files for its parameter.
+        """Replace the wind parameters by the wind that the files set, if any.
 
-        Raises BadInputError if it depends on the flight, because the states are relative to a
+        Raises BadInputError if this wind depends on the states, because these are relative to a
         steady wind.
         """
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
@@ -518,7 +548,11 @@ class Equations:
             self._substitute(symbol, total)
 
     def _stop_clock(self) -> None:
-        """Set the time to 0. Raises BadInputError where forces in steady flight depend on it."""
+        """Set the simulation time to 0.
+
+        Raises BadInputError if the time derivatives in steady flight depend on it. If they do so at
+        other states only, a note is added.
+        """
         rates = ca.vertcat(*self.rates.values())
         if not ca.depends_on(rates, self._time):
             self._substitute(self._time, ca.SX(0.0))
@@ -534,7 +568,7 @@ class Equations:
         self._substitute(self._time, ca.SX(0.0))
 
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
-        """Substitute a value for a symbol in all rates and outputs."""
+        """Replace a symbol by a value in all time derivatives and outputs."""
         names = [*self.rates, *self.outputs]
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         changed = ca.vertsplit(ca.substitute(values, symbol, value))
@@ -544,7 +578,7 @@ class Equations:
 
 
 def _engine_states(parts: Parts) -> Iterator[str]:
-    """Yield the engine states: rpm of propellers, blade angles of governed ones, and lags."""
+    """Yield the names of the engine states: propeller speeds, governed blade angles, and lags."""
     for file in parts.engines:
         if file.has_propeller:
             yield f"rpm{file.number}"

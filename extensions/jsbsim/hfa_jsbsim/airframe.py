@@ -1,5 +1,4 @@
-"""Sizes of the wing, mass, center of gravity and inertia (`FGAircraft`, `FGMassBalance`,
-`FGTank`)."""
+"""Geometry, mass, center of gravity and inertia (`FGAircraft`, `FGMassBalance`, `FGTank`)."""
 
 from __future__ import annotations
 
@@ -20,7 +19,10 @@ SLUG_TO_LB = 32.174049
 
 @dataclass(frozen=True)
 class Metrics:
-    """Sizes, ft and sq ft, and points in inches of the structural frame (x aft, y right, z up)."""
+    """Geometry of the aircraft: lengths in ft, areas in ft², incidence of the wing in rad.
+
+    Points are in inches in the structural frame (x aft, y right, z up).
+    """
 
     area: float
     span: float
@@ -36,7 +38,7 @@ class Metrics:
 
 
 def read_metrics(element: Element) -> Metrics:
-    """Return the metrics of an aircraft."""
+    """Return the geometry given by a <metrics> element."""
     points = {
         child.attributes.get("name", ""): child.vector("IN") for child in element.all("location")
     }
@@ -58,9 +60,11 @@ def read_metrics(element: Element) -> Metrics:
 
 @dataclass(frozen=True)
 class Body:
-    """Part of the aircraft: weight in lb, location in inches, own inertia in slug ft^2.
+    """Part of the aircraft, with numbers or expressions.
 
-    The values are numbers or expressions.
+    weight: lb.
+    location: structural frame, inches.
+    inertia: matrix about its center of gravity, slug ft².
     """
 
     weight: Any
@@ -70,13 +74,14 @@ class Body:
 
 @dataclass(frozen=True)
 class Tank:
-    """Tank of a file, in lb and inches.
+    """Tank, in lb and inches.
 
-    kind: FUEL or OXIDIZER.
-    unusable: the part of its contents that cannot be used.
-    priority: 0 for a closed tank; engines use the lowest number first.
-    full, drain: location of its contents when it is full, and when it is empty.
-    inertia: contents, lb -> (3,) moments of inertia about itself, slug ft^2.
+    kind: "FUEL" or "OXIDIZER".
+    contents: contents in the file, lb.
+    unusable: contents that cannot be used, lb.
+    priority: 0 if the tank is closed. Engines use the tank with the lowest positive number first.
+    full, drain: center of the contents of a full tank and of an empty one.
+    inertia: function (contents, lb) -> three moments of inertia of the contents, slug ft².
     """
 
     element: Element
@@ -92,20 +97,23 @@ class Tank:
 
     @property
     def usable(self) -> bool:
-        """True if it contains usable fuel."""
+        """True if the contents in the file exceed the unusable part."""
         return self.contents > self.unusable
 
     def place(self, contents: Any) -> list[Any]:
-        """Return the location of its contents, inches."""
+        """Return the center of these contents, inches.
+
+        contents: lb
+        """
         share = contents / self.capacity
         return [low + share * (high - low) for low, high in zip(self.drain, self.full, strict=True)]
 
 
 @dataclass(frozen=True)
 class PointMass:
-    """A <pointmass>: weight in lb, place in inches, and inertia about its own center in slug ft^2.
+    """Point mass: weight in lb, location in inches, and inertia about its center in slug ft².
 
-    has_form: whether its inertia is proportional to its weight. Otherwise it is constant.
+    has_form: whether the inertia is proportional to the weight. Otherwise it is constant.
     """
 
     weight: float
@@ -114,7 +122,10 @@ class PointMass:
     has_form: bool
 
     def inertia_at(self, weight: Any) -> Any:
-        """Return its inertia about its own center at another weight."""
+        """Return the inertia about its center for another weight, slug ft², (3, 3).
+
+        weight: lb
+        """
         if not self.has_form or self.weight == 0.0:
             return ca.SX(ca.DM(self.inertia))
         return ca.SX(ca.DM(self.inertia / self.weight)) * weight
@@ -122,11 +133,11 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Mass:
-    """Mass of the aircraft, in numbers or expressions.
+    """Mass of the aircraft, with numbers or expressions.
 
-    weight: lb
-    center: (3,), center of gravity, inches
-    inertia: (3, 3), in body axes, slug ft^2
+    weight, empty_weight: lb
+    center: center of gravity, structural frame, inches, (3,)
+    inertia: about the center of gravity, body axes, slug ft², (3, 3)
     """
 
     weight: Any
@@ -140,19 +151,20 @@ class Mass:
         return self.weight / SLUG_TO_LB
 
     def arm(self, location: Any) -> Any:
-        """Return the vector from the center of gravity to a place, ft, in body axes (x forward, z
-        down).
+        """Return the vector from the center of gravity to a point, body axes, ft.
+
+        location: structural frame, inches
         """
         return structural_to_body(location - self.center)
 
 
 def structural_to_body(offset: Any) -> Any:
-    """Return a vector in inches in the structural frame as ft in body axes."""
+    """Convert a vector from inches in the structural frame to feet in body axes."""
     return ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
 
 
 def read_tanks(propulsion: Element | None) -> list[Tank]:
-    """Return the tanks of an aircraft."""
+    """Return the tanks in <propulsion>."""
     return [] if propulsion is None else [_tank(element) for element in propulsion.all("tank")]
 
 
@@ -190,7 +202,10 @@ def _tank(element: Element) -> Tank:
 
 
 def _inertia_of_contents(element: Element, capacity: float) -> Callable[[Any], list[Any]]:
-    """Return the function (contents) -> own moments of inertia (`FGTank::CalculateInertias`)."""
+    """Return a function (contents, lb) -> three moments of inertia, slug ft².
+
+    It is that of `FGTank::CalculateInertias`.
+    """
     radius = element.value_of("radius", 0.0, "IN") / 12.0
     factor = element.value_of("inertia_factor", 1.0)
     grain = element.find("grain_config")
@@ -239,14 +254,14 @@ def read_point_masses(element: Element) -> list[PointMass]:
 
 
 def read_empty(element: Element) -> Body:
-    """Return the empty aircraft."""
+    """Return the empty aircraft given by <mass_balance>."""
     places = {child.attributes.get("name"): child.vector("IN") for child in element.all("location")}
     empty_weight = element.value_of("emptywt", 0.0, "LBS")
     return Body(empty_weight, places.get("CG", np.zeros(3)), _inertia(element))
 
 
 def mass_of(empty: Body, others: Sequence[Body]) -> Mass:
-    """Return the mass of the empty aircraft with other bodies, as expressions."""
+    """Return the mass of the empty aircraft together with other bodies, as expressions."""
     bodies = [empty, *others]
     weight = sum((ca.SX(body.weight) for body in bodies), start=ca.SX(0.0))
     moment = sum((_column(body.location) * body.weight for body in bodies), start=ca.SX.zeros(3))
@@ -265,9 +280,9 @@ def _column(values: Any) -> ca.SX:
 
 
 def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
-    """Return the mass with the tanks' contents and point masses of the file, in numbers.
+    """Return the mass for the tank contents and point masses in the file, in numbers.
 
-    Raises BadInputError where it is not positive.
+    Raises BadInputError if the weight or a moment of inertia is not positive and finite.
     """
     empty = read_empty(element)
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
@@ -289,9 +304,10 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 
 
 def _inertia(element: Element) -> np.ndarray:
-    """Return the matrix of ixx ... iyz.
+    """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3).
 
-    Products change sign unless negated_crossproduct_inertia is "false".
+    The off-diagonal elements xy and yz are the negatives of ixy and iyz, unless
+    negated_crossproduct_inertia is "false". The element xz has the opposite sign of that rule.
     """
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
@@ -306,7 +322,9 @@ def _inertia(element: Element) -> np.ndarray:
 
 
 def _point_mass(element: Element) -> PointMass:
-    """Return a point mass, with the inertia of its form if it has one."""
+    """Return the point mass of an element. Its inertia is given by its <form>, or by ixx ...
+    iyz.
+    """
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")
     form = element.find("form")

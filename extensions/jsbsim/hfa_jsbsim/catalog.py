@@ -1,7 +1,7 @@
-"""Catalog of JSBSim's own properties, from `properties.json`.
+"""Catalog of JSBSim's built-in properties, from `properties.json`.
 
-`python -m hfa_jsbsim.catalog` writes that file from the installed package jsbsim. The properties
-are those of small aircraft with engines of all kinds, whose files define no property of their own.
+`python -m hfa_jsbsim.catalog` writes this file from the installed package jsbsim. It lists the
+properties of small test aircraft with engines of all kinds, whose files define no properties.
 """
 
 from __future__ import annotations
@@ -90,16 +90,16 @@ _OF_COMPONENTS = (
 
 @lru_cache
 def _properties() -> dict[str, str]:
-    """Return name -> R, RW or W."""
+    """Return name of a built-in property -> its access rights, "R", "RW" or "W"."""
     data: dict[str, Any] = json.loads(DATA.read_text())
     return data["properties"]
 
 
 def access(name: str) -> str:
-    """Return the access of JSBSim to one of its properties: "R", "RW" or "W", or "" for another
-    property.
+    """Return the access rights of a built-in JSBSim property, "R", "RW" or "W", or "" if it is not
+    built in.
 
-    Engines, tanks and wheels of all numbers have equal access.
+    The number of an engine, tank or wheel in the name is ignored.
     """
     if of_component(name):
         return "RW"
@@ -107,8 +107,8 @@ def access(name: str) -> str:
 
 
 def of_component(name: str) -> bool:
-    """Return whether the name is that of a property which a component of the control system sets
-    itself.
+    """Return whether JSBSim creates a property of this name for a component of the control
+    system.
     """
     return name.endswith(_OF_COMPONENTS)
 
@@ -119,7 +119,7 @@ def without_numbers(name: str) -> str:
 
 
 def main() -> int:
-    """Write the file."""
+    """Write `properties.json` from the installed package jsbsim."""
     import jsbsim
 
     found: dict[str, str] = dict.fromkeys(_UNLISTED, "W")

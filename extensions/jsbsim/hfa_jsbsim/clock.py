@@ -1,4 +1,4 @@
-"""Dependence of forces on the time of a simulation."""
+"""Check whether forces depend on the simulation time."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ _TIMES = (0.37, 5.3, 61.7, 1234.5)
 
 
 def moves_with_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
-    """Return whether the rates of a steady flight, expressions of the time and these symbols,
-    change with the time."""
+    """Return whether time derivatives in a typical steady flight change with the simulation time.
+
+    rates: time derivatives, expressions of `time` and `symbols`
+    """
     function = ca.Function("rates", [time, ca.vertcat(*symbols)], [rates])
     usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]
     at_start = function(0.0, usual)

@@ -1,4 +1,4 @@
-"""Common parts of the components of the control system: inputs, parameters, limits."""
+"""Inputs, parameters and limits that components of the control system have in common."""
 
 from __future__ import annotations
 
@@ -13,50 +13,57 @@ from hfa_support.errors import shortened
 
 
 def parameter(element: Element, name: str, properties: Properties, default: float) -> Any:
-    """Return the number or property in a child of an element."""
+    """Return the value of a child element, which contains a number or the name of a property.
+
+    default: value if there is no such child
+    """
     child = element.find(name)
     return default if child is None else properties.value(child.text, child)
 
 
 def coefficients(component: Element, properties: Properties, count: int) -> list[Any]:
-    """Return the numbers or properties in <c1>, <c2>, ... of a filter.
+    """Return the values of <c1>, <c2>, ..., which contain numbers or names of properties.
 
-    Raises BadInputError for a missing one.
+    count: number of coefficients
+
+    Raises BadInputError if a coefficient is missing.
     """
     children = [component.need(f"c{number}") for number in range(1, count + 1)]
     return [properties.value(child.text, child) for child in children]
 
 
 def inputs_of(component: Element, properties: Properties) -> list[Any]:
-    """Return the values of all inputs."""
+    """Return the values of all inputs of a component."""
     return [_input(child, properties) for child in component.all("input")]
 
 
 def input_of(component: Element, properties: Properties) -> Any:
-    """Return the value of the first input."""
+    """Return the value of a component's first input."""
     return _input(component.need("input"), properties)
 
 
 def _input(child: Element, properties: Properties) -> Any:
-    """Return the value of the property that an <input> names. Raises BadInputError for a number."""
+    """Return the value of the property named by an <input>. Raises BadInputError if it is a
+    number.
+    """
     if number_of(child.text) is not None:
         raise child.error(f"<input> is {shortened(child.text)}; name a property")
     return properties.value(child.text, child)
 
 
 def ends_of(element: Element) -> tuple[float, float]:
-    """Return min and max of an element."""
+    """Return the numbers in <min> and <max> of an element."""
     return element.need("min").number(), element.need("max").number()
 
 
 def travels(component: Element) -> bool:
-    """Return whether a <kinematic> needs time between two detents."""
+    """Return whether a <kinematic> takes time to move between two detents."""
     settings = component.need("traverse").all("setting")
     return any(setting.need("time").number() > 0.0 for setting in settings)
 
 
 def beyond(value: Any, width: Any) -> Any:
-    """Return the excess of a value over half a width."""
+    """Return a value after a deadband of this width, centered at 0."""
     half = 0.5 * width
     value = ca.SX(value)
     above = ca.if_else(value > half, value - half, 0.0)
@@ -64,7 +71,7 @@ def beyond(value: Any, width: Any) -> Any:
 
 
 def settling(component: Element, properties: Properties) -> Any:
-    """Return <c1> of a filter, 1/s. Raises BadInputError where the filter never settles."""
+    """Return <c1> of a filter, 1/s. Raises BadInputError if it is not positive."""
     rate = parameter(component, "c1", properties, 0.0)
     if is_constant(rate) and float(rate) <= 0.0:
         raise component.error(
@@ -74,7 +81,10 @@ def settling(component: Element, properties: Properties) -> Any:
 
 
 def detents(component: Element) -> tuple[float, float]:
-    """Return the first and the last position of a <kinematic>."""
+    """Return the first and the last position of a <kinematic>.
+
+    Raises BadInputError for fewer than two positions, or positions that decrease.
+    """
     settings = list(component.need("traverse").all("setting"))
     if len(settings) < 2:
         raise component.error("<kinematic> has one setting only; give at least two")

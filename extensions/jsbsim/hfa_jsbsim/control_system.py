@@ -1,4 +1,4 @@
-"""Control system in steady state: output of each component for a steady input (`FGFCS`).
+"""Control system in steady state: output of each component for a constant input (`FGFCS`).
 
 The components are those of <system>, <autopilot> and <flight_control>.
 """
@@ -42,10 +42,11 @@ SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "spee
 def add_control_systems(
     sections: Iterable[Element], properties: Properties, commands: ca.SX
 ) -> None:
-    """Define the properties of all components of these sections.
+    """Define the properties of all components in these sections.
 
-    commands: symbols of the pilot's commands. An integrator that depends on them has no steady
-        value.
+    commands: symbols of the pilot's commands. An integrator that depends on them has no
+    steady-state
+      value.
     """
     order = 0
     switched: list[tuple[Element, list[Writer]]] = []
@@ -66,8 +67,10 @@ def add_control_systems(
 def _add_component(
     component: Element, properties: Properties, commands: ca.SX, order: int
 ) -> Writer:
-    """Define the properties named by a component, by its <output> and by the cases of a
-    distributor."""
+    """Define the properties that a component sets, and return their writer.
+
+    They are named by the component, by its <output> and by the cases of a distributor.
+    """
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -95,9 +98,10 @@ def _add_component(
 
 
 def _switch_off(channel: Element, writers: list[Writer], properties: Properties) -> None:
-    """Disable a channel whose property `execute` is 0: its properties keep their initial values.
+    """Remove the outputs of a channel whose property `execute` is 0, so that they keep their
+    initial values.
 
-    Raises BadInputError when one of these properties is read and `execute` depends on the flight.
+    If `execute` is not constant, reading one of the outputs raises BadInputError.
     """
     name = channel.attributes["execute"]
     if not properties.is_known(name):
@@ -120,7 +124,9 @@ def _switch_off(channel: Element, writers: list[Writer], properties: Properties)
 
 
 def _join_units(properties: Properties) -> None:
-    """Define the radians and the magnitude of surfaces set in degrees."""
+    """Define surface positions in radians from those set in degrees and vice versa, with their
+    magnitude.
+    """
     for surface in SURFACES:
         in_rad = f"fcs/{surface}-pos-rad"
         in_deg = f"fcs/{surface}-pos-deg"
@@ -135,8 +141,11 @@ def _join_units(properties: Properties) -> None:
 def join_surface(
     properties: Properties, surface: str, source: str, target: str, order: int
 ) -> None:
-    """Define a surface in degrees or radians from the other unit, and its magnitude from
-    radians."""
+    """Define a surface position in a second unit, and its magnitude in radians.
+
+    source, target: names of the existing and of the new property
+    order: position in the order of evaluation
+    """
     factor = math.pi / 180.0 if source.endswith("deg") else 180.0 / math.pi
     in_rad = source if source.endswith("rad") else target
 
@@ -151,7 +160,11 @@ def join_surface(
 
 
 def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
-    """Return the steady output of a component, within its limits."""
+    """Return the output of a component, within its limits. It is the steady-state output, except in
+    frames.
+
+    Raises BadInputError if the component has no steady-state output.
+    """
     if properties.step and component.name in WITH_MEMORY:
         value = WITH_MEMORY[component.name](component, properties)
     elif component.name in ("pid", "integrator"):
@@ -167,7 +180,10 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
 
 
 def _clipped(component: Element, properties: Properties, value: Any) -> Any:
-    """Return the value within the limits of <clipto>. JSBSim ignores an incomplete <clipto>."""
+    """Return a value within the limits of <clipto>.
+
+    As in JSBSim, the limits are ignored if one is missing or if they are exchanged.
+    """
     limits = component.find("clipto")
     if limits is None or limits.find("min") is None or limits.find("max") is None:
         return value
@@ -194,9 +210,9 @@ def _scheduled_gain(component: Element, properties: Properties) -> Any:
 
 
 def _aerosurface_scale(component: Element, properties: Properties) -> Any:
-    """Return the input mapped from domain to range, centered at zero.
+    """Return the input scaled from <domain> to <range>.
 
-    Each side has its own slope.
+    If the domain is centered at zero, positive and negative inputs have separate slopes.
     """
     domain = component.find("domain")
     lowest, highest = (-1.0, 1.0) if domain is None else ends_of(domain)
@@ -213,7 +229,10 @@ def _aerosurface_scale(component: Element, properties: Properties) -> Any:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the input divided by the last detent, within the first and the last."""
+    """Return the input times the last detent, clipped to the first and the last detent.
+
+    With <noscale> the input is not scaled.
+    """
     lowest, highest = detents(component)
     value = input_of(component, properties)
     if component.find("noscale") is None:
@@ -227,7 +246,9 @@ def _deadband(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the input after its lag. Rate limits have no effect in steady state."""
+    """Return the input after lag, deadband and bias. Rate limits and hysteresis are omitted with a
+    note.
+    """
     value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its limit of rate", is_never=True)
@@ -243,7 +264,10 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
-    """Return a value after a lag with the component's own rate, 1/s."""
+    """Return a value after the lag given by a child element, or the value if lags are not states.
+
+    name: name of the child, which contains the corner frequency, 1/s
+    """
     child = component.find(name)
     if child is None:
         return value
@@ -257,7 +281,10 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the input after its lag, with gain and bias."""
+    """Return the input after lag, gain and bias.
+
+    Raises BadInputError for a sensor with quantization, drift or noise.
+    """
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
         if child is not None:
@@ -275,7 +302,7 @@ def _function(component: Element, properties: Properties) -> Any:
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of c1 / (s + c1)."""
+    """Return the output of c1 / (s + c1), which is the input in steady state."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its lag is left out")
@@ -286,7 +313,7 @@ def _lag(component: Element, properties: Properties) -> Any:
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of s / (s + c1), which is 0 for a steady input."""
+    """Return the output of s / (s + c1), which is 0 in steady state."""
     rate = settling(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "it is 0, as for a steady input")
@@ -299,7 +326,9 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s + c2) / (c3 s + c4)."""
+    """Return the output of (c1 s + c2) / (c3 s + c4), which is c2 / c4 times the input in steady
+    state.
+    """
     value = input_of(component, properties)
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     if is_constant(c4) and float(c4) == 0.0:
@@ -315,7 +344,10 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    """Return the output of (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6).
+
+    In steady state it is c3 / c6 times the input.
+    """
     value = input_of(component, properties)
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     if is_constant(c6) and float(c6) == 0.0:
@@ -334,7 +366,7 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _switch(component: Element, properties: Properties) -> Any:
-    """Return the value of the first test that holds, else the default."""
+    """Return the value of the first <test> that is true, or the default."""
     default = component.find("default")
     value: Any = 0.0
     if default is not None:
@@ -365,7 +397,10 @@ _WORDS |= {word.upper(): sign for word, sign in _WORDS.items()}
 
 
 def _holds(test: Element, properties: Properties) -> ca.SX:
-    """Return whether the conditions of a <test> hold: all of them, or one of them (logic="OR")."""
+    """Return whether a <test> is true: all of its conditions, or with logic="OR" at least one.
+
+    Raises BadInputError for a condition that JSBSim does not accept.
+    """
     conditions = []
     for line, text in test.lines:
         if "\t" in text:
@@ -397,8 +432,9 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
 def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
     """Return kp u + ki times the integral of u + kd pvdot (`FGPID`). For an integrator ki is c1.
 
-    The integral is 0 unless filters are states. The derivative of the input is 0, as for a steady
-    input. Raises LoopError where the integral depends on the pilot's commands.
+    The integral is 0 unless filters are states. The derivative of the input is 0 in steady state.
+
+    Raises LoopError if the integral depends on the pilot's commands.
     """
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")
@@ -421,7 +457,14 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
 def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
-    """Return the integral of gain times value, held where <trigger> is not 0."""
+    """Return the integral of gain times value, constant while <trigger> is not 0.
+
+    It is 0 if filters are not states, or if <trigger> is always negative.
+
+    commands: symbols of the pilot's commands
+
+    Raises LoopError if filters are not states and the value depends on the pilot's commands.
+    """
     try:
         trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
     except LoopError:  # it holds the integral where the output is at a limit
@@ -463,7 +506,11 @@ KINDS = (
 
 
 def surface_limits(writer: Writer | None) -> tuple[float, float]:
-    """Return the limits of the component that sets a surface: <clipto>, <range> or detents."""
+    """Return the lowest and highest output of the component that sets a surface.
+
+    They are given by <clipto>, <range> or detents. They are infinite if they are unknown or not
+    constant.
+    """
     component = writer.component if writer else None
     if component is None:
         return -math.inf, math.inf
