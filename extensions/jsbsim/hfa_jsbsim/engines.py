@@ -1,5 +1,6 @@
-"""Engines: common parts, turbines, rockets and others (`FGEngine`, `FGThruster`, `FGTurbine`,
-`FGRocket`)."""
+"""Engines and thrusters (`FGEngine`, `FGThruster`), with the turbine, rocket, turboprop and
+electric kinds.
+"""
 
 from __future__ import annotations
 
@@ -45,12 +46,13 @@ class EngineFile:
     """Engine with its thruster, as described in the files.
 
     number: index of the engine, from 0.
-    mount: <engine> of the aircraft.
-    engine: turbine_engine, ...
-    thruster: propeller, direct, nozzle.
-    location: of the thruster, inches.
-    feeds: numbers of the tanks that feed it.
-    dry_of: the kind of tank that is empty in the file.
+    mount: <engine> element of the aircraft.
+    engine: element of the engine, such as turbine_engine.
+    thruster_mount: <thruster> element of the aircraft.
+    thruster: element of the thruster: propeller, direct or nozzle.
+    location: location of the thruster, structural frame, inches.
+    feeds: indices of the tanks that feed the engine.
+    dry_of: "fuel" or "oxidizer" if its tanks are empty in the file, else "".
     """
 
     number: int
@@ -64,17 +66,17 @@ class EngineFile:
 
     @property
     def kind(self) -> str:
-        """Kind of the engine: turbine_engine, rocket_engine, ..."""
+        """Kind of the engine, such as "turbine_engine"."""
         return self.engine.name
 
     @property
     def has_propeller(self) -> bool:
-        """True if its thruster is a propeller."""
+        """True if the thruster is a propeller."""
         return self.thruster.name == "propeller"
 
     @property
     def governed(self) -> bool:
-        """True if a governor moves the blades."""
+        """True if a governor changes the blade angle of the propeller."""
         if not self.has_propeller:
             return False
         lowest = self.thruster.value_of("minpitch", 0.0)
@@ -84,7 +86,10 @@ class EngineFile:
 
     @property
     def gear_ratio(self) -> float:
-        """Turns of the engine for one turn of the propeller."""
+        """Revolutions of the engine per revolution of the propeller.
+
+        Raises BadInputError if the ratio is too small.
+        """
         ratio = self.thruster.value_of("gearratio", 1.0)
         if ratio < _SLOWEST_GEAR:
             fault = f"<gearratio> is {ratio:g}; give at least {_SLOWEST_GEAR}"
@@ -93,7 +98,7 @@ class EngineFile:
 
     @property
     def lag(self) -> str:
-        """Name of the state of its lag, or "" for an engine without lag."""
+        """Name of the state of the engine's lag, or "" if the engine has no lag."""
         delay = 1.0
         if self.kind == "piston_engine":
             delay = self.engine.value_of("man-press-lag", 1.0)
@@ -104,33 +109,36 @@ class EngineFile:
         return f"{_LAGS[self.kind]}{self.number}"
 
     def shaft(self, name: str) -> tuple[float, float]:
-        """Return the lowest and highest speed of a shaft, "n1" or "n2", %."""
+        """Return the lowest and highest speed of a shaft, %.
+
+        name: "n1" or "n2"
+        """
         idle = 30.0 if name == "n1" else 60.0
         return self.engine.value_of(f"idle{name}", idle), self.engine.value_of(f"max{name}", 100.0)
 
     @property
     def usual_lag(self) -> float:
-        """Typical value of the state that represents the engine's lag."""
+        """Typical value of the state of the engine's lag."""
         if self.kind == "piston_engine":
             return 24.0
         low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")
         return low + 0.6 * (high - low)
 
     def full_name(self, name: str) -> str:
-        """Return the full name of one of its properties."""
+        """Return the full name of one of the engine's properties."""
         return f"propulsion/engine[{self.number}]/{name}"
 
 
 @dataclass
 class Effect:
-    """Effect of an engine at a state.
+    """Force, moment and power of an engine at a state.
 
-    force: lb, in body axes.
-    moment: about the center of gravity, ft lb.
-    thrust: lb along its axis.
-    power: hp at the propeller, or None for a jet.
-    rates: rates of its states, by name.
-    properties: further properties that it sets, by the last part of the name.
+    force: body axes, lb, (3,).
+    moment: about the center of gravity, body axes, ft lb, (3,).
+    thrust: thrust along the axis of the thruster, lb.
+    power: power at the propeller, hp, or None for a jet.
+    rates: engine state -> its time derivative.
+    properties: last part of the name -> value, for further properties that the engine sets.
     """
 
     force: Any
@@ -144,9 +152,10 @@ class Effect:
 def read_engine(
     number: int, mount: Element, opened: Any, tanks: Sequence[Tank]
 ) -> EngineFile | Element:
-    """Return the engine of an <engine>, or the element of an unsupported one (a rotor, ...).
+    """Return the engine of an <engine> element. If it is not supported, return the unsupported
+    element.
 
-    opened: returns the root of the file that an element names
+    opened: function that returns the root of the file that an element names
     """
     thruster_mount = mount.need("thruster")
     engine = opened(mount)
@@ -179,10 +188,13 @@ def read_engine(
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Data on which an engine depends.
+    """Quantities of the aircraft on which an engine depends.
 
-    They are properties, motion, mass, states, tanks and parameters of the aircraft, JSBSim's step,
-    s, and the rotation of the earth in body axes, rad/s.
+    body: object with `mass`.
+    states: object with the states as attributes.
+    parameters: name -> symbol.
+    step: duration of JSBSim's frame, s.
+    planet_rates: angular velocity of the earth in body axes, rad/s.
     """
 
     properties: Properties
@@ -196,14 +208,14 @@ class Surroundings:
 
     @property
     def mass(self) -> Mass:
-        """The mass of the aircraft."""
+        """Mass of the aircraft."""
         return self.body.mass
 
 
 def running(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Return 1 where the engine runs, else 0.
+    """Return whether the engine runs, as an expression that is 1 or 0.
 
-    It runs where its parameter is not 0 and tanks feed it (`FGPropulsion::ConsumeFuel`).
+    It runs if its parameter is positive and tanks feed it (`FGPropulsion::ConsumeFuel`).
     """
     on = around.parameters[f"engine{file.number}"] > 0.0
     if file.kind == "electric_engine":
@@ -216,7 +228,11 @@ def running(file: EngineFile, around: Surroundings) -> ca.SX:
 
 
 def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
-    """Return whether one of its tanks of a kind is open and not empty."""
+    """Return whether at least one tank that feeds the engine is open and contains usable fuel or
+    oxidizer.
+
+    kind: "FUEL" or "OXIDIZER"
+    """
     fed = ca.SX(0.0)
     for number in file.feeds:
         tank = around.tanks[number]
@@ -233,7 +249,10 @@ def _fed(file: EngineFile, around: Surroundings, kind: str) -> ca.SX:
 
 
 def orientation(file: EngineFile, properties: Properties) -> ca.SX:
-    """Return the matrix (3, 3) from the thruster's axes to body axes."""
+    """Return the rotation matrix (3, 3) from the thruster's axes to body axes.
+
+    With <pointing> only the first column, the direction of the thrust, is set.
+    """
     pointing = file.thruster_mount.find("pointing")
     if pointing is not None:
         matrix = np.zeros((3, 3))
@@ -248,7 +267,7 @@ def orientation(file: EngineFile, properties: Properties) -> ca.SX:
 
 
 def placed(file: EngineFile, around: Surroundings) -> ca.SX:
-    """Return the location of the thruster, inches."""
+    """Return the location of the thruster, structural frame, inches, (3,)."""
     names = [file.full_name(f"{axis}-position") for axis in "xyz"]
     return ca.vertcat(*(ca.SX(around.properties.read(name, file.mount.where)) for name in names))
 
@@ -256,10 +275,11 @@ def placed(file: EngineFile, around: Surroundings) -> ca.SX:
 def pushed(
     file: EngineFile, around: Surroundings, thrust: Any, location: Any = None, moment: Any = None
 ) -> tuple[ca.SX, ca.SX]:
-    """Return force and moment of a thrust along the axis of the thruster.
+    """Return the force, lb, and moment, ft lb, of a thrust along the thruster's axis, in body axes.
 
-    location: point of action, inches; default: that of the thruster.
-    moment: further moment of the thruster, in body axes.
+    thrust: lb.
+    location: point of action, inches, or None for the location of the thruster.
+    moment: additional moment of the thruster, body axes, ft lb, or None.
     """
     force = orientation(file, around.properties)[:, 0] * thrust
     point = placed(file, around) if location is None else location
@@ -268,7 +288,10 @@ def pushed(
 
 
 def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
-    """Return the effect of an engine without propeller, direct or with a nozzle."""
+    """Return the effect of an engine without propeller.
+
+    thrust: lb; a nozzle reduces it by the ambient pressure, and a reverser changes its direction
+    """
     properties = around.properties
     if file.thruster.name == "nozzle":
         area = file.thruster.need("area").number("FT2")
@@ -281,20 +304,21 @@ def jet(file: EngineFile, around: Surroundings, thrust: Any) -> Effect:
 
 
 def throttle_of(file: EngineFile, around: Surroundings) -> Any:
-    """Return the position of its throttle."""
+    """Return the throttle position of an engine."""
     name = f"fcs/throttle-pos-norm[{file.number}]"
     return ca.SX(around.properties.read(name, file.mount.where))
 
 
 def lag_state(file: EngineFile, around: Surroundings) -> ca.SX | None:
-    """Return the state of the engine's lag, or None where lags are not states."""
+    """Return the state of the engine's lag, or None if the lag is not a state."""
     return getattr(around.states, file.lag, None) if file.lag else None
 
 
 def spool_error(file: EngineFile, around: Surroundings) -> Any:
-    """Return how far the speed of a turbine's shaft is below its steady value, %.
+    """Return the steady-state speed of a turbine's n2 shaft minus its present speed, %.
 
-    The steady value is that of the throttle, or of the air where the turbine does not run.
+    The steady-state speed depends on the throttle. If the turbine does not run, it is the
+    windmilling speed.
     """
     low, high = file.shaft("n2")
     on = low + ca.fmin(throttle_of(file, around), 1.0) * (high - low)
@@ -303,14 +327,20 @@ def spool_error(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _windmilling(file: EngineFile, around: Surroundings, name: str) -> Any:
-    """Speed of a shaft of a turbine that does not run, %."""
+    """Return the windmilling speed of a turbine's shaft, %.
+
+    name: "n1" or "n2"
+    """
     if file.engine.value_of("disable-windmill", 0.0):
         return 0.0
     return around.motion.pressure_head / (10.0 if name == "n1" else 15.0)
 
 
 def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
-    """Return the rate of the lag of a turbine or a turboprop, where the lag is a state."""
+    """Return {state: time derivative} for the lag of a turbine or turboprop.
+
+    The result is empty if the lag is not a state.
+    """
     state = lag_state(file, around)
     rates = {}
     if file.kind == "turbine_engine":
@@ -336,7 +366,7 @@ def lag_rates(file: EngineFile, around: Surroundings) -> dict[str, Any]:
 def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
     """Return the throttle of a turboprop after its torque limiter (`FGTurboProp::Calculate`).
 
-    The limiter moves once a frame.
+    The limiter acts once per frame. Outside frames the throttle is returned unchanged.
     """
     given = throttle_of(file, around)
     properties = around.properties
@@ -356,9 +386,9 @@ def _limited_throttle(file: EngineFile, around: Surroundings) -> Any:
 
 
 def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
-    """Omit the functions of a turbine's spools with these first words.
+    """Mark a turbine's spool functions as unread, because no force depends on them.
 
-    No force depends on them.
+    names: beginnings of their names
     """
     for function in file.engine.children:
         if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(names):
@@ -366,9 +396,11 @@ def _leave_out_spools(file: EngineFile, names: tuple[str, ...]) -> None:
 
 
 def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
-    """Return the rate of a turbine's shaft speed, %/s (`FGTurbine::Seek`).
+    """Return the acceleration of a turbine's n2 shaft, %/s (`FGTurbine::Seek`).
 
-    It is at its limit until the target is within one step of JSBSim.
+    It is at its limit until the target can be reached within one frame.
+
+    speed: present speed, %
     """
     low, high = file.shaft("n2")
     is_on = running(file, around)
@@ -385,7 +417,10 @@ def _spool_rate(file: EngineFile, around: Surroundings, speed: ca.SX) -> Any:
 
 
 def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Thrust of a turbine, lb."""
+    """Return the thrust of a turbine, lb. It is 0 if the turbine does not run.
+
+    Raises BadInputError if the function IdleThrust or MilThrust is missing.
+    """
     engine = file.engine
     position = throttle_of(file, around)
     military = engine.value_of("milthrust", 10000.0, "LBS")
@@ -407,7 +442,11 @@ def turbine_thrust(file: EngineFile, around: Surroundings) -> Any:
 def _augmented(
     file: EngineFile, around: Surroundings, dry_and_bled: tuple[Any, Any], shares: dict[str, Any]
 ) -> Any:
-    """Return the thrust of a turbine with its afterburner, lb."""
+    """Return the thrust of a turbine with its afterburner, lb.
+
+    dry_and_bled: thrust without afterburner, before and after the loss by bleed air
+    shares: name of a thrust function -> its value
+    """
     engine = file.engine
     dry, bled = dry_and_bled
     position = throttle_of(file, around)
@@ -437,7 +476,10 @@ def _augmented(
 
 
 def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0) -> Any:
-    """Return the value of one of the engine's functions, or the default without it."""
+    """Return the value of an engine function, or `default` if it does not exist.
+
+    Raises BadInputError if IdleThrust or MilThrust does not exist.
+    """
     names = (name, f"propulsion/engine[#]/{name}", file.full_name(name))
     for function in file.engine.all("function"):
         if function.attributes.get("name", "") in names:
@@ -448,8 +490,9 @@ def _share(file: EngineFile, around: Surroundings, name: str, default: Any = 0.0
 
 
 def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
-    """Return the thrust of a rocket in vacuum, lb: Isp times the flow. Solid rockets are not
-    lit.
+    """Return the thrust of a rocket in vacuum, lb: specific impulse times flow rate.
+
+    A solid rocket is not ignited, and its thrust is 0.
     """
     engine = file.engine
     if engine.find("thrust_table") is not None:
@@ -471,7 +514,10 @@ def rocket_thrust(file: EngineFile, around: Surroundings) -> Any:
 
 
 def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
-    """Power of a turboprop, hp (`FGTurboProp::Run`)."""
+    """Return the power of a turboprop, hp (`FGTurboProp::Run`).
+
+    The torque limit is smooth outside frames. Raises BadInputError if a table is missing.
+    """
     engine = file.engine
     speed = lag_state(file, around)
     if speed is None:
@@ -501,7 +547,7 @@ def turboprop_power(file: EngineFile, around: Surroundings) -> Any:
 
 
 def electric_power(file: EngineFile, around: Surroundings) -> Any:
-    """Return the power of an electric engine, hp."""
+    """Return the power of an electric engine, hp. It is 0 if the engine does not run."""
     power = file.engine.value_of("power", 745.7, "WATTS") * throttle_of(file, around) / 745.7
     return ca.if_else(running(file, around), power, 0.0)
 
@@ -509,8 +555,9 @@ def electric_power(file: EngineFile, around: Surroundings) -> Any:
 def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -> Any:
     """Return the value of a table whose arguments the engine supplies.
 
-    A table of lower dimension uses the first arguments. Raises BadInputError for a higher
-    dimension.
+    A table with fewer axes uses the first arguments.
+
+    Raises BadInputError if the table has more axes than arguments.
     """
     read = read_table(table)
     if read.dimensions > len(arguments):
@@ -520,16 +567,16 @@ def internal_table(table: Element, around: Surroundings, arguments: list[Any]) -
 
 
 def engine_rpm(file: EngineFile, around: Surroundings) -> Any:
-    """Return the speed of the engine's shaft: that of the propeller times the gear ratio."""
+    """Return the speed of the engine's shaft, rpm: propeller speed times gear ratio."""
     return getattr(around.states, f"rpm{file.number}") * file.gear_ratio
 
 
 def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
-    """Define the properties of an engine, computed when one of them is read.
+    """Define the properties of an engine and return the writer whose value is its `Effect`.
 
-    The writer whose value is the engine's effect is returned.
+    The effect is computed when it is first needed.
 
-    compute: returns its `Effect`
+    compute: function without arguments that returns the `Effect`
     """
     properties = around.properties
     writer = Writer(compute, file.mount.where)
@@ -566,7 +613,7 @@ def add_engine(file: EngineFile, around: Surroundings, compute: Any) -> Writer:
 
 
 def _add_shafts(file: EngineFile, around: Surroundings) -> None:
-    """Define the speeds of a turbine's shafts, percent."""
+    """Define the properties n1 and n2, the speeds of a turbine's shafts, %."""
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:
@@ -585,7 +632,7 @@ def _add_shafts(file: EngineFile, around: Surroundings) -> None:
 
 
 def refusal(element: Element) -> str:
-    """Return the reason why an engine or a thruster is not supported."""
+    """Return the message for an unsupported engine or thruster."""
     engines = ", ".join(KINDS)
     name = shortened(element.name)
     return f"<{name}> is not supported; engines: {engines}, with propeller, direct, nozzle"

@@ -1,4 +1,4 @@
-"""The compiled equations of an aircraft of JSBSim, in still and in moving air."""
+"""Compiled equations of a JSBSim aircraft, with and without gusts."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from hfa_jsbsim.properties import is_constant
 class EquationsOfMotion:
     """Equations (x, u, p, w) -> (rates by state, outputs by name), for numbers or expressions.
 
-    still: (x, u, p) -> both as columns, without gusts
-    gusty: makes (x, u, p, w) -> both, when first needed in moving air
-    jsbsim_steps: step, s -> flights of the model in JSBSim's own steps (`frame.Frames`)
+    still: function (x, u, p) -> (rates, outputs) as columns, without gusts. gusty: function without
+    arguments that builds (x, u, p, w) -> (rates, outputs). It is called when
+      gusts are first not 0.
+    jsbsim_steps: function (step, s) -> simulation of the model with JSBSim's frames
+    (`frame.Frames`).
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""Frames of JSBSim: its order of computations and its integrators (`FGFDMExec::Run`,
-`FGPropagate`, `FGAccelerations`, `FGInertial`, `FGLocation`).
+"""Simulation with JSBSim's frames: its order of computations and its integrators.
 
-A frame first moves the aircraft by the accelerations of the frame before. Control system, mass,
-air, engines and forces follow in this order, each from the values set so far.
+They follow `FGFDMExec::Run`, `FGPropagate`, `FGAccelerations`, `FGInertial` and `FGLocation`. A
+frame first moves the aircraft with the accelerations of the previous frame. Control system, mass,
+atmosphere, engines and forces follow in this order. Each uses the latest values.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _SETTLED = 1e-9
 class Planet:
     """Constants of the earth.
 
-    semimajor, semiminor: axes, ft
-    turning: rotation, rad/s
-    pull: G M, ft^3/s^2
-    flattening: J2
+    semimajor, semiminor: axes of the ellipsoid, ft
+    turning: angular velocity, rad/s
+    pull: gravitational parameter G M, ft³/s²
+    flattening: coefficient J2 of the gravity field
     """
 
     semimajor: float = 20925646.32546
@@ -57,7 +57,9 @@ class Planet:
 
 
 class _FrameEquations(Equations):
-    """Forces, moments, mass and memories at the end of a frame, as the rates of `Equations`."""
+    """Forces, moments, mass and stored values at the end of a frame, in place of the rates of
+    `Equations`.
+    """
 
     def __init__(self, parts: Parts) -> None:
         self.planet_rates = ca.SX.sym("planet_rates", 3)
@@ -67,7 +69,12 @@ class _FrameEquations(Equations):
         return self.planet_rates
 
     def _move(self, x: Any, air_force: ca.SX, air_moment: ca.SX, *outside: ca.SX) -> None:
-        """Set force, moment, mass and inertia, and the rates of the engines."""
+        """Set the total force, moment, mass and inertia, and the time derivatives of the engine
+        states.
+
+        air_force, air_moment: aerodynamic loads, lb and ft lb, body axes, (3,) each
+        outside: force and moment of the external reactions
+        """
         force = sum((effect.force for effect in self.effects), start=air_force + outside[0])
         moment = sum((effect.moment for effect in self.effects), start=air_moment + outside[1])
         inertia = ca.reshape(self.mass.inertia, 9, 1)
@@ -79,7 +86,9 @@ class _FrameEquations(Equations):
         self.outputs = {}
 
     def _add_filters(self) -> None:
-        """Add the values kept for the next frame, and the values on which they depend."""
+        """Add the values that are stored for the next frame, with the stored values that these
+        require.
+        """
         memories = self.properties.memories
         done = 0
         while done < len(memories):
@@ -89,17 +98,17 @@ class _FrameEquations(Equations):
             done += 1
 
     def _solve_rates_of_angles(self) -> None:
-        """Do nothing, because the rates of the angles are those of the previous frame."""
+        """Do nothing: the time derivatives of alpha and beta are those of the previous frame."""
 
     def _stop_clock(self) -> None:
-        """Set the time to 0, as in the model."""
+        """Set the simulation time to 0."""
         self._substitute(self._time, ca.SX(0.0))
 
 
 class Frames:
-    """Flights of an aircraft in frames of JSBSim.
+    """Simulation of an aircraft with JSBSim's frames.
 
-    `begin` starts a flight, and `advance` computes one frame.
+    `begin` sets the initial state, and `advance` computes one frame.
     """
 
     def __init__(
@@ -110,11 +119,11 @@ class Frames:
     ) -> None:
         """Build the functions of a frame.
 
-        step: length of a frame, s
-        names: states, inputs and parameters of the model
+        step: duration of a frame, s
+        names: names of the model's states, inputs and parameters
 
-        Raises BadInputError where the model's inputs are not JSBSim's own, or filters are its
-        states.
+        Raises BadInputError if an input is a surface or a throttle position rather than a pilot
+        command, or if the model includes filter states.
         """
         own_parts = copy(parts)
         own_parts.choices = replace(parts.choices, step=step, engines=True, filters=False)
@@ -144,12 +153,12 @@ class Frames:
         self._x = np.zeros(0)
 
     def begin(self, x: Any, p: Any, u: Any) -> None:
-        """Start a flight at a state, over the equator.
+        """Set the initial state, at a point on the equator.
 
-        Lags of engines and filters that are not states of the model settle first, for at most
-        `_LONGEST` s. A warning names those that still move after this time.
+        Engine lags and filters that are not states of the model settle first, for at most
+        `_LONGEST` s. If some still move after this time, a warning is issued.
 
-        x, p, u: (n,) states, parameters and inputs of the model
+        x, p, u: states, parameters and inputs of the model
         """
         values = dict(zip(self._states, map(float, x), strict=True))
         self._p = np.array(p, dtype=float)
@@ -177,7 +186,10 @@ class Frames:
         self._x = np.array(x, dtype=float)
 
     def advance(self, u: Any) -> np.ndarray:
-        """Return the state of the model, (n,), after a frame with the inputs u, (m,)."""
+        """Compute one frame and return the states of the model after it, (n,).
+
+        u: inputs, (m,)
+        """
         z, shown = self._frame(self._z, u, self._p)
         self._z = np.array(z).ravel()
         x = np.array(shown).ravel()
@@ -187,10 +199,11 @@ class Frames:
         return x.copy()
 
     def _begun(self, values: dict[str, float], wind: np.ndarray) -> np.ndarray:
-        """Return the motion at a state, (_SIZE,), over the equator, with accelerations of 0.
+        """Return JSBSim's variables of motion at a state over the equator, with zero accelerations,
+        (_SIZE,).
 
-        values: values of the states, by name
-        wind: north, east and down, ft/s
+        values: name -> value of each state
+        wind: north, east and down, ft/s, (3,)
         """
         planet = self.planet
         turning = np.array([0.0, 0.0, planet.turning])
@@ -213,9 +226,11 @@ class Frames:
         return motion
 
     def _compiled(self, moving: bool) -> ca.Function:
-        """Return the Function (z, u, p) -> z and x after a frame.
+        """Return the CasADi function (z, u, p) -> (z, x) of one frame.
 
-        moving: whether the aircraft moves; otherwise only z is returned
+        z contains the variables of motion, the engine states and the stored values.
+
+        moving: whether the aircraft moves. If not, only z is returned.
         """
         z = ca.SX.sym("z", _SIZE + len(self._engines) + len(self._memories))
         u = ca.SX.sym("u", len(self._inputs))
@@ -247,10 +262,10 @@ class Frames:
         )
 
     def _loads(self, x: ca.SX, u: ca.SX, p: ca.SX, *others: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return the loads, and engines and memories at the end of the frame.
+        """Return loads, engine states and stored values at the end of the frame.
 
-        x: states, those of engines from the previous frame
-        others: alphadot and betadot, the rotation of the earth in body axes, memories
+        x: states, with the engine states of the previous frame others: time derivatives of alpha
+        and beta, angular velocity of the earth in body axes, stored values
         """
         equations = self._equations
         inputs = {name: each.symbol for name, each in equations.inputs.items()}
@@ -272,10 +287,10 @@ class Frames:
         return values
 
     def _end_of_frame(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return loads, engines and memories at the end of a frame, in the symbols of the
-        equations.
+        """Return loads, engine states and stored values at the end of a frame, as expressions.
 
-        Shafts and blades move before the thrust is computed, the speeds of propellers after it.
+        Turbine shafts and blade angles are advanced before the thrust is computed, propeller speeds
+        after it.
         """
         equations = self._equations
         kept = [f"memory {name}" for name in equations.properties.memories]
@@ -303,9 +318,9 @@ class Frames:
 
 
 def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> None:
-    """Raise BadInputError for an input that is not a command of the pilot.
+    """Raise BadInputError for an input that is not a pilot command.
 
-    Such an input is a surface or, with is_position, the position of a throttle.
+    is_position: whether the input is a throttle position
     """
     if is_position or pilot_input.unit != "1":
         part = "the position of a throttle" if is_position else "a surface itself"
@@ -316,17 +331,17 @@ def refuse_surface(name: str, pilot_input: PilotInput, is_position: bool) -> Non
 
 
 class _View(NamedTuple):
-    """Motion as used by the later models of a frame.
+    """Quantities derived from the motion that the forces of a frame depend on.
 
-    to_earth: (3, 3), axes of the earth from inertial ones.
-    to_body: (3, 3), body axes from inertial ones.
-    place: position in axes of the earth, ft.
-    drift: velocity of the earth at that position, inertial, ft/s.
-    velocity: over the ground, in body axes, ft/s.
-    rates: over the ground, rad/s.
-    planet_rates: rotation of the earth in body axes, rad/s.
-    states: in the order of `STATES`.
-    angle_rates: rates of alpha and beta, rad/s.
+    to_earth: rotation matrix from inertial axes to axes fixed to the earth, (3, 3).
+    to_body: rotation matrix from inertial to body axes, (3, 3).
+    place: position in axes fixed to the earth, ft.
+    drift: velocity due to the earth's rotation at this position, inertial axes, ft/s.
+    velocity: velocity relative to the ground, body axes, ft/s.
+    rates: angular velocity relative to the ground, body axes, rad/s.
+    planet_rates: angular velocity of the earth, body axes, rad/s.
+    states: states in the order of `STATES`.
+    angle_rates: time derivatives of alpha and beta, rad/s.
     """
 
     to_earth: Any
@@ -341,9 +356,10 @@ class _View(NamedTuple):
 
 
 def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
-    """Return the view of a motion.
+    """Return the quantities derived from the motion.
 
-    wind: (3,), north, east and down, ft/s
+    parts: variables of motion, by name
+    wind: north, east and down, ft/s, (3,)
     """
     turning = ca.vertcat(0.0, 0.0, planet.turning)
     to_earth = _turned(parts["earth"])
@@ -386,9 +402,10 @@ def _viewed(parts: dict[str, Any], wind: Any, planet: Planet) -> _View:
 def _accelerated(
     parts: dict[str, Any], view: _View, loads: ca.SX, planet: Planet
 ) -> dict[str, Any]:
-    """Return the accelerations after `FGAccelerations`.
+    """Return the accelerations by name, as `FGAccelerations` computes them.
 
-    loads: force, moment, mass and inertia, in one column of 16
+    parts: variables of motion, by name
+    loads: force, moment, mass and inertia matrix, (16,)
     """
     force, moment, mass, inertia = ca.vertsplit(loads, [0, 3, 6, 7, 16])
     inertia = ca.reshape(inertia, 3, 3)
@@ -408,12 +425,12 @@ def _accelerated(
 
 
 def _column(values: Iterable[Any]) -> ca.SX:
-    """Return expressions in one column, (0, 1) without any."""
+    """Return expressions as a column, (0, 1) if there are none."""
     return ca.vertcat(ca.SX(0, 1), *values)
 
 
 def _split(motion: Any) -> dict[str, Any]:
-    """Return the parts of a motion by name."""
+    """Return name -> part of a vector of motion, such as attitude or position."""
     parts = {}
     begin = 0
     for name, size in _MOTION.items():
@@ -423,10 +440,13 @@ def _split(motion: Any) -> dict[str, Any]:
 
 
 def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str, Any]:
-    """Return the states after `FGPropagate`.
+    """Return the variables of motion after `FGPropagate`, by name.
 
-    Attitude and rotation follow Euler's rule, the velocity the rule of Adams and Bashforth of order
-    2, the position that of order 3.
+    Attitude and rotation are integrated with Euler's method, the velocity with the second-order and
+    the position with the third-order method of Adams and Bashforth.
+
+    step: s
+    turning: angular velocity of the earth, rad/s
     """
     q0, q1, q2, q3 = ca.vertsplit(parts["attitude"])
     p, q, r = ca.vertsplit(parts["rotation"])
@@ -454,7 +474,10 @@ def _propagated(parts: dict[str, Any], step: float, turning: float) -> dict[str,
 
 
 def _turned(angle: Any) -> Any:
-    """Return the matrix (3, 3) from inertial axes to axes of the earth."""
+    """Return the rotation matrix (3, 3) from inertial axes to axes fixed to the earth.
+
+    angle: rotation angle of the earth, rad
+    """
     cos = ca.cos(angle)
     sin = ca.sin(angle)
     return ca.vertcat(
@@ -463,7 +486,7 @@ def _turned(angle: Any) -> Any:
 
 
 def _matrix(attitude: Any) -> Any:
-    """Return the matrix (3, 3) of a quaternion, from inertial axes to body axes."""
+    """Return the rotation matrix (3, 3) from inertial to body axes, from a quaternion."""
     q0, q1, q2, q3 = ca.vertsplit(attitude)
     return ca.vertcat(
         ca.horzcat(
@@ -485,8 +508,12 @@ def _matrix(attitude: Any) -> Any:
 
 
 def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
-    """Return the altitude above the ellipsoid, ft, and the matrix (3, 3) to axes north, east and
-    down.
+    """Return the altitude, ft, and the rotation matrix (3, 3) to local north, east, down axes.
+
+    The altitude is relative to the ellipsoid's radius at the same geocentric latitude. The axes are
+    geodetic.
+
+    place: position in axes fixed to the earth, ft
 
     Source: Fukushima, Journal of Geodesy 79, 2006.
     """
@@ -521,8 +548,10 @@ def _local_axes(place: Any, planet: Planet) -> tuple[Any, Any]:
 
 
 def _gravity(place: Any, planet: Planet) -> Any:
-    """Return the acceleration of gravity, (3,), in axes of the earth
-    (`FGInertial::GetGravityJ2`)."""
+    """Return the gravitational acceleration, ft/s², (3,) (`FGInertial::GetGravityJ2`).
+
+    place: position in axes fixed to the earth, which are also the axes of the result, ft
+    """
     radius = ca.norm_2(place)
     sine = place[2] / radius
     share = 1.5 * planet.flattening * (planet.semimajor / radius) ** 2
@@ -533,14 +562,14 @@ def _gravity(place: Any, planet: Planet) -> Any:
 
 
 def _flow(air: Any) -> tuple[Any, Any, Any]:
-    """Return speed, alpha and beta of an airspeed in body axes."""
+    """Return speed, alpha and beta of a velocity relative to the air in body axes."""
     u, v, w = ca.vertsplit(air)
     in_plane = u * u + w * w
     return ca.sqrt(in_plane + v * v), ca.atan2(w, u), ca.atan2(v, ca.sqrt(in_plane))
 
 
 def _angles(body_from_local: Any) -> tuple[Any, Any, Any]:
-    """Return roll, pitch and yaw."""
+    """Return roll, pitch and yaw from the rotation matrix from local to body axes, rad."""
     roll = ca.atan2(body_from_local[1, 2], body_from_local[2, 2])
     pitch = ca.asin(-body_from_local[0, 2])
     yaw = ca.atan2(body_from_local[0, 1], body_from_local[0, 0])

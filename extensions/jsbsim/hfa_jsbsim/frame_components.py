@@ -1,6 +1,6 @@
-"""Components of the control system with a memory, computed once a frame as in JSBSim.
+"""Dynamic components of the control system, computed once per frame as in JSBSim.
 
-The classes of JSBSim are `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
+They follow `FGFilter`, `FGActuator`, `FGSensor`, `FGKinemat` and `FGPID`.
 """
 
 from __future__ import annotations
@@ -16,34 +16,45 @@ from hfa_jsbsim.xml_file import Element
 
 
 class _Past:
-    """Values that a component keeps from the previous frame."""
+    """Values that a component stores from frame to frame."""
 
     def __init__(self, component: Element, properties: Properties) -> None:
         self._key = f"{component.where} {component.attributes.get('name', '')}"
         self._properties = properties
 
     def of(self, name: str, compute: Callable[[], Any]) -> ca.SX:
-        """Return the value that `compute` gave in the previous frame."""
+        """Return the value that `compute` returned in the previous frame."""
         return self._properties.remember(f"{self._key} {name}", compute)
 
     def unless_first(self, value: Any, begin: Any) -> ca.SX:
-        """Return the value, or in the first frame the initial one."""
+        """Return `begin` in the first frame, and `value` in all later ones."""
         has_begun = self.of("begun", lambda: ca.SX(1.0))
         return ca.if_else(has_begun > 0.0, value, begin)
 
     def input_of_filter(self, component: Element) -> ca.SX:
-        """Return the input of a filter, or 0 before its second frame, when JSBSim first reads
-        it."""
+        """Return the input of a filter. It is 0 in the first frame, because JSBSim reads it from
+        the second on.
+        """
         return self.unless_first(input_of(component, self._properties), 0.0)
 
 
 def _tustin(rate: Any, step: float) -> tuple[Any, Any]:
-    """Return the factors of inputs and of the last output in a lag."""
+    """Return the factor of both inputs and the factor of the last output of a lag, by Tustin's
+    method.
+
+    rate: corner frequency, 1/s
+    step: s
+    """
     return step * rate / (2.0 + step * rate), (2.0 - step * rate) / (2.0 + step * rate)
 
 
 def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -> Any:
-    """Return a value after a lag, 1/s, from an initial input and output."""
+    """Return a value after a first-order lag.
+
+    rate: corner frequency of the lag, 1/s
+    step: s
+    begin: input and output before the first frame
+    """
     of_inputs, of_output = _tustin(rate, step)
     last_input = past.unless_first(past.of("lag input", lambda: value), begin)
     last_output = past.unless_first(past.of("lag output", lambda: output), begin)
@@ -52,14 +63,14 @@ def _lagged(value: Any, rate: Any, past: _Past, step: float, begin: Any = 0.0) -
 
 
 def _lag(component: Element, properties: Properties) -> Any:
-    """Return the output of c1 / (s + c1)."""
+    """Return the output of the filter c1 / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
     past = _Past(component, properties)
     return _lagged(past.input_of_filter(component), rate, past, properties.step)
 
 
 def _washout(component: Element, properties: Properties) -> Any:
-    """Return the output of s / (s + c1)."""
+    """Return the output of the filter s / (s + c1)."""
     rate = parameter(component, "c1", properties, 0.0)
     past = _Past(component, properties)
     value = past.input_of_filter(component)
@@ -72,7 +83,7 @@ def _washout(component: Element, properties: Properties) -> Any:
 
 
 def _lead_lag(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s + c2) / (c3 s + c4)."""
+    """Return the output of the filter (c1 s + c2) / (c3 s + c4)."""
     c1, c2, c3, c4 = coefficients(component, properties, 4)
     step = properties.step
     below = 2.0 * c3 + step * c4
@@ -89,7 +100,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
 
 
 def _second_order(component: Element, properties: Properties) -> Any:
-    """Return the output of (c1 s^2 + c2 s + c3) / (c4 s^2 + c5 s + c6)."""
+    """Return the output of the filter (c1 s² + c2 s + c3) / (c4 s² + c5 s + c6)."""
     c1, c2, c3, c4, c5, c6 = coefficients(component, properties, 6)
     step = properties.step
     below = 4.0 * c4 + 2.0 * c5 * step + c6 * step**2
@@ -110,7 +121,11 @@ def _second_order(component: Element, properties: Properties) -> Any:
 
 
 def _actuator(component: Element, properties: Properties) -> Any:
-    """Return the output of lag, rate limits, deadband, hysteresis and bias, in this order."""
+    """Return the output of an actuator: lag, rate limits, deadband, hysteresis and bias, in this
+    order.
+
+    Raises BadInputError for an actuator with a delay.
+    """
     _refuse_delay(component)
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)
@@ -134,7 +149,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
 
 
 def _slowed(component: Element, value: ca.SX, past: _Past, properties: Properties) -> ca.SX:
-    """Return a value within the rate limits, up and down."""
+    """Return a value within the rate limits of an actuator."""
     limits: dict[str, Any] = {}
     for child in component.all("rate_limit"):
         limit = properties.value(child.text, child)
@@ -155,7 +170,10 @@ def _slowed(component: Element, value: ca.SX, past: _Past, properties: Propertie
 
 
 def _sensor(component: Element, properties: Properties) -> Any:
-    """Return the input after its lag, with gain and bias."""
+    """Return the input after lag, gain and bias.
+
+    Raises BadInputError for a sensor with delay, quantization, drift or noise.
+    """
     _refuse_delay(component)
     for name in ("quantization", "drift_rate", "noise"):
         child = component.find(name)
@@ -176,7 +194,7 @@ def _refuse_delay(component: Element) -> None:
 
 
 def _kinematic(component: Element, properties: Properties) -> Any:
-    """Return the position between detents, which moves at the rate of its interval."""
+    """Return the position of a <kinematic>, which moves between detents at given rates."""
     detents(component)
     settings = list(component.need("traverse").all("setting"))
     positions = [setting.need("position").number() for setting in settings]
@@ -205,7 +223,9 @@ def _moved(
 ) -> ca.SX:
     """Return the position after a step toward `wanted`, upward (sign 1) or downward (sign -1).
 
-    intervals: (low, high, time), in order
+    last: position before the step
+    intervals: (low, high, travel time) between detents, in the order of the movement
+    step: s
     """
     position = last
     left = ca.SX(step)
