@@ -1,1 +1,1 @@
-"""Proved regions of attraction of nonlinear loops with saturated inputs."""
+"""Proof of regions of attraction of nonlinear loops with saturated inputs, by sums of squares."""

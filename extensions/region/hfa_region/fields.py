@@ -1,4 +1,6 @@
-"""Fields of a statement about a region, and their treatment by checker, digest and report."""
+"""Fields of a statement about a region, and how each is checked, covered by the digest and
+reported.
+"""
 
 from __future__ import annotations
 

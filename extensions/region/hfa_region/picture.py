@@ -1,4 +1,4 @@
-"""Figures of sections through a proved set."""
+"""Figures of sections of a proved region."""
 
 from __future__ import annotations
 
@@ -36,14 +36,13 @@ _FLOWN = 40
 
 
 def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
-    """Return a figure of sections in which all deviations but two are 0, for the first pairs of
-    states.
+    """Return a figure of sections through a region, for the first pairs of states.
 
-    Each section shows the proved set, the lowest level with V' >= 0, and the level of the nearest
-    initial condition that does not converge. It also shows the first such condition on each of some
-    rays. Angles are in degrees.
+    In each section all other deviations are 0. It shows the proved set, the lowest level with V' >=
+    0, the level of the nearest initial condition that does not converge, and the first such
+    condition on each of some rays. Angles are in degrees.
 
-    box: (n,), largest deviations at which a critic is compared, in the units of the states
+    box: (n,), half-widths of the box in which critics are compared, in the units of the states
     """
     from matplotlib.figure import Figure
 
@@ -80,7 +79,7 @@ def region_figure(region: Region, box: np.ndarray | None = None) -> Figure:
 
 
 def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
-    """Draw the levels of one section, and the first initial conditions that do not converge."""
+    """Draw the section of states i and j: levels of V, and conditions that do not converge."""
     states = region.plant.loop.states
     x_unit, y_unit = region.plant.loop.model.units((states[i], states[j]))
     levels = [("proved", region.rho, "C0", "-")]
@@ -112,9 +111,9 @@ def _draw(axes: Axes, region: Region, i: int, j: int) -> None:
 
 
 def _draw_box(axes: Axes, x: float, y: float) -> None:
-    """Draw the box of half widths x and y.
+    """Draw the box of half-widths x and y.
 
-    The view includes its sides where they are near. Otherwise the label states them.
+    The axes are extended to its sides if they are near. Otherwise the axis label states them.
     """
     axes.plot(x * _CORNERS[0], y * _CORNERS[1], "k:", label="box of a critic's comparison")
     for half, side in ((x, axes.xaxis), (y, axes.yaxis)):
@@ -129,7 +128,11 @@ def _draw_box(axes: Axes, x: float, y: float) -> None:
 def _cut(
     V: PolynomialFunction, level: float, T: np.ndarray, i: int, j: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the boundary of {V <= level} where all deviations but i and j are 0."""
+    """Return points (x, y) on the boundary of {V <= level} with all deviations but i and j equal to
+    0.
+
+    A coordinate is nan if V does not reach the level on its ray.
+    """
     rays = _rays(T, i, j, _RAYS)
     shares = V.edge(rays, level)
     shares[~np.isfinite(shares)] = np.nan
@@ -137,7 +140,9 @@ def _cut(
 
 
 def _rays(T: np.ndarray, i: int, j: int, count: int) -> np.ndarray:
-    """Return rays (count, n) in the plane of two deviations, twice as long as the set's radius."""
+    """Return rays (count, n) in the plane of deviations i and j, twice as long as the set's
+    extents.
+    """
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     rays = np.zeros((count, len(T)))
     extents = 2.0 * np.linalg.norm(T, axis=1)

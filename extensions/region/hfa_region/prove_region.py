@@ -1,4 +1,4 @@
-"""`hfa.prove_region`: `hfa prove region` for a gain, as a function."""
+"""`hfa.prove_region`: the command `hfa prove region` for a gain, as a function."""
 
 from __future__ import annotations
 
@@ -27,15 +27,12 @@ def prove_region(
 ) -> Region:
     """Return a proved region of attraction of the nonlinear loop u = sat(u0 - K (x - x0)).
 
-    model: the aircraft
-    point: its trim x0, u0
-    K: (m, n), of the inputs and linear states, or a solution with such a gain
-    seconds: processor time of the search
-    degree: highest degree of V
-    progress: called with the current step
+    model: the aircraft point: trim x0, u0 of this aircraft K: (m, n), gain from the states of the
+    linear model to the inputs; or a solution that contains it seconds: processor time of the search
+    degree: highest degree of V progress: called with the current step
 
-    Raises NoSolutionError if no region is proved, and BadInputError if the equations cannot be
-    enclosed, K has another shape, or the point is of another model.
+    Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot be
+    enclosed, K has another shape, or the point belongs to another model.
 
     >>> import hfa
     >>> region = hfa.prove_region(model, point, K, seconds=60.0)  # doctest: +SKIP

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def region_report(region: Region) -> Report:
-    """Return the report of a proved region and its bounds."""
+    """Return the report of a proved region and of the obstacles to a larger one."""
     statement = region.proved.statement
     bounds = region.bounds
     reaches = extents_of(statement, region.T)
@@ -79,7 +79,7 @@ def region_report(region: Region) -> Report:
 def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> Report:
     """Return the report of a checked certificate.
 
-    not_given: parts of its subject that the user did not give, which the title names
+    not_given: parts of the statement that were not compared, because the user did not give them
     """
     statement = verified.statement
     checked = CheckedSet(
@@ -117,7 +117,10 @@ def checked_report(verified: VerifiedRegion, not_given: Sequence[str] = ()) -> R
 
 
 def _of_this_gain(statement: RegionStatement, not_given: Sequence[str]) -> tuple[str, ...]:
-    """Return a note on the difference between the user's K and the printed one."""
+    """Return a note that the user's policy agrees with the certificate's within a tolerance.
+
+    It is () if the policies were not compared or the loop has no inputs.
+    """
     if "policy" in not_given or not statement.loop.inputs:
         return ()
     return (
@@ -131,7 +134,7 @@ _WITHOUT = "sampling, delay, actuators"
 
 
 def _title(statement: RegionStatement, verdict: str, not_given: Sequence[str] = ()) -> str:
-    """Return the claim, the subjects that the user did not give, and the effects left out."""
+    """Return the first line: the claim, the parts not compared, and the effects not covered."""
     title = statement.loop.model.title
     if statement.loop.disturbances:
         claim = f"{verdict}: invariant set of {title} under disturbances"
@@ -187,7 +190,7 @@ def _not_covered(statement: RegionStatement) -> str:
 def _extents(
     statement: RegionStatement, reaches: Mapping[str, tuple[float, float]]
 ) -> tuple[Table, str]:
-    """Return the extents of the set, which do not form a box."""
+    """Return a table of the extents of the set, and a note that the set does not fill their box."""
     model = statement.loop.model
     rows = []
     for name, (low, high) in reaches.items():
@@ -210,12 +213,14 @@ def _extents(
 
 
 def _V(statement: RegionStatement) -> str:
-    """Return V with all of its terms to six digits."""
+    """Return V with all of its terms as text, to six digits."""
     return f"V(z) = {polynomial_in_words(statement.terms, statement.loop.states)}"
 
 
 def _place(statement: RegionStatement, found: tuple[float, np.ndarray | None]) -> Place | None:
-    """Return a level and the deviations there, or None if nothing was found."""
+    """Return a level of V and the state deviation there as a `Place`, or None if no state was
+    found.
+    """
     level, place = found
     if place is None:
         return None

@@ -1,4 +1,4 @@
-"""Data of proved sets, as printed by `hfa prove region --json`."""
+"""Results about proved sets, as written by `hfa prove region --json`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hfa_support.reporting.results import Matrix, Result
 
 
 class Place(NamedTuple):
-    """A level of V, and a state deviation from the trim at that level."""
+    """A level of V, and a state deviation from the equilibrium at that level."""
 
     V: float
     z: Mapping[str, float]
@@ -22,7 +22,7 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ProvedSet(ProvedResult):
-    """A set that is proved.
+    """Set proved by sums of squares.
 
     statement: the proved statement.
     parts: number of parts of the set, or of its edge, on which V' < 0 is proved.
@@ -40,7 +40,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def subject(self) -> SaturatedLoop:
-        """The model with its policy."""
+        """The closed loop: model, trim, limits and policy."""
         return self.statement.loop
 
     @property
@@ -50,7 +50,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def rho(self) -> float:
-        """Level of V: the set is V(z) <= rho, z the deviations from the trim."""
+        """Level of V: the set is {V(z) <= rho}, with z the deviation from the equilibrium."""
         return self.statement.rho
 
     @property
@@ -60,7 +60,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def policy(self) -> Mapping[str, Sequence[Any]]:
-        """Input -> q as a list of [coefficient, exponents]; other inputs have q = 0."""
+        """Input -> q as a list of [coefficient, exponents]; q = 0 for an input without an entry."""
         return self.statement.loop.policy
 
     @property
@@ -70,8 +70,9 @@ class ProvedSet(ProvedResult):
 
     @property
     def extents(self) -> Mapping[str, float]:
-        """State -> upper bound of the set's deviation from the trim. Most of this box is outside
-        the set.
+        """State -> upper bound of the absolute deviation in the set.
+
+        The box of these bounds is much larger than the set.
         """
         return {name: max(-low, high) for name, (low, high) in self.reaches.items()}
 
@@ -87,7 +88,7 @@ class ProvedSet(ProvedResult):
 
     @property
     def P(self) -> Matrix | None:
-        """P (n, n) of V = z'P z, or None for a higher degree."""
+        """P (n, n) with V = z'P z; None if V has a degree above 2."""
         if self.degree > 2:
             return None
         n = len(self.states)
@@ -101,14 +102,13 @@ class ProvedSet(ProvedResult):
 
 @dataclass(frozen=True, eq=False)
 class FoundSet(ProvedSet):
-    """A set that a search has found and proved.
+    """Set that a search has found and proved.
 
-    origin: the kind of V.
-    decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
-    leaves_limits_at: the lowest V of an initial condition whose trajectory goes beyond a limit, or
-        None.
-    lost_at: the lowest V of an initial condition whose trajectory diverges, or None. Trajectories
-        that neither converge nor diverge within the time are not counted.
+    origin: origin of V. decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
+    leaves_limits_at: the lowest V of an initial condition whose trajectory exceeds a limit, or
+    None. lost_at: the lowest V of an initial condition whose trajectory diverges, or None.
+    Trajectories that
+        neither converge nor diverge within the simulated time are not counted.
     limits_that_bind: signals whose limits the set nearly touches.
     stopped: "interrupted" after Ctrl-C, else "".
     """
@@ -130,7 +130,7 @@ class FoundSet(ProvedSet):
 
 @dataclass(frozen=True)
 class NothingProved(Result):
-    """The result of a search that proved no set.
+    """Result of a search that proved no set.
 
     proved: False.
     """
@@ -140,9 +140,9 @@ class NothingProved(Result):
 
 @dataclass(frozen=True, eq=False)
 class WithRegion(Result):
-    """The fields that `--region S` adds to a result.
+    """Fields that `--region S` adds to a result.
 
-    region: region of attraction of the saturated loop.
+    region: region of attraction of the saturated loop; None without the option.
     """
 
     region: FoundSet | NothingProved | None = None
@@ -150,10 +150,10 @@ class WithRegion(Result):
 
 @dataclass(frozen=True, eq=False)
 class CheckedSet(ProvedSet):
-    """Set proved by a certificate.
+    """Set that a certificate proves.
 
     written: version, command and date in the file, not verified.
-    not_given: parts of the subject that no option gave, so that they were not compared.
+    not_given: parts of the statement that were not compared, because no option gave them.
     """
 
     schema = "hfa.region-check/1"

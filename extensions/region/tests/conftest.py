@@ -1,4 +1,4 @@
-"""Fixtures of the aircraft whose regions several test files prove."""
+"""Fixtures of aircraft whose regions several test files prove."""
 
 from pendulum_regions import model
 

@@ -1,4 +1,7 @@
-"""One quick forgery for each clause of the checker of regions. Each is refused by its clause."""
+"""One quick forgery for each clause of the checker of regions.
+
+Each forgery is refused by the message of its clause.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ Content = dict[str, Any]
 
 
 def _oscillator(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """The oscillator x' = y, y' = -x, whose trajectories are circles."""
+    """Equations of the oscillator x' = y, y' = -x, whose trajectories are circles."""
     return {"x": x.y, "y": -x.x}, {}
 
 
@@ -47,10 +50,11 @@ def _square(low: int, high: int, diagonal: list[float]) -> Content:
 
 
 def circle(smallest: float) -> Content:
-    """Return a certificate that x² + y² <= 3 of the oscillator converges to 0.
+    """Return a forged certificate that x² + y² <= 3 converges to 0 for the oscillator.
 
-    smallest: factor of the multiplier smallest |y|² of V <= 3. Its terms of degree 4 are positive,
-        and those of degree 2 are within the rounding of V' = 0 in rotated coordinates.
+    smallest: factor of smallest |y|², the multiplier of V <= 3. Its terms of degree 4 are positive.
+    Its
+        terms of degree 2 are within the rounding error of V' = 0 in rotated coordinates.
     """
     inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
         "multipliers": {"outside": _square(0, 0, [1.0001])}
@@ -75,7 +79,7 @@ def circle(smallest: float) -> Content:
 
 @pytest.mark.parametrize("smallest", [1e-70, 1e-60, 1e-12])
 def test_a_center_does_not_converge(smallest: float) -> None:
-    """A coefficient of V' = 0 that is a ball about 0 does not count as 0."""
+    """A coefficient of V' that is a ball about 0 is not accepted as exactly 0."""
     with pytest.raises(Rejected, match="lack a term"):
         read_and_check(circle(smallest), OSCILLATOR)
 
@@ -100,7 +104,10 @@ SCALE = 1.7322
 
 
 def _end(side: str) -> Content:
-    """Return 1.735 ± SCALE y_1 > 0 for V <= 3: 0.87 times 1 - V/3, and the rest."""
+    """Return evidence that 1.735 ± SCALE y_1 > 0 for V <= 3.
+
+    It is 0.87 times 1 - V/3, plus a square form.
+    """
     gram = np.diag([1.735 - 0.87, 0.87 * SCALE**2 / 3.0, 0.87 * SCALE**2 / 3.0])
     gram[0, 1] = gram[1, 0] = (SCALE if side == "low" else -SCALE) / 2.0
     return {
@@ -111,7 +118,7 @@ def _end(side: str) -> Content:
 
 
 def sink() -> Content:
-    """Return the true certificate."""
+    """Return a true certificate of the region x² + y² <= 3."""
     inside = _square(0, 1, [5e-5, 5e-5, 5e-5]) | {
         "multipliers": {"outside": _square(0, 0, [1.0001])}
     }
@@ -149,7 +156,10 @@ def _high_by_the_evidence_of_low(content: Content) -> None:
 
 
 def _small_ball(content: Content) -> None:
-    """Prove V' < 0 in a ball that does not contain the set. V > 0 beyond the ball is true."""
+    """Prove V' < 0 in a ball that does not contain the set.
+
+    The evidence that V > 0 beyond the ball is true.
+    """
     content["witness"]["T"] = [[0.5, 0.0], [0.0, 0.5]]
     content["witness"]["inside"] = _square(0, 1, [0.05, 0.03, 0.03]) | {
         "multipliers": {"outside": _square(0, 0, [0.05])}
@@ -159,7 +169,7 @@ def _small_ball(content: Content) -> None:
 
 
 def _said_to_be_empty(content: Content) -> None:
-    """Claim that the whole set is empty, with evidence that 1 is positive and not -1."""
+    """Claim that the set is empty, with evidence that 1 is positive instead of -1."""
     content["witness"]["parts"] = []
     evidence = _square(0, 0, [1.0]) | {"multipliers": {}}
     content["witness"]["empty"] = [{"inputs": [], "evidence": evidence}]
@@ -262,7 +272,7 @@ def test_each_clause_refuses_its_forgery(name: str) -> None:
 
 
 def _polynomial(*coefficients: float) -> Polynomial:
-    """Return c_0 + c_1 y + c_2 y² ..."""
+    """Return the polynomial c_0 + c_1 y + c_2 y² ... of one variable."""
     return Polynomial([{power: arb(c)} for power, c in enumerate(coefficients)])
 
 
@@ -271,8 +281,9 @@ def _gram(low: int, high: int, rows: list[list[float]]) -> Square:
 
 
 def test_a_multiplier_that_is_not_positive_is_refused() -> None:
-    """A negative multiplier is refused: y² - 0.5 = -1 (1 - y²) + 0.5 is not positive for 1 - y² >=
-    0.
+    """A negative multiplier is refused.
+
+    With it, y² - 0.5 = -1 (1 - y²) + 0.5 would be positive for 1 - y² >= 0.
     """
     evidence = Evidence(_gram(0, 0, [[0.5]]), {"ball": _gram(0, 0, [[-1.0]])})
     with pytest.raises(Rejected, match="Gram matrix"):
@@ -280,8 +291,10 @@ def test_a_multiplier_that_is_not_positive_is_refused() -> None:
 
 
 def test_what_identity_lacks_is_shared_by_its_places() -> None:
-    """The residual of the identity is divided among its entries: with 1, y, y², 1 + 1.5 y + y² + y⁴
-    is proved positive, and 1 + 2.2 y + y² + y⁴ is not.
+    """The residual of the identity is divided among the entries of its monomials.
+
+    With the monomials 1, y, y², 1 + 1.5 y + y² + y⁴ is proved positive, and 1 + 2.2 y + y² + y⁴ is
+    not.
     """
     evidence = Evidence(_gram(0, 2, np.eye(3).tolist()), {})
     check_positive("a test", _polynomial(1.0, 1.5, 1.0, 0.0, 1.0), {}, evidence, 1)
@@ -293,8 +306,9 @@ BALL_OF_ONE = {"ball": _polynomial(1.0, 0.0, -1.0)}
 
 
 def test_what_is_left_out_is_below_lower_bound() -> None:
-    """The lower bound subtracts the whole norm of the terms of y² - 3 y⁴ + remainder 2 |y|⁵ above
-    degree 2.
+    """The lower bound of degree 2 subtracts the norms of the omitted terms and the remainder.
+
+    The function is y² - 3 y⁴ with the remainder 2 |y|⁵.
     """
     taylor = Taylor(4, _polynomial(0.0, 0.0, 1.0, 0.0, -3.0), arb(2))
     (_, _, square) = taylor.lowest(1, 2).parts
@@ -305,7 +319,7 @@ def test_what_is_left_out_is_below_lower_bound() -> None:
 
 
 def _driven(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Return x' = x - u + w with an output beyond its limit only between the ends of w."""
+    """Equations x' = x - u + w, with an output that exceeds its limit only at w near 0."""
     return {"x": x.x - u.u + w.w}, {"bump": 0.1 * x.x + 1.0 - w.w**2}
 
 
@@ -329,7 +343,7 @@ def _loop(K: float = 2.0, u: float = 0.0, sizes: dict[str, float] | None = None)
 
 
 def test_an_equilibrium_at_limit_of_input_is_refused() -> None:
-    """An equilibrium at a limit of an input is refused."""
+    """An equilibrium with an input at its lower or upper limit is refused."""
     for u in (-1.0, 1.0):
         with pytest.raises(Rejected, match="u may be at its limit"):
             Equilibrium(_loop(u=u))
@@ -342,8 +356,9 @@ def test_equilibria_that_are_not_isolated_are_refused() -> None:
 
 
 def test_the_jacobian_has_the_slope_of_the_policy() -> None:
-    """The Jacobian of the loop contains the slope of the policy: -1.25 at x = 0.25 for x' = x - u
-    with u = 2 x + 0.5 x².
+    """The Jacobian of the loop includes the slope of the policy.
+
+    For x' = x - u with u = 2 x + 0.5 x² it is -1.25 at x = 0.25.
     """
     equilibrium = Equilibrium(replace(_loop(), policy={"u": ((0.5, (2,)),)}))
     (slope,) = equilibrium._jacobian([arb(0.25)]).entries()
@@ -357,15 +372,19 @@ def test_the_jacobian_has_the_slope_of_the_policy() -> None:
 def test_each_input_limit_has_its_own_room(
     ends: tuple[float, float], reached: tuple[bool, bool]
 ) -> None:
-    """Each input limit has its own margin: u = 2 x + 0.5 x² moves by 2.5 in the ball."""
+    """Whether an input can reach a limit is decided for each limit by itself.
+
+    u = 2 x + 0.5 x² changes by up to 2.5 in the ball.
+    """
     loop = replace(_loop(), limits={"u": ends}, policy={"u": ((0.5, (2,)),)})
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     assert region.reaches("u") == reached
 
 
 def test_policies_are_about_trims_not_equilibria() -> None:
-    """A policy acts on deviations from the trim, not from the equilibrium: at the equilibrium 2e-7,
-    u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
+    """A policy acts on deviations from the trim, not from the equilibrium.
+
+    At the equilibrium 2e-7, u = 2 z + 0.5 z² with z = x - 1e-7 has a slope above 2.
     """
     loop = replace(_loop(), trim={"x": 1e-7}, policy={"u": ((0.5, (2,)),)}, limits={})
     region = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
@@ -375,7 +394,10 @@ def test_policies_are_about_trims_not_equilibria() -> None:
 
 @pytest.mark.parametrize("size", [0.0, -0.1])
 def test_a_disturbance_has_a_positive_size(size: float) -> None:
-    """A disturbance of negative size, under which every set would be invariant, is refused."""
+    """A disturbance whose size is not positive is refused.
+
+    Under a negative size every set would be invariant.
+    """
     extents = {"x": (-1.0, 1.0)}
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, extents)
     stated = statement.content()
@@ -385,7 +407,7 @@ def test_a_disturbance_has_a_positive_size(size: float) -> None:
 
 
 def test_a_disturbance_is_at_an_end_on_each_part() -> None:
-    """On each part the disturbance is at one of its ends."""
+    """A part is accepted if its disturbance is at an end, and refused if it is free."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     evidence = _square(1, 1, [1.0]) | {"multipliers": {}}
     for done, is_valid in ((["free", "low"], True), (["low", "free"], False)):
@@ -395,7 +417,7 @@ def test_a_disturbance_is_at_an_end_on_each_part() -> None:
 
 
 def test_output_is_within_limits_between_ends_of_disturbance() -> None:
-    """An output must also be within its limits between the ends of the disturbance."""
+    """An output that exceeds its limit only between the ends of the disturbance is refused."""
     statement = RegionStatement(_loop(sizes={"w": 1.0}), ((1.0, (2,)),), 1.0, {})
     loop = RegionLoop(statement, np.array([[1.0]]), 3)
     with pytest.raises(Rejected, match="bump may leave"):
@@ -403,7 +425,7 @@ def test_output_is_within_limits_between_ends_of_disturbance() -> None:
 
 
 def test_a_saturated_rate_keeps_its_center() -> None:
-    """Where u is at its limit, the rate x' keeps its nonzero value at y = 0."""
+    """Where u is at its limit, the rate x' at y = 0 is not 0 and is retained."""
     loop = replace(_loop(), limits={"u": (-1.0, 1.0)})
     ball = RegionLoop(RegionStatement(loop, ((1.0, (2,)),), 1.0, {}), np.array([[1.0]]), 3)
     for side, rate in ((LOWEST, 1.0), (HIGHEST, -1.0)):
@@ -412,8 +434,9 @@ def test_a_saturated_rate_keeps_its_center() -> None:
 
 
 def test_rates_that_are_curved_in_disturbance_are_refused() -> None:
-    """Rates that are not affine in the disturbance are refused, because its ends may not be the
-    worst.
+    """Rates that are not affine in the disturbance are refused.
+
+    The worst case may then be between the ends of its range.
     """
 
     def curved(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -433,9 +456,7 @@ def test_limits_of_states_are_not_wider(stated: tuple[float, float]) -> None:
 
 
 def test_quartic_extents_are_proved_or_the_balls() -> None:
-    """The extents of a quartic set are those of the statement, and at most those of the ball of
-    radius 2.
-    """
+    """The extents of a quartic set are the stated ones, limited to the ball of radius 2."""
     loop = RegionStatement.read(sink()["statement"], SINK).loop
     terms = ((1.0, (4, 0)), (1.0, (0, 2)))
     statement = RegionStatement(loop, terms, 3.0, {"x": (-1.5, 9.0), "y": (-9.0, 1.5)})
@@ -444,9 +465,7 @@ def test_quartic_extents_are_proved_or_the_balls() -> None:
 
 
 def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
-    """Extents of an ellipsoid are rounded outward. sqrt(3) rounded to nearest would be too
-    small.
-    """
+    """Extents of an ellipsoid are rounded outward: the extent sqrt(3) is not rounded down."""
     statement = RegionStatement.read(sink()["statement"], SINK)
     low, high = extents_of(statement, np.eye(2))["x"]
     assert Fraction(high) ** 2 > 3
@@ -454,7 +473,7 @@ def test_extents_of_an_ellipsoid_are_rounded_outward() -> None:
 
 
 def test_the_equilibrium_is_enclosed() -> None:
-    """The equilibrium of x' = 2 - x², which is not representable with 192 bits, is enclosed."""
+    """The equilibrium sqrt(2) of x' = 2 - x² is enclosed, although 192 bits cannot represent it."""
     model = Model("root", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": 2.0 - x.x**2}, {}))
     loop = SaturatedLoop(model, {}, {"x": 2.0**0.5}, {}, {}, {}, np.zeros((0, 1)))
     (found,) = Equilibrium(loop).x
@@ -465,8 +484,9 @@ def test_the_equilibrium_is_enclosed() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("extent", [0.6, 0.7])
 def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) -> None:
-    """Limits of states are checked about the equilibrium: a state at ±0.35 that moves by 0.7 leaves
-    ±1.
+    """State limits are checked about the equilibrium, not about 0.
+
+    A state at ±0.35 that deviates by 0.7 exceeds the limit ±1.
     """
     ends = sorted((-0.5 * sign, extent * sign))
     claim = SimpleNamespace(
@@ -485,7 +505,7 @@ def test_limits_of_states_are_about_the_equilibrium(extent: float, sign: float) 
 
 
 def _glider(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """A model of two states, one input and one disturbance."""
+    """Equations of a model with two states, one input and one disturbance."""
     rates = {
         "a": -x.a + 0.5 * x.b * x.b + 0.3 * u.u,
         "b": x.a - 0.4 * x.b + u.u + 0.2 * x.a * u.u + w.w,
@@ -526,7 +546,7 @@ def _commanded(z: np.ndarray) -> np.ndarray:
 
 
 def _values(polynomial: Polynomial, y: np.ndarray) -> np.ndarray:
-    """Return values at (N, 2) points in doubles."""
+    """Return the values of a polynomial at points y (N, 2), in doubles."""
     total = np.zeros(len(y))
     for key, _, coefficient in polynomial.terms():
         total += float(coefficient) * y[:, 0] ** (key & 255) * y[:, 1] ** (key >> 8)
@@ -541,8 +561,9 @@ def _ball_points() -> np.ndarray:
 @pytest.mark.parametrize("side", [LOWEST, HIGHEST])
 @pytest.mark.parametrize("what", ["free", LOWEST, HIGHEST])
 def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
-    """At every point of the ball the bound on the decrease is below -V' / rho of the formulas and
-    near it.
+    """The lower bound of -V' / rho is below the value by formulas at random points of the ball.
+
+    Near the center the difference is below 1e-3.
     """
     y = _ball_points()
     z = y @ GLIDER_T.T
@@ -563,14 +584,16 @@ def test_the_bound_of_the_decrease_is_below_it(what: str, side: str) -> None:
 
 
 def test_the_ball_reaches_as_far_as_its_rows() -> None:
-    """The ball extends as far as the rows of its coordinates."""
+    """The largest deviation z_i in the unit ball of y is the length of row i of T."""
     loop = _glider_loop()
     for index, length in enumerate(np.linalg.norm(GLIDER_T, axis=1)):
         assert float(loop.reach(index)) == pytest.approx(length, rel=1e-14)
 
 
 def test_parts_are_where_the_input_is_as_stated() -> None:
-    """At each point the constraints of exactly one part hold."""
+    """At each point the constraints of a part hold exactly if the input is free or saturated as
+    stated.
+    """
     y = _ball_points()
     command = _commanded(y @ GLIDER_T.T)
     loop = _glider_loop()
@@ -593,8 +616,9 @@ def test_every_part_is_needed(missing: int) -> None:
 
 
 def test_the_remainders_of_a_product_multiply() -> None:
-    """The remainders of a product multiply: |y|² times |y|², each known only to be within |y|² of
-    0.
+    """The remainder of a product includes the product of the remainders.
+
+    Each factor is known only to be within |y|² of 0.
     """
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     assert (unknown * unknown).remainder >= 1
@@ -602,8 +626,9 @@ def test_the_remainders_of_a_product_multiply() -> None:
 
 
 def test_a_function_of_a_remainder_has_a_remainder() -> None:
-    """A function of a remainder has a remainder: the exponential of a value within |y|² of 0
-    reaches e at |y| = 1.
+    """The remainder of a function includes the effect of its argument's remainder.
+
+    The exponential of a value within |y|² of 0 reaches e at |y| = 1.
     """
     unknown = Taylor(1, Polynomial([{}]), arb(1))
     found = unknown.through(arb_series.exp)
@@ -612,7 +637,7 @@ def test_a_function_of_a_remainder_has_a_remainder() -> None:
 
 @pytest.mark.parametrize(("power", "largest"), [(1, 0.5), (2, 0.25), (3, 0.125)])
 def test_norms_of_products_are_above_their_values(power: int, largest: float) -> None:
-    """Norms of products are at least their values: (y_1 y_2)^k reaches 2^-k on the unit circle."""
+    """The norm of (y_1 y_2)^k is at least its largest value 2^-k on the unit circle."""
     parts: list[dict[int, arb]] = [{} for _ in range(2 * power)]
     product = Polynomial([*parts, {key_of((power, power)): arb(1)}])
     assert product.norms()[2 * power] >= largest

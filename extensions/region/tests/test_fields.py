@@ -33,13 +33,15 @@ WRITTEN = {"version": "1", "date": "2026-01-01", "command": "a test"}
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
-    """Return the certificate of the pendulum."""
+    """Return the path of a certificate of the pendulum."""
     folder = tmp_path_factory.mktemp("fields")
     return certified(folder / "pendulum.json", pendulum_loop(model), 0.98)
 
 
 def _first(change: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Change the first number of nested lists or objects."""
+    """Return a change that applies `change` to nested values: all of an object, the first of a
+    list.
+    """
 
     def changed(value: Any) -> Any:
         if isinstance(value, dict):
@@ -136,8 +138,8 @@ SWING = Model(
 def test_parameters_of_another_aircraft_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Parameters that are not the user's are refused, although the hash of the user's file is
-    right.
+    """Parameters that differ from the user's are refused, although the user's file has the right
+    hash.
     """
     file = tmp_path / "swing.py"
     file.write_text(HEAVIER)
@@ -162,7 +164,7 @@ def test_narrower_limits_of_an_input_are_another_saturation(path: Path, model: M
 
 
 def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
-    """Stated extents may be any outer bound, and the printed ones touch the ellipse."""
+    """The printed extents touch the ellipse, also if the stated extents are wider."""
     verified = check_certificate(path, model=model)
     P = np.array(checked_report(verified).data["P"])
     ends = np.sqrt(verified.statement.rho * np.diag(np.linalg.inv(P)))
@@ -172,8 +174,9 @@ def test_extents_are_those_of_the_set(path: Path, model: Model) -> None:
 
 
 def test_outcomes_of_starts_are_told_apart() -> None:
-    """Outcomes are distinguished: a double integrator that converges late counts as converged, and
-    one beyond a limit does not.
+    """A double integrator that converges late has the outcome RETURNED, or UNKNOWN in a short time.
+
+    One that exceeds a limit has the outcome LEFT.
     """
 
     def two(x: Any, u: Any, p: Any, w: Any) -> Any:
@@ -197,7 +200,7 @@ def test_outcomes_of_starts_are_told_apart() -> None:
 
 
 def test_a_start_far_away_returns() -> None:
-    """x' = -x converges from 1e35 nominal values."""
+    """x' = -x converges from 1e35 nominal values, which is not counted as divergence."""
     model = Model("one", {"x": Signal()}, {}, lambda x, u, p, w: ({"x": -x.x}, {}), trim={})
     loop = SaturatedLoop(model, {}, {"x": 0.0}, {}, {}, {}, np.zeros((0, 1)))
     found = outcomes(Plant(loop), np.array([[1e35]]), _is_near, 100.0)

@@ -1,4 +1,4 @@
-"""Flights from proved sets, and initial conditions of the tutorial's aircraft that are proved."""
+"""Flights from proved sets, among them initial conditions of the tutorial's aircraft."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ ROOT = Path(__file__).parents[3]
 
 
 def stated(path: Path, aircraft: str, *words: str) -> tuple[RegionStatement, dict]:
-    """Return the statement of a new certificate and the printed text."""
+    """Prove a region by the command, and return its verified statement and its JSON data."""
     printed = proved(path, aircraft, "--json", *words)
     statement = check_certificate(path, model=load_model(aircraft)).statement
     return statement, json.loads(printed)
 
 
 def test_starts_are_drawn_in_set_and_on_edge(tmp_path: Path) -> None:
-    """Initial conditions are drawn in the set and on its edge."""
+    """Initial conditions are drawn uniformly in the set and on its boundary.
+
+    None of them leaves the set. Four times as far out, some do not converge.
+    """
     model = load_model(PENDULUM)
     path = certified(tmp_path / "pendulum.json", pendulum_loop(model), 0.98)
     statement = check_certificate(path, model=model).statement

@@ -1,4 +1,4 @@
-"""The solver of sums of squares on problems with known solutions."""
+"""The sum-of-squares solver, on problems with known solutions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hfa_region.search.squares import Terms, positive
 
 
 def _correlations(diagonal: float) -> Group:
-    """Return Q = [diagonal, t; t, 1] as three equations in t and the four entries of Q."""
+    """Return the three equations of Q = [diagonal, t; t, 1] for the unknowns t and Q."""
     products = products_of(2, 1, 1)
     assert products.keys.tolist() == [2, 17, 32]  # x², x y, y²
     shares = np.array([[1, 0, 0], [0, 0, 1], [0, 0.5, 0]], dtype=float)
@@ -61,7 +61,7 @@ def test_the_margin_of_a_sum_of_squares() -> None:
 
 @pytest.mark.parametrize("highest", [2, 5])
 def test_schur_complement_of_products_is_that_of_matrices(highest: int) -> None:
-    """The entries of the Schur complement are tr(H_i Z⁻¹ H_j Q), computed by degrees and blocks."""
+    """The Schur matrix, computed by degrees and blocks, has the entries tr(H_i Z⁻¹ H_j Q)."""
     products = products_of(3, 0, highest)
     n = products.size
     assert (len(products.blocks) > 2 * highest + 1) == (highest == 5)  # blocks of one degree

@@ -1,4 +1,4 @@
-"""Certificates of regions by sums of squares, changed at random. No false one is accepted."""
+"""Randomly changed certificates by sums of squares. No false region is accepted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEVIATIONS = np.sinh(np.linspace(-12.0, 12.0, 40_001)) * 1e-2
 
 
 def content(kind: str) -> dict[str, Any]:
-    """Return the true certificate of a kind: |level| <= 0.9."""
+    """Return a true certificate of this kind, of the region |level| <= 0.9."""
     terms, rho, setting = FUNCTIONS[kind]
     loop = SaturatedLoop(
         TANK,
@@ -50,7 +50,7 @@ def content(kind: str) -> dict[str, Any]:
 
 
 def is_true(statement: RegionStatement) -> bool:
-    """Return whether the claim holds at `DEVIATIONS`, except within 1e-4 of 0."""
+    """Return whether the claim is true at `DEVIATIONS`, except within 1e-4 of 0."""
     loop = statement.loop
     x0 = loop.trim["level"]
     x = x0
@@ -71,7 +71,7 @@ def is_true(statement: RegionStatement) -> bool:
 
 
 def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
-    """Return the rate of the level."""
+    """Return the rate of the level at levels x."""
     z = x - loop.trim["level"]
     curved = sum(value * z ** powers[0] for value, powers in loop.policy.get("valve", ()))
     u = loop.inputs["valve"] - loop.K[0, 0] * z + curved
@@ -81,7 +81,7 @@ def _rates(loop: SaturatedLoop, x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", FUNCTIONS)
 def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
-    """Every accepted changed claim is true, for example one with a lower level or wider extents."""
+    """Every changed certificate that is accepted is true, for example one with a lower level."""
     rng = np.random.default_rng(0)
     original = content(kind)
     statement, witness = read_content(copy.deepcopy(original), TANK)
@@ -102,8 +102,9 @@ def test_no_false_region_of_squares_is_accepted(kind: str, count: int) -> None:
 
 
 def test_a_false_claim_of_a_tank_is_found() -> None:
-    """`is_true` rejects a set beyond the limit rho = 1.2, extents narrower than the set, and a
-    negative V. Beyond a level of 2 the saturated valve cannot drain the tank.
+    """`is_true` rejects a level that is too high, extents that are too narrow, and a negative V.
+
+    Levels of V above 1.2 exceed the limits.
     """
     statement, _ = read_content(content("quadratic"), TANK)
     for changes in ({"rho": 1.5}, {"extents": {"level": (-0.8, 0.91)}}, {"terms": ((-1.0, (2,)),)}):

@@ -22,10 +22,10 @@ from trim.point.solve import find_operating_point
 
 @pytest.fixture(scope="module")
 def region() -> Region:
-    """Return {angle² + rate² / 36 <= 0.25} of the pendulum, with V' >= 0 outside and an initial
-    condition that does not converge.
+    """Return {angle² + rate² / 36 <= 0.25} of the pendulum as a region that is not proved.
 
-    The picture does not depend on the proof.
+    It has a state with V' >= 0 outside and an initial condition that does not converge. The picture
+    does not depend on the proof.
     """
     model = load_model(PENDULUM)
     loop = saturated_loop(linearize(model, find_operating_point(model)), np.array([[2.0, 1.0]]))
@@ -46,8 +46,7 @@ def axes_of(figure: Figure) -> Axes:
 
 
 def test_picture_has_set_limits_lost_starts_and_box(region: Region) -> None:
-    """The picture has the set, its limits, the initial conditions that do not converge, and the
-    box."""
+    """The picture shows the set, the obstacles, lost initial conditions and the box."""
     figure = region_figure(region, np.array([1.0, 8.0]))
     figure.canvas.draw()
     axes = axes_of(figure)

@@ -36,7 +36,10 @@ LINE = "The policy of torque is -K z -0.266667 angle^3 -0.0266667 rate^3, then s
 
 
 def critic_of(basis: str, weights: list[float]) -> Critic:
-    """Return the critic on the pendulum linearized at its trim, with Q and R the identity."""
+    """Return a critic of the pendulum, linearized at its trim, with Q and R the identity.
+
+    basis: name of the basis, or its monomials
+    """
     A = np.array([[0.0, 1.0], [19.62, -0.1 * BY_TORQUE]])
     game = Game(A, np.array([[0.0], [BY_TORQUE]]), np.eye(2), np.eye(2), np.eye(1), delta=np.inf)
     functions = features_of(basis, 2) if "x" in basis else basis
@@ -60,7 +63,10 @@ def test_the_command_takes_the_policy_of_a_critic(tmp_path: Path) -> None:
 
 def test_terms_of_policy_are_those_of_its_critic() -> None:
     # u = -B'∂V/∂z / 2: the fourth power of the rate gives -2 W B rate³.
-    """The terms of the policy equal those of its critic."""
+    """The terms of the policy follow from u = -B'∂V/∂z / 2.
+
+    A quadratic V has no terms of degree 2 or more.
+    """
     terms = policy_terms(critic_of(BASIS, WEIGHTS), ("torque",))["torque"]
     wanted = {(3, 0): -0.5 * BY_TORQUE * 0.02, (0, 3): -2 * BY_TORQUE * 0.0005}
     assert {powers: coefficient for coefficient, powers in terms} == pytest.approx(wanted)
@@ -87,7 +93,7 @@ def test_other_policies_are_refused_by_name(basis: str, reason: str) -> None:
 def test_the_statement_names_policy_and_checker_has_same(
     certificate: Path, model: Model, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The statement names the policy, and the checker uses the same."""
+    """The statement contains the terms of the policy, and the checker evaluates the same policy."""
     statement, witness = read_content(json.loads(certificate.read_text()), model)
     assert {powers for _, powers in statement.loop.policy["torque"]} == {(3, 0), (0, 3)}
     ball = RegionLoop(statement, witness.T, witness.order)
@@ -126,7 +132,7 @@ def test_forged_policies_are_refused(certificate: Path, model: Model) -> None:
 
 
 def test_a_policy_that_drives_loop_away_is_refused(certificate: Path, model: Model) -> None:
-    """A policy that destabilizes the loop is refused."""
+    """A certificate changed to a policy that destabilizes the loop is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["policy"] = {"torque": [[40.0, [3, 0]]]}
     with pytest.raises(Rejected):

@@ -1,4 +1,4 @@
-"""`hfa.prove_region`, the command as a function."""
+"""`hfa.prove_region`, the command as a Python function."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from hfa_aircraft.model import Model
 
 
 def test_a_region_is_proved_in_python(model: Model) -> None:
-    """A region proved in Python has extents and the command's report. A gain of another shape is
-    refused.
+    """A region proved in Python has extents and the command's report.
+
+    A gain of another shape and an unstable loop are refused.
     """
     point = hfa.find_operating_point(model)
     solution = hfa.solve_game(hfa.game(point.linearize()))

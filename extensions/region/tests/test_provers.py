@@ -1,4 +1,4 @@
-"""The provers of `hfa prove region`: the selection of one, and proofs of gains on boxes."""
+"""Provers of `hfa prove region`: the choice between them, and proofs of gains on boxes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ KINKED = Model(
 
 @pytest.fixture
 def kinked(tmp_path: Path) -> list[str]:
-    """Return options for a pendulum with a table and a kink inside its set."""
+    """Return options that name a pendulum with a table and a kink inside its set."""
     path = tmp_path / "kinked.py"
     path.write_text(KINKED)
     return ["--aircraft", f"{path}:KINKED"]
@@ -41,8 +41,10 @@ def kinked(tmp_path: Path) -> list[str]:
 def test_kinks_and_tables_are_proved_on_boxes(
     kinked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The set extends beyond both kinks. Its certificate states K, so that it is checked without
-    further options."""
+    """A loop with kinks is proved on boxes, and the set extends beyond both kinks.
+
+    The certificate contains K, so that it is checked without further options.
+    """
     proof = str(tmp_path / "proof.json")
     words = ["prove", "region", *kinked, "--degree", "2", "--seconds", "1", "-o", proof]
     assert main(words) == 0
@@ -63,7 +65,10 @@ def test_kinks_and_tables_are_proved_on_boxes(
 def test_a_quartic_is_proved_on_boxes_and_resumed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A later run continues from the quadratic set, and keeps a V only if its set is larger."""
+    """A second run continues from the quadratic set and proves a larger set with a quartic V.
+
+    A certificate of another aircraft cannot be resumed.
+    """
     proof = tmp_path / "proof.json"
     words = ["prove", "region", "--aircraft", VAN_DER_POL, "--prover", "boxes", "-o", str(proof)]
     words += ["--json"]

@@ -1,4 +1,4 @@
-"""Regions of small loops: proved, checked, forged, and flown."""
+"""Regions of small loops: proved, checked, forged and simulated."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def run(*words: str) -> int:
 
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory, model: Model) -> Path:
-    """Return the certificate of the pendulum."""
+    """Return the path of a certificate of the pendulum."""
     path = tmp_path_factory.mktemp("region") / "pendulum.json"
     return certified(path, pendulum_loop(model), 0.98)
 
@@ -92,7 +92,7 @@ def _at(polynomial: Polynomial, point: np.ndarray) -> float:
 
 
 def test_function_is_not_smooth_on_ball_is_undecided() -> None:
-    """A function that is not smooth on the ball is left undecided."""
+    """A function that is not smooth on the ball raises Undecided."""
     y = ca.SX.sym("y")
     variable = Taylor(3, Polynomial.linear([arb(1)]), arb(0))
     for expression in (1 / y, ca.sqrt(0.5 + y), ca.log(y + 0.9), ca.fmax(y, 0)):
@@ -202,7 +202,7 @@ def _lost_starts(
 
 
 def test_a_set_beyond_limits_of_state_is_refused(certificate: Path, model: Model) -> None:
-    """A set beyond the limits of a state is refused."""
+    """A set that exceeds a state limit is refused."""
     content = json.loads(certificate.read_text())
     content["statement"]["limits"]["angle"] = [-0.1, 0.1]
     with pytest.raises(Rejected, match="angle may leave its limits"):
@@ -226,7 +226,7 @@ def test_a_search_goes_on_from_its_certificate(
 
 
 def test_an_interrupted_search_reports_its_region() -> None:
-    """Ctrl-C ends the search, and its region is reported."""
+    """Ctrl-C ends the search, and the region proved so far is reported."""
     sink = Model("sink", {"x": Signal(min=-1.0, max=1.0)}, {}, _cubic, trim={"x": 0.0})
     loop = SaturatedLoop(sink, {}, {"x": 0.0}, {}, {}, {"x": (-1.0, 1.0)}, np.zeros((0, 1)))
     before = signal.getsignal(signal.SIGINT)
@@ -248,15 +248,13 @@ def test_an_interrupted_search_reports_its_region() -> None:
 
 
 def _cubic(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """The loop x' = -x + x³, whose V = x² decreases below |x| = 1."""
+    """Equations x' = -x + x³, for which V = x² decreases where |x| < 1."""
     return {"x": -x.x + x.x**3}, {}
 
 
 @pytest.mark.slow
 def test_an_interrupted_command_ends_as_when_time_is_over(tmp_path: Path) -> None:
-    """An interrupted command ends as at its time limit: the certificate is checked and can be
-    continued.
-    """
+    """An interrupted command ends with exit code 0. Its certificate is valid and can be resumed."""
     words = ["prove", "region", "--aircraft", PENDULUM, "--prover", "squares"]
     words += ["--seconds", "600", "-o", "region.json"]
     process = subprocess.Popen(
@@ -304,7 +302,7 @@ def test_a_verdict_has_a_section_on_the_region(
 def test_region_in_verdict_needs_one_linear_policy_aircraft(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A region in a verdict requires one linear policy of an aircraft."""
+    """`hfa verify --region` refuses a linear plant, because it needs an aircraft's equations."""
     plant = tmp_path / "plant.json"
     plant.write_text('{"A": [[-1.0]], "B": [[1.0]], "Q": [[1.0]], "R": [[1.0]]}')
     gain = tmp_path / "gain.json"

@@ -1,4 +1,4 @@
-"""Regions of deployment files: proved, checked, and refused."""
+"""Regions of deployment files: proved, checked and refused."""
 
 from __future__ import annotations
 
@@ -18,15 +18,19 @@ PENDULUM = ["--aircraft", "examples/pendulum.py:PENDULUM", "--Q", "1,1", "--R", 
 
 
 def card(folder: Path, observed: str = "rate", gain: float = -0.98) -> list[str]:
-    """Return options for a deployment file with the policy u = -1.98 angle + gain rate."""
+    """Return the options for a deployment file with the policy u = -1.98 angle + gain rate.
+
+    observed: name of the observed rate
+    """
     timing = "[timing]\ndt = 0.02\ndelay = 0.04\n"
     path = pendulum_card(folder, timing, observed=observed, gain=gain)
     return ["prove", "region", *PENDULUM, "--policy", str(path)]
 
 
 def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
-    """The continuous policy has the input of the file at (0.1 rad, -0.3 rad/s), and the effects
-    that the proof omits are stated.
+    """The continuous policy equals the policy of the file, here at (0.1 rad, -0.3 rad/s).
+
+    The effects that the proof neglects are stated.
     """
     file = Path(card(tmp_path)[-1])
     model = load_model(PENDULUM[1])
@@ -40,7 +44,7 @@ def test_the_continuous_policy_is_that_of_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_deployment_file_is_proved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The certificate is valid for this file, and for no file with another policy."""
+    """The certificate is accepted for this deployment file and refused for another gain."""
     words = card(tmp_path)
     proof = str(tmp_path / "proof.json")
     assert main([*words, "--seconds", "3", "-o", proof]) == 0
@@ -59,8 +63,9 @@ def test_an_observed_input_is_refused(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_a_missing_activation_is_given_in_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The message on a missing activation suggests an entry of the file, because --set cannot be
-    used with --policy.
+    """The message on a missing activation suggests an entry of the file.
+
+    The option --set cannot be used with --policy.
     """
     np.savez(tmp_path / "pi.npz", **{"0.weight": np.ones((3, 2)), "2.weight": np.ones((1, 3))})
     words = card(tmp_path)

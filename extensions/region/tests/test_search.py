@@ -1,4 +1,4 @@
-"""The search for a region on loops that take seconds."""
+"""Search for a region, on loops that take seconds."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SETTING = Setting(5, 2)
 
 @pytest.fixture(scope="module")
 def loop() -> SaturatedLoop:
-    """Return the F-16 with constant derivatives at its trim, and its LQR in nominal units."""
+    """Return the closed loop of the F-16 with constant derivatives and its LQR in nominal units."""
     model = load_model(F16)
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     Q = np.diag([model.signals[name].nominal ** -2.0 for name in linear.states])
@@ -32,7 +32,7 @@ def loop() -> SaturatedLoop:
 
 @pytest.fixture(scope="module")
 def V(loop: SaturatedLoop) -> PolynomialFunction:
-    """Return a Lyapunov function of the linearization in nominal deviations."""
+    """Return a Lyapunov function of the linearization, with nominal values as units."""
     plant = Plant(loop)
     Q = np.diag(plant.nominal**-2.0)
     return PolynomialFunction.quadratic(solve_continuous_lyapunov(plant.closed_matrix.T, -Q))
@@ -40,7 +40,7 @@ def V(loop: SaturatedLoop) -> PolynomialFunction:
 
 def test_f16_with_constant_derivatives_trims_where_tables_do(loop: SaturatedLoop) -> None:
     # Stevens and Lewis, Aircraft Control and Simulation: 502 ft/s at sea level, c.g. at 0.35.
-    """The F-16 with constant derivatives has the trim of its tables."""
+    """The F-16 with constant derivatives has the trim of the F-16 with tables."""
     assert loop.trim["speed"] == pytest.approx(502.0)
     assert np.degrees(loop.trim["alpha"]) == pytest.approx(2.1, abs=0.05)
     assert loop.trim["pitch"] == pytest.approx(loop.trim["alpha"])
@@ -58,7 +58,9 @@ def test_a_small_level_of_the_f16_is_proved(loop: SaturatedLoop, V: PolynomialFu
 def test_largest_level_of_f16_within_limits_is_proved(
     loop: SaturatedLoop, V: PolynomialFunction
 ) -> None:
-    """The largest level of the F-16 within its limits is proved."""
+    """The largest level of V within the limits of the F-16 is proved, and four times this level is
+    not.
+    """
     plant = Plant(loop)
     P = V.matrix()
     widths = np.einsum("ki,ij,kj->k", plant.limited_rows, np.linalg.inv(P), plant.limited_rows)
@@ -74,7 +76,7 @@ def test_largest_level_of_f16_within_limits_is_proved(
 
 
 def test_function_that_rises_along_loop_is_not_proved(loop: SaturatedLoop) -> None:
-    """A function that increases along the loop is not proved."""
+    """A function that increases along trajectories is not proved."""
     plant = Plant(loop)
     length = PolynomialFunction.quadratic(np.diag(plant.nominal**-2.0))
     T = ball_of(length.matrix(), 1e-3)

@@ -1,1 +1,1 @@
-"""Checker of a region, which uses only numbers of the search."""
+"""Checker of regions. It repeats the proof and trusts no result of the search."""

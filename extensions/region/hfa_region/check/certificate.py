@@ -1,4 +1,4 @@
-"""Certificate file of a proved region: written, read and proved again."""
+"""Certificate file of a proved region: writing, reading and verification."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ KIND = "region"
 
 @dataclass(frozen=True, eq=False)
 class VerifiedRegion:
-    """A region that is proved.
+    """A region that the checker has proved.
 
-    statement: the proved statement, every field of which the checker has interpreted
+    statement: the proved statement; the checker has interpreted every field of it
     parts: number of parts of the set on which V' < 0 is proved
     extents: state -> lowest and highest deviation in the set, computed by the checker
     written: version, command and date in the file, not verified
@@ -39,14 +39,14 @@ class VerifiedRegion:
 def check_certificate(
     path: Path, progress: Progress | None = None, model: Model | None = None
 ) -> VerifiedRegion:
-    """Return the region that a file proves.
+    """Return the region that a certificate proves.
 
     path: the certificate
     progress: called for each part
-    model: the user's aircraft, for a certificate about it
+    model: the user's aircraft, or None if the certificate concerns a built-in model
 
-    Raises BadInputError when the file is not a certificate, was edited, or is about another model.
-    Raises Rejected when entries are not understood or do not prove the statement.
+    Raises BadInputError if the file is not a certificate, was edited, or concerns another model.
+    Raises Rejected if an entry is not understood or the statement is not proved.
     """
     content, written = read_sealed(path)
     with naming(path):
@@ -58,9 +58,12 @@ def check_certificate(
 def read_content(
     content: dict[str, Any], model: Model | None
 ) -> tuple[RegionStatement, RegionWitness]:
-    """Return statement and witness of a certificate's content.
+    """Return the statement and the witness of a certificate.
 
-    Raises a Malformed, which names an invalid entry.
+    content: the entries of the file
+    model: the user's aircraft, if the certificate concerns one
+
+    Raises Malformed, which names the invalid entry.
     """
     entries = claims_of(content)
     entries.same("kind", KIND)
@@ -73,5 +76,9 @@ def read_content(
 def write_certificate(
     path: Path, statement: RegionStatement, witness: dict[str, Any], origin: dict[str, Any]
 ) -> None:
-    """Write a certificate. Its digest does not cover `origin`."""
+    """Write a certificate.
+
+    witness: evidence, as `RegionWitness.read` accepts it
+    origin: version, command and date; the digest of the file does not cover them
+    """
     write_sealed(path, KIND, statement.content(), witness, origin)

@@ -1,16 +1,18 @@
-"""Checker of a region, which proves the statement in ball arithmetic from its witness.
+"""Checker of a region, which proves the statement from its witness in ball arithmetic.
 
-The theorem. S = {V <= rho} is compact: it lies in the open unit ball of y. On each part of S, where
-every input is free or at a limit, V' < 0 except at the equilibrium; the parts cover S. The rates
-are Lipschitz on the ball, and a trajectory exists while it is in S. V decreases along it, and it
-never leaves S. It converges to the only point of S where V' = 0 (LaSalle). V > 0 elsewhere in S
-follows. The search is not trusted: the checker shares only the model and the arithmetic with it.
+Theorem. S = {V <= rho} lies in the open unit ball of y and is therefore compact. S is divided into
+parts, in which each input is free or at a limit. On each part V' < 0 except at the equilibrium. The
+rates are Lipschitz on the ball. Hence a trajectory that begins in S exists for all time, V
+decreases along it, it stays in S, and it converges to the only point of S where V' = 0 (LaSalle).
+V > 0 elsewhere in S follows. The search is not trusted: the checker shares only the model and the
+arithmetic with it.
 
-A sum of squares decides everywhere except at y = 0. There V = 0, every deviation is 0, and either
-all inputs are free and V' = 0, or the part is empty.
+Sums of squares prove V' < 0 for y != 0. At y = 0, V = 0 and every deviation is 0. There either all
+inputs are free and V' = 0, or the part is empty.
 
-Under disturbances V' < 0 where V = rho, each of them at its lowest and at its highest value: V' is
-affine in them and therefore negative for all values between, and no trajectory leaves S.
+With disturbances, V' < 0 is proved where V = rho, with each disturbance at its lowest and at its
+highest value. V' is affine in the disturbances and therefore negative for all values between, so
+that no trajectory leaves S.
 
     statement.py  the claim              witness.py      its evidence
     loop.py       loop, equilibrium      positivity.py   sums of squares
@@ -78,7 +80,7 @@ def check_region(
 def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
     """Raise Rejected unless the parts include every combination of inputs and disturbances.
 
-    Inputs are free or at a limit, disturbances at an end.
+    An input is free or at a limit, a disturbance at its lowest or highest value.
     """
     stated = [_ENDS[FREE]]  # a coordinate that every part has, for a loop without inputs
     for name in loop.statement.loop.inputs:
@@ -97,9 +99,9 @@ def check_covered(loop: RegionLoop, parts: Sequence[Mapping[str, str]]) -> None:
 
 
 def limits_of(loop: RegionLoop, inputs: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the constraints of a part.
+    """Return the constraints of a part: name -> polynomial in y.
 
-    They are not negative exactly where its inputs are as stated.
+    All polynomials are >= 0 exactly where the inputs of the part are free or at limits as stated.
     """
     constraints = {}
     for name in loop.statement.loop.inputs:
@@ -119,7 +121,11 @@ def _check_extents(
     extents: Mapping[str, tuple[Evidence, Evidence]],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raise Rejected unless every state stays within its extent, and with it within its limits."""
+    """Raise Rejected unless every state stays within its stated extent and within its limits.
+
+    extents: state -> evidence for its lowest and highest deviation
+    inside: constraints of the set
+    """
     statement = loop.statement
     for index, (name, (lowest, highest)) in enumerate(statement.extents.items()):
         reach = loop.reach(index)
@@ -142,7 +148,11 @@ def _check_deviation(
     evidence: tuple[Evidence, Evidence],
     inside: Mapping[str, Polynomial],
 ) -> None:
-    """Raise Rejected unless a state's deviation in the set is proved to lie between the ends."""
+    """Raise Rejected unless a state's deviation in the set is proved to be between the ends.
+
+    index: index of the state
+    ends: lowest and highest deviation
+    """
     name = loop.statement.loop.states[index]
     deviation = loop.deviation(index)
     from_low = deviation - Polynomial.constant(ends[0])

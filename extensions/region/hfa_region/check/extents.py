@@ -14,12 +14,12 @@ _PRECISION = 192
 
 @ctx.workprec(_PRECISION)
 def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Return the lowest and highest deviation of each state in a proved set, rounded outward.
+    """Return state -> lowest and highest deviation in a proved set, rounded outward.
 
-    statement: the statement. For V of degree 2 the extents are those of the ellipsoid, ±sqrt(rho
-        P⁻¹_ii), computed anew. For a higher degree they are the stated ones, which are proved,
-        within the ball.
-    T: (n, n), the set lies in the unit ball of y, z = T y
+    For V of degree 2 they are the extents of the ellipsoid, ±sqrt(rho P⁻¹_ii). For a higher degree
+    they are the stated extents, which are proved, limited to the unit ball.
+
+    T: (n, n), z = T y; the set lies in the unit ball of y
     """
     states = statement.loop.states
     n = len(states)
@@ -44,5 +44,5 @@ def extents_of(statement: RegionStatement, T: np.ndarray) -> dict[str, tuple[flo
 
 
 def _above(ball: arb) -> float:
-    """Return a double above every number of a ball."""
+    """Return a double above every number of the ball."""
     return float(np.nextafter(float(ball.upper()), np.inf))

@@ -1,6 +1,7 @@
 """Closed loop of a statement in coordinates y, z = T y: enclosed equilibrium, V' and limits.
 
-The set is divided into parts where inputs are free or saturated and disturbances are at an end.
+The set is divided into parts. In each part every input is free or saturated, and every disturbance
+is at its lowest or highest value.
 """
 
 from __future__ import annotations
@@ -41,8 +42,11 @@ _Term = tuple[arb, tuple[int, ...]]
 class Equilibrium:
     """Enclosed equilibrium without disturbances, F(x) = f(x, u0 - K (x - x0) + q(x - x0), 0) = 0.
 
+    loop: the saturated loop
     x: (n,), balls
-    u: (m,), balls, strictly between the limits
+    u: (m,), balls, strictly within the limits
+
+    Raises Rejected if no equilibrium is proved near the trim.
     """
 
     def __init__(self, loop: SaturatedLoop) -> None:
@@ -59,8 +63,9 @@ class Equilibrium:
         self._check_near()
 
     def room(self, name: str) -> tuple[arb | None, arb | None]:
-        """Return the distances of an input from its lowest and its highest value, each None without
-        that limit.
+        """Return the distances of an input from its lowest and its highest value.
+
+        The distance is None if there is no such limit.
         """
         low, high = self.loop.limits.get(name, (-np.inf, np.inf))
         value = self.u[list(self.loop.inputs).index(name)]
@@ -69,7 +74,7 @@ class Equilibrium:
         return below, above
 
     def deviations(self, x: Sequence[arb]) -> list[arb]:
-        """Return the deviations x - x0."""
+        """Return the deviations x - x0 from the trim."""
         return [value - at for value, at in zip(x, self._x0, strict=True)]
 
     def _inputs(self, x: Sequence[arb]) -> list[arb]:
@@ -82,7 +87,7 @@ class Equilibrium:
         return inputs
 
     def _gains(self, x: Sequence[arb]) -> arb_mat:
-        """Return the local gain -∂u/∂x = K - ∂q/∂x."""
+        """Return the local gain -∂u/∂x = K - ∂q/∂x, (m, n)."""
         away = self.deviations(x)
         slopes = []
         for terms in self._policy:
@@ -90,7 +95,9 @@ class Equilibrium:
         return self._K - arb_mat(len(self._u0), len(away), [s for row in slopes for s in row])
 
     def _enclosed(self) -> list[arb]:
-        """Enclosure of the unique equilibrium near x0. Raises Rejected unless it is proved."""
+        """Return an enclosure of the unique equilibrium near x0. Raises Rejected if it is not
+        proved.
+        """
         n = len(self._x0)
         x = list(self._x0)
         for _ in range(_STEPS):
@@ -108,7 +115,7 @@ class Equilibrium:
         return arb_mat([[rate] for rate in rates])
 
     def _jacobian(self, x: Sequence[arb]) -> arb_mat:
-        """Return F' = f_x + f_u ∂u/∂x."""
+        """Return the Jacobian F' = f_x + f_u ∂u/∂x, (n, n)."""
         by_state, by_input = self._slopes(x, self._inputs(x))
         n = len(self._x0)
         m = len(self._u0)
@@ -117,8 +124,10 @@ class Equilibrium:
         return A - B * self._gains(x)
 
     def _check_near(self) -> None:
-        """Raise Rejected unless it is the stated trim, with all inputs strictly within their
+        """Raise Rejected unless the equilibrium is near the trim and its inputs are within their
         limits.
+
+        The inputs must be strictly within their limits.
         """
         signals = self.loop.model.signals
         for name, value, stated in zip(self.loop.states, self.x, self._x0, strict=True):
@@ -131,11 +140,11 @@ class Equilibrium:
 
 
 class RegionLoop:
-    """The loop of a statement in y, z = T y.
+    """The closed loop of a statement in coordinates y, z = T y.
 
     statement: V, rho and the loop
     T: (n, n), invertible
-    order: D of all Taylor polynomials
+    order: highest degree D of all Taylor polynomials
     """
 
     def __init__(self, statement: RegionStatement, T: np.ndarray, order: int) -> None:
@@ -153,7 +162,7 @@ class RegionLoop:
 
     @cached_property
     def _V(self) -> list[_Term]:
-        """Terms of V / rho."""
+        """Terms of V / rho in z."""
         terms = _exact_terms(self.statement.terms)
         return [(factor / exact(self.statement.rho), exponents) for factor, exponents in terms]
 
@@ -168,13 +177,16 @@ class RegionLoop:
 
     @cached_property
     def gradient(self) -> list[Taylor]:
-        """∂V/∂z_i / rho at z = T y, for each i."""
+        """Taylor polynomials in y of ∂V/∂z_i / rho at z = T y, for each i."""
         slopes = [self._substitution.sum(_derivative(self._V, i)) for i in range(self.n)]
         return [self._taylor(slope) for slope in slopes]
 
     @cached_property
     def _commands(self) -> list[Polynomial]:
-        """Command -K (x - x0) + q(x - x0) minus its value at the equilibrium, for each input."""
+        """Polynomials in y of u_i - u_e,i without saturation, for each input.
+
+        u = u0 - K (x - x0) + q(x - x0), and u_e is its value at the equilibrium.
+        """
         loop = self.statement.loop
         away = self.equilibrium.deviations(self.equilibrium.x)
         shifted = [Polynomial.constant(at) + self.deviation(i) for i, at in enumerate(away)]
@@ -187,15 +199,15 @@ class RegionLoop:
         return commands
 
     def deviation(self, index: int) -> Polynomial:
-        """Return the deviation z_i = Σ T_ij y_j."""
+        """Return the polynomial z_i = Σ T_ij y_j in y."""
         return Polynomial.linear(self.T.table()[index])
 
     def reach(self, index: int) -> arb:
-        """Return the largest |z_i| on the unit ball."""
+        """Return an upper bound of |z_i| on the unit ball of y."""
         return norm(self.T.table()[index]).upper()
 
     def command(self, index: int) -> Polynomial:
-        """Return u_j - u_e of a free input."""
+        """Return the polynomial in y of u_j - u_e,j, where input j is free."""
         return self._commands[index]
 
     def reaches(self, name: str) -> tuple[bool, bool]:
@@ -209,8 +221,11 @@ class RegionLoop:
         )
 
     def sides(self, name: str) -> tuple[Polynomial | None, Polynomial | None]:
-        """Return 1 - command / room below and above, positive where that input limit does not bind,
-        each None without that limit."""
+        """Return two polynomials in y that are positive where an input is not saturated.
+
+        They are 1 + command / room at the lower limit and 1 - command / room at the upper limit. A
+        polynomial is None if there is no such limit.
+        """
         index = list(self.statement.loop.inputs).index(name)
         low, high = self.equilibrium.room(name)
         one = Polynomial.constant(arb(1))
@@ -219,12 +234,11 @@ class RegionLoop:
         return below, above
 
     def decrease(self, part: Mapping[str, str]) -> Taylor:
-        """Return -V' / rho where each input is free or at its limit and each disturbance at its
-        end.
+        """Return the Taylor polynomial of -V' / rho on a part.
 
         part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
 
-        Raises Rejected where an output may leave its limits.
+        Raises Rejected if an output may leave its limits.
         """
         total = self._taylor(Polynomial([{}]))
         for slope, rate in zip(self.gradient, self.rates(part), strict=True):
@@ -232,9 +246,11 @@ class RegionLoop:
         return total
 
     def rates(self, part: Mapping[str, str]) -> list[Taylor]:
-        """Return z' where each input is free or at its limit and each disturbance at its end.
+        """Return the Taylor polynomials of z' on a part.
 
-        Raises Rejected where an output may leave its limits under any disturbance.
+        part: input -> `FREE`, `LOWEST` or `HIGHEST`; disturbance -> `LOWEST` or `HIGHEST`
+
+        Raises Rejected if an output may leave its limits for any values of the disturbances.
         """
         key = tuple(part.values())
         if key not in self._rates:
@@ -253,7 +269,7 @@ class RegionLoop:
     def _run(
         self, part: Mapping[str, str], disturbances: Sequence[arb]
     ) -> tuple[list[Taylor], list[Taylor]]:
-        """Return rates and limited outputs on the unit ball."""
+        """Return Taylor polynomials of the rates and of the limited outputs on the unit ball."""
         x = [
             self._taylor(Polynomial.constant(at) + self.deviation(i))
             for i, at in enumerate(self.equilibrium.x)
@@ -273,7 +289,7 @@ class RegionLoop:
         return rates, outputs
 
     def _check_outputs(self, values: Sequence[Taylor]) -> None:
-        """Raise Rejected unless each is proved to lie within its limits on the whole unit ball."""
+        """Raise Rejected unless each output is proved to be within its limits on the unit ball."""
         for name, value in zip(self.statement.loop.limited_outputs, values, strict=True):
             low, high = self.statement.loop.limits[name]
             ball = value.range()
@@ -285,7 +301,7 @@ class RegionLoop:
 
 
 class _Substitution:
-    """Monomials of z as polynomials in y, each computed once.
+    """Substitution of polynomials in y for z. Each monomial of z is computed once.
 
     variables: each z_i as a polynomial in y
     """
@@ -295,7 +311,7 @@ class _Substitution:
         self._known: dict[Key, Polynomial] = {0: Polynomial.constant(arb(1))}
 
     def sum(self, terms: Sequence[_Term]) -> Polynomial:
-        """Return Σ coefficient z^exponents."""
+        """Return Σ coefficient z^exponents as a polynomial in y."""
         total = Polynomial([{}])
         for coefficient, exponents in terms:
             total += self(exponents).scaled(coefficient)
@@ -312,12 +328,12 @@ class _Substitution:
 
 
 def _exact_terms(terms: Terms) -> list[_Term]:
-    """Return the terms of a statement as balls."""
+    """Return the terms of a statement with coefficients as exact balls."""
     return [(exact(coefficient), exponents) for coefficient, exponents in terms]
 
 
 def _derivative(terms: Sequence[_Term], index: int) -> list[_Term]:
-    """Return the terms of the derivative with respect to one variable."""
+    """Return the terms of the derivative with respect to z_index."""
     slopes = []
     for coefficient, exponents in terms:
         power = exponents[index]
@@ -340,7 +356,7 @@ def _value(terms: Sequence[_Term], z: Sequence[arb]) -> arb:
 
 
 def _without_center(rate: Taylor) -> Taylor:
-    """Return a rate with its constant term set to 0, its value at the equilibrium."""
+    """Return the Taylor polynomial of a rate without its constant term, which is 0 here."""
     return Taylor(rate.order, Polynomial([{}, *rate.polynomial.parts[1:]]), rate.remainder)
 
 
@@ -352,7 +368,7 @@ def _is_invertible(T: arb_mat) -> bool:
 def refuse_curved(loop: SaturatedLoop) -> None:
     """Raise BadInputError if a rate is not affine in the disturbances.
 
-    Their ends would then not be the worst case.
+    The worst case would then not be at the ends of their ranges.
     """
     if not loop.disturbances:
         return
@@ -371,6 +387,7 @@ def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
     """Return the function (x, u, w) -> rates and limited outputs.
 
     w: the stated disturbances
+    outputs: whether to return the outputs too
     """
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
@@ -382,7 +399,7 @@ def _function(loop: SaturatedLoop, outputs: bool = True) -> ca.Function:
 
 
 def _slopes(loop: SaturatedLoop) -> ca.Function:
-    """Return the function (x, u) -> Jacobians f_x, f_u of the moving states."""
+    """Return the function (x, u) -> Jacobians f_x and f_u of the rates of the moving states."""
     x = ca.SX.sym("x", len(loop.states))
     u = ca.SX.sym("u", len(loop.inputs))
     rates, _ = loop.rates_at(x, u)

@@ -17,12 +17,12 @@ Key = int
 
 
 def key_of(exponents: Sequence[int]) -> Key:
-    """Return the key of y_1^α_1 .. y_n^α_n."""
+    """Return the integer key of the monomial y_1^α_1 .. y_n^α_n."""
     return sum(exponent << (_BITS * i) for i, exponent in enumerate(exponents))
 
 
 def exponents_of(key: Key) -> list[int]:
-    """Return the exponents of a key, without zeros at the end."""
+    """Return the exponents of a key, without trailing zeros."""
     exponents = []
     while key:
         exponents.append(key & (2**_BITS - 1))
@@ -42,8 +42,7 @@ def monomials(variables: int, low: int, high: int) -> tuple[Key, ...]:
 
 @cache
 def _weight(key: Key) -> fmpq:
-    """Return α! / |α|!, the weight of a squared coefficient in the norm of a homogeneous
-    polynomial."""
+    """Return α! / |α|!, the weight of a squared coefficient in the Bombieri norm."""
     exponents = exponents_of(key)
     product = 1
     for exponent in exponents:
@@ -52,9 +51,11 @@ def _weight(key: Key) -> fmpq:
 
 
 class Polynomial:
-    """Polynomial Σ c_α y^α.
+    """Polynomial Σ c_α y^α with balls as coefficients.
 
-    parts: parts[k] maps keys to the coefficients of degree k, omitted if exactly 0
+    parts: parts[k] maps keys to the coefficients of degree k; coefficients that are exactly 0 may
+    be
+        omitted
     """
 
     def __init__(self, parts: list[dict[Key, arb]]) -> None:
@@ -62,17 +63,17 @@ class Polynomial:
 
     @classmethod
     def constant(cls, value: arb) -> Polynomial:
-        """Return the constant polynomial of a number."""
+        """Return the constant polynomial with this value."""
         return cls([{0: value}])
 
     @classmethod
     def linear(cls, slopes: Sequence[arb]) -> Polynomial:
-        """Return Σ slope_i y_i."""
+        """Return Σ slopes_i y_i."""
         return cls([{}, {1 << (_BITS * i): slope for i, slope in enumerate(slopes)}])
 
     @classmethod
     def of_terms(cls, terms: Iterator[tuple[Key, int, arb]]) -> Polynomial:
-        """Return the polynomial of terms (key, degree, coefficient)."""
+        """Return the sum of terms (key, degree, coefficient)."""
         parts: list[dict[Key, arb]] = []
         for key, degree, coefficient in terms:
             while len(parts) <= degree:
@@ -83,7 +84,7 @@ class Polynomial:
 
     @property
     def degree(self) -> int:
-        """Return the degree of the highest part."""
+        """Degree of the highest part."""
         return len(self.parts) - 1
 
     def terms(self) -> Iterator[tuple[Key, int, arb]]:
@@ -109,13 +110,13 @@ class Polynomial:
         return self + -other
 
     def scaled(self, factor: arb) -> Polynomial:
-        """Return the polynomial times a number."""
+        """Return the polynomial multiplied by a number."""
         return Polynomial(
             [{key: factor * value for key, value in part.items()} for part in self.parts]
         )
 
     def times(self, other: Polynomial, highest: int | None = None) -> Polynomial:
-        """Return the product, or its terms up to a degree."""
+        """Return the product with another polynomial, up to the degree `highest`."""
         degree = self.degree + other.degree
         if highest is not None:
             degree = min(degree, highest)
@@ -132,11 +133,11 @@ class Polynomial:
         return Polynomial(parts)
 
     def norms(self) -> list[arb]:
-        """Return for each part h of degree k a number with |h(y)| <= number |y|^k at every y.
+        """Return, for the part h of each degree k, a number N with |h(y)| <= N |y|^k for every y.
 
-        It is the norm of Bombieri, sqrt(Σ c_α² α!/k!). h(y) is the product of a symmetric tensor of
-        this Frobenius norm with y ⊗ .. ⊗ y. The norm of a product is at most the product of the
-        norms.
+        N is the Bombieri norm, sqrt(Σ c_α² α!/k!). h(y) is the product of y ⊗ .. ⊗ y and a
+        symmetric tensor with this Frobenius norm. The norm of a product is at most the product of
+        the norms.
         """
         results = []
         for part in self.parts:
@@ -149,7 +150,7 @@ class Polynomial:
 
 @lru_cache(maxsize=64)
 def power_of_length(variables: int, degree: int) -> Polynomial:
-    """Return |y|^degree for an even degree."""
+    """Return the polynomial |y|^degree; the degree is even."""
     half = degree // 2
     part = {}
     for key in monomials(variables, half, half):

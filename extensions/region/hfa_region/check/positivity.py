@@ -1,11 +1,13 @@
-"""Sum-of-squares proofs that a polynomial is positive where others are not negative, in balls.
+"""Sum-of-squares proofs, in ball arithmetic, that a polynomial is positive on a set.
+
+The set is defined by polynomials g_k >= 0. The proof is the identity
 
     target = Σ_k σ_k g_k + m'Q m,  σ_k = m_k'Q_k m_k,
 
-with Q, Q_k positive definite and m, m_k vectors of monomials. Then target > 0 wherever every g_k >=
-0 and some monomial of m is not 0. The numbers of Q are doubles of a solver, for which the identity
-holds approximately. The residual is added to entries of Q, as balls, and Q is positive definite
-with it.
+with Q, Q_k positive definite and m, m_k vectors of monomials. Then target > 0 wherever every
+g_k >= 0 and some monomial of m is not 0. Q comes from a numerical solver, so that the identity
+holds only approximately. The residual is added to entries of Q as balls, and the corrected Q is
+proved positive definite.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ _HIGHEST = 12
 class Square:
     """Square form m'Q m, with m all monomials of degree low to high in the order of `monomials`.
 
-    Q: symmetric
+    Q: (k, k), symmetric
     """
 
     low: int
@@ -37,14 +39,20 @@ class Square:
 
     @classmethod
     def read(cls, entries: Fields, variables: int) -> Square:
-        """Read the entries `degrees` and `gram`. Others may follow."""
+        """Return the square form stored in the entries `degrees` and `gram`.
+
+        Raises Malformed if an entry is invalid. Other entries are ignored here.
+        """
         low, high = entries.pair("degrees", least=0.0)
         require(low == int(low) and high == int(high) <= _HIGHEST, entries.where, [low, high])
         size = len(monomials(variables, int(low), int(high)))
         return cls(int(low), int(high), entries.symmetric("gram", size))
 
     def check_definite(self, what: str) -> None:
-        """Raise Rejected unless Q is proved positive definite."""
+        """Raise Rejected unless Q is proved positive definite.
+
+        what: name of the claim, for the message
+        """
         if not is_positive_definite(matrix(self.Q)):
             raise Rejected(f"{what}: a Gram matrix is not proved positive definite")
 
@@ -66,7 +74,7 @@ class Square:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The evidence that a polynomial is positive.
+    """Evidence that a polynomial is positive.
 
     main: m'Q m
     multipliers: name of g_k -> σ_k
@@ -77,7 +85,10 @@ class Evidence:
 
     @classmethod
     def read(cls, entries: Fields, variables: int, constraints: tuple[str, ...]) -> Evidence:
-        """Read a certificate with multipliers of some or all constraints."""
+        """Return the evidence stored in a certificate.
+
+        constraints: names of the g_k that may have a multiplier
+        """
         main = Square.read(entries, variables)
         stated = entries.fields("multipliers")
         multipliers = {}
@@ -98,16 +109,14 @@ def check_positive(
     evidence: Evidence,
     variables: int,
 ) -> None:
-    """Raise Rejected unless target > 0 is proved at every y other than 0 where all constraints are
-    >= 0.
+    """Raise Rejected unless target > 0 is proved for every y != 0 where all constraints are >= 0.
 
-    what: name of the claim in messages
-    target: the polynomial
+    At y = 0 it is proved too if the monomials of `main` begin at degree 0.
+
+    what: name of the claim, for messages
     constraints: name -> g_k; those without a multiplier are not used
     evidence: Gram matrices
     variables: n
-
-    Where the monomials of `main` begin at degree 0 it is proved at y = 0 too.
     """
     residual = target
     for name, square in evidence.multipliers.items():
@@ -119,7 +128,7 @@ def check_positive(
 def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -> None:
     """Raise Rejected unless residual = m'Q̃ m for a positive definite Q̃ near Q.
 
-    A term without a product of two monomials of m must be exactly 0.
+    A term of the residual that is no product of two monomials of m must be exactly 0.
     """
     keys = monomials(variables, main.low, main.high)
     size = len(keys)
@@ -144,7 +153,7 @@ def _check_gram(what: str, residual: Polynomial, main: Square, variables: int) -
 
 
 def _degrees(variables: int, low: int, high: int) -> list[int]:
-    """Return the degree of each of `monomials`."""
+    """Return the degree of each monomial of `monomials`."""
     degrees: list[int] = []
     for degree in range(low, high + 1):
         degrees += [degree] * len(monomials(variables, degree, degree))

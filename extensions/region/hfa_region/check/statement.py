@@ -1,7 +1,6 @@
-"""The statement about a region.
+"""Statement of a certificate about a region, proved by sums of squares.
 
-The checker interprets or refuses every field. The digest covers all fields, and a report shows
-them.
+The checker interprets or refuses every field. The digest covers all fields, and reports show them.
 """
 
 from __future__ import annotations
@@ -35,13 +34,13 @@ class SaturatedLoop(Plant):
 
         x' = f(x, u, w),  u = sat(u0 - K (x - x0) + q(x - x0))
 
-    Inputs are saturated at the model's limits. Limits of states and outputs are not wider than the
-    model's.
+    Inputs are saturated at the model's limits. The limits of states and outputs are the model's or
+    narrower.
 
-    K: (m, n), in the order of the inputs and the moving states
-    policy: input -> terms of q of degree 2 to `HIGHEST_POLICY`; other inputs have q = 0
-    disturbances: disturbance of the model -> bound d > 0 of any measurable w(t), |w(t)| <= d. The
-        rates are affine in these disturbances. The others are 0.
+    K: (m, n), in the order of the inputs and the moving states policy: input -> terms of q of
+    degree 2 to `HIGHEST_POLICY`; q = 0 for an input without an entry disturbances: disturbance of
+    the model -> d > 0. It is any measurable w(t) with |w(t)| <= d, and the
+        rates are affine in it. Disturbances without an entry are 0.
     """
 
     K: np.ndarray
@@ -50,22 +49,22 @@ class SaturatedLoop(Plant):
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Inputs and disturbances, whose combinations define the parts."""
+        """Names of the inputs and disturbances whose combinations define the parts."""
         return (*self.inputs, *self.disturbances)
 
 
 @dataclass(frozen=True, eq=False)
 class RegionStatement:
-    """Statement that trajectories from {V(z) <= rho} converge to the equilibrium.
+    """Claim: trajectories from {V(z) <= rho} converge to the equilibrium.
 
-    Every trajectory of the loop that begins in the set exists for all time, and stays there and
+    Every trajectory of the loop that begins in the set exists for all time and stays in the set and
     within all limits. With disturbances, convergence is not claimed. z are deviations from the
-    equilibrium, the one within `SAME_TRIM` of x0, in nominal values of the states.
+    equilibrium, which differs from the trim x0 by at most `SAME_TRIM` nominal values.
 
     loop: the model with its policy and saturated inputs
     terms: V = Σ coefficient z^exponents, of degrees 2 to `HIGHEST_DEGREE`
     rho: level of V
-    extents: moving state -> lowest and highest deviation in the set, or beyond
+    extents: moving state -> bounds of its deviation in the set
     """
 
     loop: SaturatedLoop
@@ -80,7 +79,8 @@ class RegionStatement:
         content: the certificate's entry `statement`
         own: the user's model, if the statement concerns one
 
-        Raises Malformed for the first wrong entry, and BadInputError for another model.
+        Raises Malformed for the first wrong entry, and BadInputError if the statement concerns
+        another model.
         """
         entries = Fields("statement", content)
         plant = read_plant(entries, content, own)
@@ -99,7 +99,7 @@ class RegionStatement:
         return cls(loop, terms, rho, extents)
 
     def content(self) -> dict[str, Any]:
-        """Return the statement as stored in a file, which `read` reads."""
+        """Return the certificate's entry `statement`, in the form that `read` accepts."""
         loop = self.loop
         return {
             **loop.content(),
@@ -118,12 +118,15 @@ def _disturbance_units(model: Model) -> list[str]:
 
 
 def facts_of(model: Model) -> dict[str, Any]:
-    """Return the model's identity, the order of its states and inputs, and the units."""
+    """Return entries that identify a model: name, source, signals and units."""
     return facts(model) | {"disturbance_units": _disturbance_units(model)}
 
 
 def _read_disturbances(entries: Fields, model: Model) -> dict[str, float]:
-    """Read the largest absolute value of each stated disturbance, in the order of the model."""
+    """Return disturbance -> its largest absolute value, in the order of the model.
+
+    Raises Malformed unless the value is positive.
+    """
     sizes = entries.numbers("disturbances", tuple(model.disturbances))
     for name, size in sizes.items():
         require(size > 0.0, f"disturbances: {name}", size)

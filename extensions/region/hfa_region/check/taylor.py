@@ -1,9 +1,11 @@
-"""Taylor polynomials of many variables on the unit ball, with a bound of their remainder.
+"""Taylor polynomials of several variables on the unit ball, with a bound of their remainder.
 
-Every operation preserves the inclusion: for all functions that the operands enclose, the result
-encloses the function of the operation, at every |y| <= 1. Source: Makino and Berz, Taylor models
-and other validated functional inclusion methods, IJPAM 4 (2003). Here the remainder is scaled by
-|y|^(D+1), so that it keeps the order of a function that vanishes at 0.
+The remainder is scaled by |y|^(D+1), so that it is 0 at y = 0 to this order. Every operation
+returns an enclosure: if the operands enclose some functions, the result encloses the operation on
+these functions, at every |y| <= 1.
+
+Source: Makino and Berz, Taylor models and other validated functional inclusion methods, IJPAM 4
+(2003).
 """
 
 from __future__ import annotations
@@ -18,14 +20,14 @@ from hfa_region.check.polynomial import Polynomial, power_of_length
 
 
 class Taylor:
-    """Enclosure of a function g by |g(y) - polynomial(y)| <= remainder |y|^(order + 1) for |y| <=
-    1.
+    """Enclosure of functions g: |g(y) - polynomial(y)| <= remainder |y|^(order + 1) for |y| <= 1.
 
     order: D, the highest degree of the polynomial
-    polynomial: its coefficients, balls
-    remainder: a number that is not negative
+    polynomial: polynomial with balls as coefficients
+    remainder: a nonnegative number
 
-    Numbers and balls in sums and products are constants. `BallFunction` accepts these objects."""
+    In sums and products, numbers and balls are constants. `BallFunction` accepts these objects.
+    """
 
     def __init__(self, order: int, polynomial: Polynomial, remainder: arb) -> None:
         self.order = order
@@ -33,7 +35,9 @@ class Taylor:
         self.remainder = remainder
 
     def _of(self, value: Any) -> Taylor:
-        """Return a Taylor polynomial unchanged, and any other value as a constant."""
+        """Return a Taylor polynomial unchanged, and a number or ball as a constant Taylor
+        polynomial.
+        """
         if isinstance(value, Taylor):
             return value
         return Taylor(self.order, Polynomial.constant(arb(value)), arb(0))
@@ -91,14 +95,14 @@ class Taylor:
         return (sum(self.polynomial.norms()[1:], arb(0)) + self.remainder).upper()
 
     def range(self) -> arb:
-        """Return a ball that contains every value on the unit ball."""
+        """Return a ball that contains all values of g on the unit ball."""
         return self.center + arb(0, 1) * self.reach()
 
     def through(self, function: Callable[[arb_series], arb_series]) -> Taylor:
-        """Return f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D.
+        """Return the enclosure of f(g(y)) = Σ_k f_k(c) δ^k + f_(D+1)(ξ) δ^(D+1), k <= D.
 
-        ξ is in the range, and |δ| <= m |y|. Raises Undecided unless f is proved to be smooth on the
-        whole range.
+        f_k is the k-th derivative over k!, c = g(0), δ = g(y) - c, and ξ is in the range of g.
+        Raises Undecided unless f is proved smooth on the range of g.
         """
         order = self.order
         near = function(arb_series([self.center, 1], prec=order + 1))
@@ -115,9 +119,12 @@ class Taylor:
         return Taylor(order, total.polynomial, (total.remainder + rest).upper())
 
     def lowest(self, variables: int, degree: int) -> Polynomial:
-        """Return a polynomial of an even degree, at most order + 1, that is below g for |y| <= 1.
+        """Return a polynomial that is at most g for |y| <= 1.
 
-        A term of a higher degree k is at least -norm |y|^k >= -norm |y|^degree."""
+        degree: its degree, even and at most order + 1; another value raises ValueError
+
+        A term of a higher degree k is at least -norm |y|^k >= -norm |y|^degree.
+        """
         if degree % 2 or degree > self.order + 1:
             raise ValueError(f"{degree} is odd or above {self.order + 1}")
         norms = self.polynomial.norms()

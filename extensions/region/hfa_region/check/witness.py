@@ -1,4 +1,4 @@
-"""Evidence for a region. A wrong entry makes the check fail. No entry is part of the claim."""
+"""Evidence for a region. It is not part of the claim, and a wrong entry makes the check fail."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _HIGHEST_ORDER = 12
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Part of the set: each input free or at a limit, each disturbance at an end.
+    """Part of the set: each input is free or at a limit, each disturbance at an end of its range.
 
-    inputs: input -> `FREE`, `LOWEST`, `HIGHEST`, then disturbance -> `LOWEST`, `HIGHEST`; for parts
-        outside the set also `ANY`
-    evidence: that V' < 0 there, or that the set has no such part
+    inputs: input -> `FREE`, `LOWEST` or `HIGHEST`, then disturbance -> `LOWEST` or `HIGHEST`; in an
+        empty part also `ANY`
+    evidence: proof that V' < 0 on the part, or that the set has no point in it
     """
 
     inputs: Mapping[str, str]
@@ -42,15 +42,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class RegionWitness:
-    """Gram matrices in coordinates y, z = T y.
+    """Gram matrices of all proofs, in coordinates y, z = T y.
 
-    T: (n, n)
-    order: order of the Taylor polynomials
-    inside: evidence that {V <= rho} lies in the open unit ball
-    parts: evidence that V' < 0 on each part; with disturbances, where V = rho
-    empty: parts outside the set, with evidence
-    extents: state -> evidence of its lowest and highest deviation; without an entry the unit ball
-        lies within the extent
+    T: (n, n) order: order of the Taylor polynomials inside: evidence that {V <= rho} lies in the
+    open unit ball parts: evidence that V' < 0 on each part; with disturbances, where V = rho empty:
+    evidence that the set has no point in the other parts extents: state -> evidence for its lowest
+    and highest deviation; for a state without an entry, the
+        extent must contain the unit ball
     """
 
     T: np.ndarray
@@ -62,7 +60,10 @@ class RegionWitness:
 
     @classmethod
     def read(cls, entries: Fields, statement: RegionStatement) -> RegionWitness:
-        """Read a witness with matrices of the statement's sizes."""
+        """Return the witness of a certificate. Raises Malformed if an entry is invalid.
+
+        statement: the statement, which determines the sizes of the matrices
+        """
         loop = statement.loop
         n = len(loop.states)
         T = entries.array("T", n, n)
@@ -89,14 +90,17 @@ class RegionWitness:
 
 
 def limit_names(inputs: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the constraints of the limits of inputs."""
+    """Return the names of the constraints for the limits of inputs."""
     return tuple(f"{name} {side}" for name in inputs for side in (LOWEST, HIGHEST))
 
 
 def _read_parts(
     entries: Fields, name: str, statement: RegionStatement, allowed: tuple[str, ...]
 ) -> tuple[Part, ...]:
-    """Return a list of parts with only allowed values of their inputs."""
+    """Return the parts in the entry `name`. Raises Malformed if an entry is invalid.
+
+    allowed: values that inputs and disturbances may have
+    """
     loop = statement.loop
     names = (LEVEL, BALL, *limit_names(loop.inputs))
     if loop.disturbances:

@@ -1,1 +1,1 @@
-"""Commands of regions."""
+"""Commands that prove and check regions."""

@@ -1,4 +1,4 @@
-"""The user's data, in the form of a region's statement, for comparison with its certificate."""
+"""The user's data in the form of a region's statement, for comparison with a certificate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OF_THE_POLICY = ("weights", "Q", "R", "delta", "basis")
 def given_for(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return entry path -> value from the user's options.
+    """Return entry path -> value from the user's options, for a region proved by sums of squares.
 
     statement: the proved statement
     request: options of the command
@@ -93,7 +93,9 @@ def _same_coefficients(stated: Mapping[str, Any], own: Mapping[str, Any]) -> boo
 def _given_aircraft(
     statement: RegionStatement, request: CheckRequest | RegionRequest
 ) -> dict[str, Given]:
-    """Return the entries of the user's model, parameters, and limits about the stated trim."""
+    """Return the entries of the user's model, of its parameters, and of its limits at the stated
+    trim.
+    """
     model = request.flown_aircraft()
     option = aircraft_option(request)
     parameters = {name: signal.start for name, signal in model.parameters.items()}
@@ -109,7 +111,9 @@ def _given_aircraft(
 
 
 def _not_wider(inputs: tuple[str, ...]) -> Any:
-    """Return a comparison of limits. Input limits must be equal, and others not wider."""
+    """Return a comparison of limits: input limits must be equal, the others not wider than the
+    model's.
+    """
 
     def same(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
         pairs = {name: _ends(pair) for name, pair in stated.items()}
@@ -124,8 +128,10 @@ def _ends(pair: Any) -> tuple[float, float]:
 
 
 def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entry of the trim that the options name, compared within `SAME_TRIM` nominal
-    values."""
+    """Return the entries of the trim that the options define.
+
+    They are compared within `SAME_TRIM` nominal values.
+    """
     model: Model = request.flown_aircraft()
     point = request.operating_point(model)
     option = aircraft_option(request)
@@ -140,7 +146,7 @@ def _given_trim(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
-    """Return the entries of K and of the nonlinear part of the policy."""
+    """Return the entries `K` and `policy` (nonlinear part), computed from the options."""
     from hfa_region.commands.policy import loop_of
 
     _, K, _, policy = loop_of(request)
@@ -153,8 +159,10 @@ def _given_policy(request: CheckRequest | RegionRequest) -> dict[str, Given]:
 
 
 def _same_policy(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether the polynomials of each input have the same monomials and about the same
-    coefficients."""
+    """Return whether two polynomial policies agree.
+
+    For each input, the monomials must be equal and the coefficients agree within `SAME_GAIN`.
+    """
     if set(stated) != set(own):
         return False
     for name, rows in own.items():

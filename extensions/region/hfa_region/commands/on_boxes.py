@@ -1,4 +1,4 @@
-"""`hfa prove region` on boxes: of a network, a deployment file or a polynomial policy."""
+"""`hfa prove region` on boxes, for a network, a deployment file or a polynomial policy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _DEGREE = 2
 def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
     """Return the reason to prove the region of a polynomial policy on boxes.
 
-    The result is "" where sums of squares are used.
+    The result is "" if sums of squares are to be used.
     """
     from hfa_region.check.loop import Equilibrium
 
@@ -57,7 +57,7 @@ def better_on_boxes(request: RegionRequest, loop: SaturatedLoop) -> str:
 def prove_gain_on_boxes(
     request: RegionRequest, linear: LinearModel, gain: Gain, P: np.ndarray | None, reason: str
 ) -> int:
-    """Prove the region of a polynomial policy and return the exit code.
+    """Prove the region of a polynomial policy on boxes and return the exit code.
 
     P: (n, n), matrix of the game or critic, or None
     reason: result of `better_on_boxes`
@@ -70,7 +70,7 @@ def prove_gain_on_boxes(
 
 
 def prove_on_boxes(request: RegionRequest) -> int:
-    """Prove the region of a network or a deployment file and return the exit code."""
+    """Prove the region of a network or a deployment file on boxes and return the exit code."""
     from controller.riccati.gare import solve_game
 
     request.refuse(_OF_SQUARES, "cannot be used with a network or --policy; leave it out")
@@ -84,13 +84,13 @@ def prove_on_boxes(request: RegionRequest) -> int:
 
 
 def checked_on_boxes(request: RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region that is proved on boxes and return the exit code."""
+    """Verify a certificate on boxes for a network or a deployment file and return the exit code."""
     linear, policy, _ = _policy_of(request)
     return check(request, certificate, linear, policy, request.model if request.own else None)
 
 
 def checked_gain_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a polynomial policy and return the exit code."""
+    """Verify a certificate on boxes for a polynomial policy and return the exit code."""
     from hfa.output import ProgressLine, show
     from hfa_boxes.check.checker import check_certificate
     from hfa_boxes.fields import FIELDS
@@ -124,7 +124,7 @@ def _policy_of(request: RegionRequest) -> tuple[LinearModel, ProvedPolicy, Game]
 
 
 def card_policy(path: Path, linear: LinearModel) -> ProvedPolicy:
-    """Return the policy of a deployment file, computed and applied continuously in time."""
+    """Return the policy of a deployment file, evaluated and applied in continuous time."""
     deployment = Deployment.load(path)
     timing = f"sampling ({deployment.dt:g} s), delay ({deployment.delay:g} s)"
     return ProvedPolicy(
@@ -139,8 +139,8 @@ def continuous(deployed: Deployed) -> ca.Function:
 
     z are deviations of the moving states. trim contains all states, the inputs and the parameters.
 
-    Raises BadInputError if an observation or a map depends on an input, because the policy itself
-    moves it.
+    Raises BadInputError if the policy uses several samples, or if an observation or an action
+    depends on an input.
     """
     model = deployed.model
     n, m = len(model.states), len(model.inputs)
@@ -160,9 +160,9 @@ def continuous(deployed: Deployed) -> ca.Function:
 
 
 def _refuse_inputs_taken(deployed: Deployed) -> None:
-    """Raise BadInputError for an observation or a map that depends on an input.
+    """Raise BadInputError if an observation or an action depends on an input.
 
-    A policy of several samples is refused too.
+    The policy itself changes the inputs. A policy that uses several samples is refused too.
     """
     if deployed.past:
         raise BadInputError("timing.history: a proof needs a policy of one sample; leave it out")

@@ -1,4 +1,4 @@
-"""Policy of a critic as polynomials, the form of a region's statement."""
+"""Policy of a critic as polynomials, in the form of a region's statement."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
     Inputs without such terms are omitted.
 
-    critic: its policy is a polynomial of degree at most `HIGHEST_POLICY` that is 0 at z = 0
     inputs: names, in the order of the game
 
-    Raises BadInputError for another policy.
+    Raises BadInputError unless the policy is a polynomial of degree at most `HIGHEST_POLICY` and 0
+    at z = 0.
     """
     if critic.linear:
         return {}
@@ -53,7 +53,10 @@ def policy_terms(critic: Critic, inputs: tuple[str, ...]) -> Mapping[str, Terms]
 
 
 def _terms(u: ca.SX, z: ca.SX) -> Terms:
-    """Return Taylor's polynomial at 0 to degree `HIGHEST_POLICY`, terms ∂^α u / α! z^α."""
+    """Return the terms ∂^α u / α! z^α of the Taylor polynomial of u at z = 0.
+
+    Its degree is `HIGHEST_POLICY`.
+    """
     n = z.numel()
     slopes = {(0,) * n: u}
     found: dict[tuple[int, ...], ca.SX] = {}
@@ -77,7 +80,7 @@ def _terms(u: ca.SX, z: ca.SX) -> Terms:
 
 
 def _check_same(u: ca.Function, terms: Terms) -> None:
-    """Raise BadInputError unless the terms are the whole policy, and 0 at z = 0."""
+    """Raise BadInputError unless the terms equal the policy at random points and are 0 at z = 0."""
     n = u.numel_in(0)
     points = np.random.default_rng(0).uniform(-2.0, 2.0, (_POINTS, n))
     total = np.zeros(_POINTS)
@@ -99,9 +102,13 @@ def _check_same(u: ca.Function, terms: Terms) -> None:
 def loop_of(
     request: CheckRequest | RegionRequest,
 ) -> tuple[LinearModel, np.ndarray, np.ndarray | None, Mapping[str, Terms]]:
-    """Return the linear model at the trim, K, P of the game, and the nonlinear part of the policy.
+    """Return the linear model at the trim, K, the matrix P of V, and the nonlinear part of the
+    policy.
 
-    P is None if the game was not solved.
+    P is None if the loop has no inputs or the critic has no P. The nonlinear part is input ->
+    terms.
+
+    Raises NoSolutionError if the game has no solution.
     """
     if request.basis is not None and request.weights is None:
         raise BadInputError("--basis applies only to W in --weights; add --weights or leave it out")

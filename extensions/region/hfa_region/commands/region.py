@@ -33,7 +33,12 @@ _OF_THE_SEARCH = ("degree", "seconds", "resume", "picture", "prover")
 
 
 def _size(model: Model, name: str, text: str) -> float:
-    """Return the largest absolute value of a disturbance, in the unit of the model."""
+    """Return the largest absolute value of a disturbance, in the unit of the model.
+
+    text: the value of the option, with or without a unit
+
+    Raises BadInputError if the model has no such disturbance or the value is not positive.
+    """
     refuse_unknown(f"{model.name} declares no disturbance", name, tuple(model.disturbances))
     positive(text)
     return quantity(model, name, text)
@@ -125,8 +130,10 @@ def region(request: RegionRequest) -> int:
 
 
 def check(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region, also for `hfa prove --check`, and return the exit
-    code."""
+    """Verify a certificate by sums of squares and return the exit code.
+
+    `hfa prove --check` calls it too.
+    """
     from hfa_proof.subject import compare
     from hfa_region.check.certificate import check_certificate
     from hfa_region.commands.given import given_for
@@ -158,7 +165,7 @@ def _checked(request: RegionRequest, certificate: Path) -> int:
 
 
 def check_on_boxes(request: CheckRequest | RegionRequest, certificate: Path) -> int:
-    """Verify the certificate of a region that is proved on boxes and return the exit code."""
+    """Verify a certificate of a region proved on boxes and return the exit code."""
     from hfa_region.commands.on_boxes import checked_gain_on_boxes, checked_on_boxes
 
     request.refuse(_OF_THE_SEARCH, "has no effect with --check; leave it out")
@@ -221,7 +228,7 @@ def _prove(request: RegionRequest) -> int:
 
 
 def _box(linear: LinearModel) -> np.ndarray | None:
-    """Return the box of deviations in which `hfa verify` compares critics, or None without one."""
+    """Return the half-widths (n,) of the box in which `hfa verify` compares critics, or None."""
     from verification.critic.about_trim import box_within_limits
     from verification.hfa_box import ordinary_box
 
@@ -231,9 +238,9 @@ def _box(linear: LinearModel) -> np.ndarray | None:
 
 
 def _known(request: RegionRequest, loop: SaturatedLoop) -> PolynomialFunction | None:
-    """Return V of the certificate of an earlier run, verified, with its proved level 1.
+    """Return V of the certificate of an earlier run, scaled to level 1, or None without --resume.
 
-    Raises BadInputError if it is about another loop.
+    Raises BadInputError if the certificate concerns another loop.
     """
     if not request.resume:
         return None

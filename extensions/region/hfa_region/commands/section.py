@@ -1,4 +1,4 @@
-"""The region that `hfa verify --region` adds to a verdict."""
+"""Section on a proved region, which `hfa verify --region` adds to the report."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ _DEGREE = 4
 def with_region(
     report: Report, verdicts: list[Verdict], named: NamedGame, seconds: float
 ) -> Report:
-    """Return a report on one critic with a section on its proved region.
+    """Return the report on a critic with a section on its proved region.
 
-    The section includes the state with V' >= 0 and the initial condition that diverges.
+    If no region is proved, the section states the reason. Its data is the field `region`.
 
     report: report without the section
-    verdicts: verdict on the critic, whose policy is a polynomial
+    verdicts: the verdict on the critic
     named: the game, of the linear model of an aircraft
     seconds: processor time of the search
+
+    Raises BadInputError for several critics, a policy that is not a polynomial, or a linear plant.
     """
     from hfa_boxes.interruption import interruptible
     from hfa_proof.arithmetic import flint_or_refusal

@@ -1,1 +1,1 @@
-"""Search for a large region and its proof. The checker does not rely on it."""
+"""Search for a large region and its proof. The checker does not depend on it."""

@@ -1,6 +1,4 @@
-"""V as a polynomial in the deviations, in doubles: values, gradients, the ellipsoid around a
-set.
-"""
+"""V as a polynomial in the deviations, in doubles: values, gradients, and boundary points."""
 
 from __future__ import annotations
 
@@ -42,7 +40,7 @@ class PolynomialFunction:
 
     @classmethod
     def of_terms(cls, terms: Sequence[Term]) -> PolynomialFunction:
-        """Return the polynomial of a statement's terms."""
+        """Return the polynomial with the terms of a statement."""
         return cls(
             np.array([coefficient for coefficient, _ in terms]),
             np.array([exponents for _, exponents in terms]),
@@ -50,17 +48,17 @@ class PolynomialFunction:
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """Return the terms for a statement."""
+        """Terms in the form of a statement."""
         pairs = zip(self.coefficients.tolist(), self.exponents.tolist(), strict=True)
         return tuple((coefficient, tuple(powers)) for coefficient, powers in pairs)
 
     @property
     def degree(self) -> int:
-        """Return the degree of the highest term."""
+        """Degree of the highest term."""
         return int(self.exponents.sum(axis=1).max())
 
     def matrix(self) -> np.ndarray:
-        """Matrix P of the quadratic part of V."""
+        """Return the matrix P (n, n) of the quadratic part z'P z of V."""
         n = self.exponents.shape[1]
         P = np.zeros((n, n))
         for coefficient, powers in zip(self.coefficients, self.exponents, strict=True):
@@ -71,23 +69,22 @@ class PolynomialFunction:
         return P
 
     def coordinates(self) -> np.ndarray:
-        """T (n, n) of z = T y, for which, in y, the set {V <= 1} lies in the unit ball.
+        """Return T (n, n) of coordinates z = T y in which the unit ball is {z'P z <= 1.5²}.
 
-        The unit ball of y is {z'P z <= 1.5²}, a little larger than {V <= 1}. P is the quadratic
-        part of V.
+        P is the matrix of the quadratic part of V, so that {V <= 1} usually lies in this ball.
         """
         return np.asarray(1.5 * np.linalg.inv(np.linalg.cholesky(self.matrix())).T)
 
     def scaled(self, factor: float) -> PolynomialFunction:
-        """Return V times a number."""
+        """Return V multiplied by a number."""
         return PolynomialFunction(self.coefficients * factor, self.exponents)
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Return V (N,) at deviations (N, n)."""
+        """Return V (N,) at deviations z (N, n)."""
         return np.asarray(_powers(z, self.exponents) @ self.coefficients)
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """Return ∂V/∂z (N, n) at deviations (N, n)."""
+        """Return ∂V/∂z (N, n) at deviations z (N, n)."""
         slopes = np.empty_like(z)
         for i in range(z.shape[1]):
             powers = self.exponents[:, i]
@@ -107,10 +104,9 @@ class PolynomialFunction:
         return PolynomialFunction(np.array(list(total.values())), np.array(list(total)))
 
     def edge(self, rays: np.ndarray, level: float) -> np.ndarray:
-        """Return the first share of each ray (N, n) at which V reaches a level.
+        """Return the lowest factor on each ray (N, n) at which V reaches a level, (N,).
 
-        The share is inf where V does not reach it. The coefficients of V along a ray are those of a
-        polynomial in the share.
+        The factor is inf if V does not reach the level at factors up to 2.
         """
         degrees = self.exponents.sum(axis=1)
         values = _powers(rays, self.exponents) * self.coefficients
@@ -132,7 +128,10 @@ class PolynomialFunction:
 
 
 def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
-    """Return points of {V = level}, the first on rays from the trim, in coordinates y, z = T y."""
+    """Return points y of {V = level} on random rays, (k, n), with z = T y.
+
+    Each is the first point of its ray. Rays that do not reach the level are omitted.
+    """
     generator = np.random.default_rng(seed)
     directions = generator.normal(size=(_DIRECTIONS, len(T)))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -144,8 +143,9 @@ def edge_points(V: PolynomialFunction, T: np.ndarray, level: float, seed: int = 
 def ellipsoid(points: np.ndarray) -> np.ndarray:
     """Return P of nearly the smallest ellipsoid {y'P y <= 1} that contains the points (N, n).
 
-    It follows from the weights of the points of largest determinant (Khachiyan, Mathematics of
-    Operations Research 21 (1996) 307), scaled so that no point lies outside.
+    P is the inverse of the weighted second moment of the points, with the weights that maximize its
+    determinant (Khachiyan, Mathematics of Operations Research 21 (1996) 307). It is scaled so that
+    no point lies outside.
     """
     count, n = points.shape
     weights = np.full(count, 1.0 / count)
@@ -165,7 +165,10 @@ def ellipsoid(points: np.ndarray) -> np.ndarray:
 
 
 def _powers(z: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """Return the monomials (N, k) of the rows (N, n)."""
+    """Return the monomials (N, k) at points z (N, n).
+
+    exponents: (k, n)
+    """
     result = np.ones((len(z), len(exponents)))
     for i in range(z.shape[1]):
         highest = int(exponents[:, i].max(initial=0))
@@ -179,7 +182,7 @@ def _monomial(
     M: np.ndarray,
     known: dict[tuple[int, ...], dict[tuple[int, ...], float]],
 ) -> dict[tuple[int, ...], float]:
-    """Return (M y)^powers. The results are stored in `known`."""
+    """Return (M y)^powers as exponents of y -> coefficient. Results are stored in `known`."""
     if not any(powers):
         return {tuple([0] * M.shape[1]): 1.0}
     if powers not in known:

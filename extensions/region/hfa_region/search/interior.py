@@ -1,11 +1,11 @@
-"""Interior point method for semidefinite problems with many entries and few equations.
+"""Interior point method for semidefinite problems with large matrices and few equations.
 
-    minimize c'f subject in each group to E f + Σ_k A_k(Q_k) = b, every Q_k positive semidefinite
+    minimize c'f subject, in each group, to E f + Σ_k A_k(Q_k) = b, with Q_k positive semidefinite
 
-A sum of squares of four states and degree 8 has 495 equations and 5,000 entries. The equations of
-one identity share only f with those of another. A general solver (Clarabel 0.11) factors a matrix
-of the size of the entries. This one factors matrices of the size of the equations, group by group,
-in 10 to 25 times less time.
+A sum of squares of four states and degree 8 has 495 equations and 5,000 matrix entries. The
+equations of different identities share only f. A general solver (Clarabel 0.11) factors a matrix
+of the size of the entries. This solver factors a matrix of the size of the equations for each
+group, in 10 to 25 times less time.
 
 Sources: C. Helmberg, F. Rendl, R. Vanderbei, H. Wolkowicz, SIAM J. Optim. 6 (1996) 342 (direction);
 S. Mehrotra, SIAM J. Optim. 2 (1992) 575 (predictor and corrector).
@@ -38,10 +38,10 @@ _SHORTEST_STEP = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Matrix:
-    """One matrix Q_k of a group: a Gram matrix of monomials, times a polynomial.
+    """A matrix Q_k of a group: the Gram matrix of monomials, multiplied by a polynomial.
 
     products: products of the monomials
-    factor: (m, k), the share of each product in each equation
+    factor: (m, k), coefficient of each product in each equation
     """
 
     products: Products
@@ -49,27 +49,27 @@ class Matrix:
 
     @property
     def size(self) -> int:
-        """Size n of the matrix."""
+        """Number of rows n of the matrix."""
         return self.products.size
 
     @cached_property
     def equations(self) -> sp.csr_matrix:
-        """A_k (m, n²), symmetric in the two indices of an entry."""
+        """A_k as a matrix (m, n²), symmetric in the two indices of an entry."""
         return (self.factor @ self.products.sums).tocsr()
 
     @cached_property
     def transposed(self) -> sp.csr_matrix:
-        """Transpose of the equations, (n², m)."""
+        """Transpose of `equations`, (n², m)."""
         return self.equations.T.tocsr()
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Equations that share matrices.
+    """Equations that share matrices: E f + Σ_k A_k(Q_k) = b.
 
-    E: (m, k), coefficients of the free numbers
+    E: (m, k), coefficients of the free unknowns f
     b: (m,)
-    matrices: Q_k
+    matrices: A_k of each Q_k
     """
 
     E: np.ndarray
@@ -79,10 +79,10 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The current point of the interior point method.
+    """Solution of the semidefinite problem.
 
-    f: (k,)
-    matrices: matrices of each group, in its order
+    f: (k,), free unknowns
+    matrices: Q_k of each group, in its order
     """
 
     f: np.ndarray
@@ -102,14 +102,14 @@ def minimized(
     tolerance: float = _TOLERANCE,
     seconds: float = np.inf,
 ) -> Point | None:
-    """Return the free numbers and matrices of least cost, or of a sufficient cost.
+    """Return the free unknowns and matrices of least cost, or of a sufficient cost.
 
     The result is None if the equations are not solved.
 
     groups: groups of equations
     cost: (k,), c
-    enough: (cost, bound) -> whether the search may end before the least cost
-    tolerance: tolerance of every equation
+    enough: (cost, lower bound) -> whether the iteration may stop early
+    tolerance: largest residual of an equation
     seconds: processor time
     """
     search = _Search(groups, cost, tolerance)
@@ -131,7 +131,7 @@ def minimized(
 
 
 class _Cone:
-    """A matrix Q with its dual Z, and the steps of both."""
+    """A matrix Q, its dual matrix Z, and the steps of both."""
 
     def __init__(self, matrix: Matrix, Q: float, Z: float) -> None:
         self.matrix = matrix
@@ -155,24 +155,23 @@ class _Cone:
         self.inverse = inverse.T @ inverse
 
     def schur(self) -> np.ndarray:
-        """Return the matrix (m, m) of tr(A_i Z⁻¹ A_j Q)."""
+        """Return the matrix (m, m) with entries tr(A_i Z⁻¹ A_j Q)."""
         of_products = self.matrix.products.schur(self.Q, self.inverse)
         factor = self.matrix.factor
         return np.asarray(factor @ (factor @ of_products).T)
 
     def changed(self, dZ: np.ndarray) -> np.ndarray:
-        """Return the change of Q with Z, the symmetric part of -Q dZ Z⁻¹."""
+        """Return the change of Q that a change dZ causes, the symmetric part of -Q dZ Z⁻¹."""
         product = self.Q @ dZ @ self.inverse
         return np.asarray(-(product + product.T) / 2)
 
     def room(self) -> tuple[float, float]:
-        """Return the longest steps of Q and Z that keep them positive semidefinite."""
+        """Return the longest steps that keep Q and Z positive semidefinite."""
         return _longest(self.root_Q, self.dQ), _longest(self.root_Z, self.dZ)
 
 
 class _Part:
-    """State of a group in the iteration: its cones, multipliers y and residuals of the
-    equations."""
+    """State of a group in the iteration: its cones, multipliers y and residuals."""
 
     def __init__(self, group: Group, Q: float, Z: float) -> None:
         self.group = group
@@ -181,14 +180,14 @@ class _Part:
         self.dy = np.zeros(len(group.b))
 
     def measure(self, f: np.ndarray) -> None:
-        """Set the residuals of the equations and of Z = -Σ y_i A_i."""
+        """Compute the residuals of the equations and of the dual equations Z = -Σ y_i A_i."""
         self.missing = self.group.b - self.group.E @ f
         for cone in self.cones:
             self.missing = self.missing - cone.matrix.equations @ cone.Q.ravel()
             cone.slack = -cone.adjoint(self.y) - cone.Z
 
     def factor(self) -> np.ndarray:
-        """Return E'M⁻¹E, with M the matrix of the equations."""
+        """Return E'M⁻¹E, with M the sum of the Schur matrices of the cones."""
         M = np.zeros((len(self.y), len(self.y)))
         for cone in self.cones:
             cone.factor()
@@ -202,9 +201,10 @@ class _Part:
         return np.asarray(scipy.linalg.cho_solve(self._factors, sides, check_finite=False))
 
     def aim(self, product: float, *, corrected: bool) -> np.ndarray:
-        """Return E'M⁻¹ times the right side of the equations, for Q Z = product I.
+        """Return E'M⁻¹ r, with r the right side of the linear equations for Q Z = product I.
 
-        corrected: whether to include the second-order term of the last step"""
+        corrected: whether to include the second-order term of the last step
+        """
         self._side = self.missing.copy()
         for cone in self.cones:
             cone.target = product * cone.inverse - cone.Q
@@ -216,7 +216,7 @@ class _Part:
         return np.asarray(self._solved_E.T @ self._side)
 
     def direct(self, df: np.ndarray) -> None:
-        """Set the steps of y, Q and Z for a step of f."""
+        """Compute the steps of y, Q and Z for a step df of f."""
         self.dy = self.solved(self._side - self.group.E @ df)
         for cone in self.cones:
             cone.dZ = cone.slack - cone.adjoint(self.dy)
@@ -224,7 +224,7 @@ class _Part:
 
 
 class _Search:
-    """State of the iteration: free numbers f and all groups."""
+    """State of the iteration: free unknowns f and all groups."""
 
     def __init__(self, groups: Sequence[Group], cost: np.ndarray, tolerance: float) -> None:
         self._cost = cost
@@ -249,7 +249,7 @@ class _Search:
         self._gap = sum(float(np.sum(cone.Q * cone.Z)) for cone in self._cones)
 
     def done(self, enough: Enough) -> bool:
-        """Return whether the least cost or a sufficient one is found."""
+        """Return whether the least cost, or a sufficient cost, is reached."""
         solved = self.missing < self._tolerance
         bounded = self._unbounded < 10.0 * _TOLERANCE
         if solved and bounded and self._gap < _TOLERANCE:
@@ -259,10 +259,10 @@ class _Search:
         return enough(cost, bound)
 
     def step(self) -> bool:
-        """Take one step, and return whether it is long enough.
+        """Take one step and return whether it is long enough to continue.
 
-        It is predicted for Q Z = 0 and corrected for Q Z = σ μ I (Mehrotra). μ is the mean of the
-        eigenvalues of Q Z, and σ follows from the remaining gap of the prediction.
+        The step is predicted for Q Z = 0 and corrected for Q Z = σ μ I (Mehrotra). μ is the mean
+        eigenvalue of Q Z, and σ follows from the duality gap after the predicted step.
         """
         reduced = np.zeros((len(self.f), len(self.f)))
         for part in self.parts:
@@ -288,7 +288,7 @@ class _Search:
         return max(length_Q, length_Z) > _SHORTEST_STEP
 
     def _direct(self, factors: object, product: float, *, corrected: bool) -> np.ndarray:
-        """Set the steps of all unknowns toward Q Z = product I, and return the step of f."""
+        """Compute the steps of all unknowns toward Q Z = product I, and return the step of f."""
         side = -self._slope
         for part in self.parts:
             side = side + part.aim(product, corrected=corrected)
@@ -298,14 +298,17 @@ class _Search:
         return np.asarray(df)
 
     def _lengths(self, share: float) -> tuple[float, float]:
-        """Return the step lengths of all Q and of all Z, at most 1."""
+        """Return the step lengths of all Q and of all Z, at most 1.
+
+        share: factor on the longest steps that keep the matrices positive semidefinite
+        """
         rooms = np.array([cone.room() for cone in self._cones])
         to_edge = share * rooms.min(axis=0)
         return min(1.0, float(to_edge[0])), min(1.0, float(to_edge[1]))
 
 
 def _longest(root: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest s with root root' + s step positive semidefinite."""
+    """Return the largest s with root root' + s step positive semidefinite; inf if there is none."""
     scaled = _solved(root, _solved(root, step).T)
     least = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     return np.inf if least >= 0.0 else -1.0 / least
@@ -314,7 +317,7 @@ def _longest(root: np.ndarray, step: np.ndarray) -> float:
 def _solved(root: np.ndarray, sides: np.ndarray) -> np.ndarray:
     """Return root⁻¹ sides for a lower triangular root.
 
-    LAPACK is called directly, because SciPy's `solve_triangular` is ten times slower for a small
-    matrix.
+    LAPACK is called directly, because SciPy's `solve_triangular` is ten times slower for small
+    matrices.
     """
     return np.asarray(scipy.linalg.lapack.dtrtrs(root.T, sides, lower=0, trans=1)[0])

@@ -1,4 +1,4 @@
-"""Search for the largest set that is proved invariant under disturbances."""
+"""Search for a large set that is proved invariant under disturbances."""
 
 from __future__ import annotations
 
@@ -50,8 +50,9 @@ _STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class DisturbedPlant(Plant):
-    """The loop under the disturbance that increases V the most.
+    """The closed loop under the disturbance that increases V fastest at each state.
 
+    loop: the loop with its disturbances
     V: the function
     """
 
@@ -59,7 +60,7 @@ class DisturbedPlant(Plant):
 
     @cached_property
     def _winds(self) -> ca.Function:
-        """Function z -> ∂z'/∂w (n, d), side by side for many states."""
+        """Function z -> ∂z'/∂w (n d,), the columns below each other."""
         loop = self.loop
         z, v, states, inputs = self._symbols()
         w = ca.SX.sym("w", len(loop.disturbances))
@@ -73,7 +74,7 @@ class DisturbedPlant(Plant):
         return ca.Function("winds", [z], [ca.densify(ca.vec(ca.substitute(slopes, v, held)))])
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return the worst z' (N, n) at deviations (N, n)."""
+        """Return z' (N, n) at z (N, n) under the disturbance that increases V fastest."""
         count, n = z.shape
         sizes = np.array(list(self.loop.disturbances.values()))
         by_wind = np.array(self._winds(z.T)).T.reshape(count, len(sizes), n)
@@ -83,11 +84,13 @@ class DisturbedPlant(Plant):
 
 
 class EdgeSearch(LevelSearch):
-    """Search for levels of one V on whose boundary V' < 0 with each disturbance at either end."""
+    """Search for levels of one V on whose boundary V' < 0 under all disturbances."""
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """Return the parts of the inputs, each with every disturbance at its lowest and its highest
-        value."""
+        """Return the parts of the inputs and the empty parts, extended by the disturbances.
+
+        Each part is combined with the lowest and the highest value of every disturbance.
+        """
         names = self.statement.loop.disturbances
         parts, empty = super()._split()
         parts_at_ends = []
@@ -97,8 +100,10 @@ class EdgeSearch(LevelSearch):
         return parts_at_ends, [part | dict.fromkeys(names, ANY) for part in empty]
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return names and polynomials of the constraints of {V = share rho}: V / rho - share and
-        its negative."""
+        """Return the names and polynomials of the constraints of {V = share rho}.
+
+        They are share - V / rho and V / rho - share.
+        """
         edge = self.V_terms + ONE.scaled(-share)
         return [(LEVEL, edge.scaled(-1.0)), (EDGE, edge)]
 
@@ -106,13 +111,14 @@ class EdgeSearch(LevelSearch):
 def invariant_region(
     region: Region, disturbances: Mapping[str, float], progress: Progress | None = None
 ) -> Region:
-    """Return the largest set that is proved invariant.
+    """Return the largest set that is proved invariant under disturbances.
 
-    region: proved region of the loop without disturbance
-    disturbances: name -> largest absolute value
-    progress: called for each V that is tried; KeyboardInterrupt from it keeps the proved set
+    region: proved region of the loop without disturbance disturbances: name -> largest absolute
+    value progress: called for each V that is tried; if it raises KeyboardInterrupt, the search ends
+    and the
+        largest set proved so far is returned
 
-    Raises NoSolutionError where no set is found.
+    Raises NoSolutionError if no set is proved.
     """
     loop = replace(region.plant.loop, disturbances=disturbances)
     best: tuple[float, _Candidate, ProvedLevel] | None = None
@@ -142,15 +148,15 @@ def invariant_region(
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A V with V' < 0 at the samples of a level.
+    """A V with V' < 0 at samples of one of its levels.
 
     V: the function
     origin: description of V
-    plant: the plant under the worst disturbance
-    T: coordinates, z = T y, in which its sets are measured
-    level: the largest level where V' < 0 and the limits hold
-    size: size of its set
-    beyond: the next level and a state on it with V' >= 0, or inf and None
+    plant: the loop under the worst disturbance
+    T: coordinates z = T y in which its sets are measured
+    level: the largest level at whose samples V' < 0 and the limits hold
+    size: size of the set of this level
+    beyond: the next level that was tried and a state on it with V' >= 0, or inf and None
     """
 
     V: PolynomialFunction
@@ -163,7 +169,11 @@ class _Candidate:
 
 
 def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
-    """Yield V of the loop without disturbance, and Lyapunov matrices of similar size."""
+    """Yield descriptions and candidates for V.
+
+    The first is V of the loop without disturbance. Lyapunov functions of the linear loop follow,
+    scaled to similar sets.
+    """
     yield region.origin, region.V.scaled(1.0 / region.rho)
     points = edge_points(region.V, region.T, region.rho) @ region.T.T
     for P in lyapunov_matrices(region.plant, _CANDIDATES):
@@ -172,7 +182,7 @@ def _functions(region: Region) -> Iterator[tuple[str, PolynomialFunction]]:
 
 
 def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
-    """Yield each V that has a level with V' < 0 at all samples."""
+    """Yield each candidate that has a level with V' < 0 at all samples."""
     for origin, V in _functions(region):
         plant = DisturbedPlant(loop, V)
         T = V.coordinates()
@@ -189,8 +199,8 @@ def _sampled(loop: SaturatedLoop, region: Region) -> Iterator[_Candidate]:
 def _bisected(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, low: float
 ) -> tuple[float, float]:
-    """Return the largest level with V' < 0 at all samples, and a slightly larger level at which
-    that fails.
+    """Return the largest level with V' < 0 at all samples, and a slightly larger one where this
+    fails.
 
     They are found by bisection between `low` and the next of `_LEVELS`.
     """
@@ -207,9 +217,9 @@ def _bisected(
 def _falls(
     plant: DisturbedPlant, V: PolynomialFunction, T: np.ndarray, level: float
 ) -> tuple[bool, np.ndarray | None]:
-    """Return whether V' < 0 and the limits hold at the samples of a level.
+    """Return whether V' < 0 and the limits hold at the samples of a level, and a state.
 
-    The state of the largest V' is returned too if V' is not negative there, else None.
+    The state is the sample with the largest V' if this V' is not negative, else None.
     """
     points = edge_points(V, T, level) @ T.T
     if not len(points):
@@ -223,7 +233,7 @@ def _falls(
 
 
 def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
-    """Return the largest level of a V that passes the check, or None."""
+    """Return the proof of the largest level of a V that passes the check, or None."""
     n = len(candidate.T)
     degree = candidate.V.degree
     setting = next(tried for tried in settings_of(n, degree) if tried.degree >= degree)
@@ -250,7 +260,7 @@ def _largest(loop: SaturatedLoop, candidate: _Candidate) -> ProvedLevel | None:
 def _at(
     loop: SaturatedLoop, candidate: _Candidate, share: float, setting: Setting
 ) -> ProvedLevel | None:
-    """Return the proof of a share of the sampled level, or None."""
+    """Return the proof of a share of the sampled level, or None if it is not proved."""
     rho = share * candidate.level
     held = holding_ball(candidate.V, rho, candidate.T)
     if held is None:
@@ -262,10 +272,10 @@ def _at(
 
 
 def _region(candidate: _Candidate, proved: ProvedLevel) -> Region:
-    """Return the proved set and its bounds.
+    """Return the proved set and its obstacles.
 
-    The bounds are a state where V' >= 0 under a disturbance, and an initial condition that the
-    worst disturbance of V keeps outside.
+    The obstacles are a state where V' >= 0 under a disturbance, and an initial condition from which
+    the worst disturbance prevents convergence.
     """
     T = np.array(proved.witness["T"])
     rho = proved.statement.rho

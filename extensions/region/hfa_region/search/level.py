@@ -1,4 +1,4 @@
-"""Search for the largest proved level of a given V, with its evidence."""
+"""Search for the largest proved level of a given V, and its evidence."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ _INFLATIONS = (1.001, 1.01, 1.03, 1.07, 1.15, 1.3)
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Settings of an attempt at a proof.
+    """Settings of a proof by sums of squares.
 
-    order: order of the Taylor polynomials
-    half: highest degree of the monomials of the Gram matrices of V'
-    degree: highest degree that V may have
-    seconds: processor time that must be left for the attempt
-    reaches: factors on the radius of the ball that the set of the next V may reach, tried in order
+    order: order of the Taylor polynomials half: highest degree of the monomials in the Gram
+    matrices of V' degree: highest degree of V seconds: processor time that must remain for the
+    attempt reaches: factors on the radius of the ball up to which the set of the next V may extend,
+    tried in
+        order
     """
 
     order: int
@@ -58,11 +58,11 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class ProvedLevel:
-    """A statement and its witness, accepted by the check.
+    """A statement and its witness, accepted by the checker.
 
     statement: V and rho
-    witness: in the form of a certificate
-    parts: parts of the set, where inputs are free or at a limit
+    witness: evidence in the form of a certificate
+    parts: number of parts of the set
     """
 
     statement: RegionStatement
@@ -71,7 +71,7 @@ class ProvedLevel:
 
 
 def ball_of(P: np.ndarray, rho: float) -> np.ndarray:
-    """Return T, z = T y, with {z'P z <= rho} just inside the unit ball of y."""
+    """Return T (n, n), z = T y, such that {z'P z <= rho} lies just inside the unit ball of y."""
     L = np.linalg.cholesky(P)
     return np.asarray(np.sqrt(rho) * np.linalg.inv(L).T * (1.0 + _SLACK))
 
@@ -81,9 +81,9 @@ class LevelSearch:
 
     loop: the saturated loop
     V: the function
-    rho: level whose set lies in the ball
-    T: coordinates of the ball
-    setting: degrees
+    rho: level whose set lies in the unit ball of y
+    T: (n, n), z = T y
+    setting: degrees and order
     """
 
     def __init__(
@@ -111,13 +111,11 @@ class LevelSearch:
         self._decreases: dict[tuple[str, ...], Taylor] = {}
 
     def _split(self) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-        """Return the parts on which V' < 0 is to be proved, and the sets of parts to be proved
-        empty.
-        """
+        """Return the parts on which V' < 0 is to be proved, and those to be proved empty."""
         return split(self.ball)
 
     def target(self, part: Mapping[str, str]) -> Terms:
-        """Return a lower bound of -V' on a part."""
+        """Return a polynomial that is at most -V' / rho on a part of the ball."""
         key = tuple(part.values())
         if key not in self._targets:
             lowest = self._decrease_of(part).lowest(self.ball.n, 2 * self.setting.half)
@@ -125,15 +123,14 @@ class LevelSearch:
         return self._targets[key]
 
     def _decrease_of(self, part: Mapping[str, str]) -> Taylor:
-        """Return -V' on a part, computed once."""
+        """Return the Taylor polynomial of -V' / rho on a part."""
         key = tuple(part.values())
         if key not in self._decreases:
             self._decreases[key] = self.ball.decrease(part)
         return self._decreases[key]
 
     def rest(self, part: Mapping[str, str]) -> Terms:
-        """Return the term of highest degree in the lower bound of -V', which covers the
-        remainder."""
+        """Return the term of highest degree in `target` that covers the remainder."""
         degree = 2 * self.setting.half
         whole = self._decrease_of(part)
         norms = whole.polynomial.norms()
@@ -143,10 +140,11 @@ class LevelSearch:
     def decrease(
         self, part: Mapping[str, str], share: float, enough: float | None = None
     ) -> dict[str, Any] | None:
-        """Return evidence that V' < 0 on a part where `_level_constraints` hold, or None.
+        """Return evidence that V' < 0 on a part of {V <= share rho}, or None if none is found.
 
         share: the level as a share of rho
-        enough: a margin with which the solver may stop"""
+        enough: a margin at which the solver may stop
+        """
         low = lowest_degree(part)
         half = self.setting.half
         degrees = (low, half - self.setting.degree // 2)
@@ -159,13 +157,15 @@ class LevelSearch:
         return _evidence(self.target(part), constraints, (low, half), self.ball.n, enough)
 
     def _level_constraints(self, share: float) -> list[tuple[str, Terms]]:
-        """Return name and polynomial of the constraint on {V <= share rho}: share - V / rho."""
+        """Return name and polynomial of the constraint of {V <= share rho}: share - V / rho."""
         return [(LEVEL, ONE.scaled(share) + self.V_terms.scaled(-1.0))]
 
     @cached_property
     def proofs(self) -> list[tuple[dict[str, str], dict[str, Any]]] | None:
-        """Return each part of {V <= rho} with evidence that V' < 0 on it, or None if a part has
-        none."""
+        """Each part of {V <= rho} with evidence that V' < 0 on it.
+
+        The value is None if a part has no evidence.
+        """
         found = []
         for part in self.parts:
             evidence = self.decrease(part, 1.0)
@@ -177,7 +177,7 @@ class LevelSearch:
     def holds(self, share: float) -> bool:
         """Return whether V' < 0 is found on every part of {V <= share rho}.
 
-        The part that failed last is tried first.
+        A part that fails is tried first in the next call.
         """
         for index, part in enumerate(self.parts):
             if self.decrease(part, share, _ENOUGH) is None:
@@ -186,9 +186,10 @@ class LevelSearch:
         return True
 
     def largest(self, known: float = 0.0) -> float:
-        """Return the largest share of rho that holds, by bisection, or 0.
+        """Return the largest share of rho for which `holds` is true, by bisection, or 0.
 
-        known: a share that holds"""
+        known: a share for which it is known to be true
+        """
         if self.holds(1.0):
             return 1.0
         if not known and not self.holds(_LEAST):
@@ -204,7 +205,7 @@ class LevelSearch:
         return low
 
     def evidence(self) -> dict[str, Any] | None:
-        """Return the whole witness of {V <= rho}, or None if a part is not found."""
+        """Return the witness of {V <= rho}, or None if evidence for a part is not found."""
         if self.proofs is None:
             return None
         parts = [{"inputs": list(part.values()), "evidence": found} for part, found in self.proofs]
@@ -228,9 +229,10 @@ class LevelSearch:
         }
 
     def _extents(self) -> dict[str, Any]:
-        """Return evidence of extents that are measured along rays, for a V of degree 4 or 6.
+        """Return evidence for extents of a V of degree 4 or 6, and store the extents in the
+        statement.
 
-        These become the statement's extents. Without evidence those of the ball remain.
+        They are measured along rays. A state without evidence keeps the extent of the ball.
         """
         if self.V.degree == 2:
             return {}
@@ -251,7 +253,7 @@ class LevelSearch:
         return found
 
     def _extent(self, index: int, low: float, high: float) -> dict[str, Any] | None:
-        """Return evidence that a deviation lies between two values in the set, or None."""
+        """Return evidence that a state's deviation in the set is between low and high, or None."""
         half = self.V.degree // 2
         deviation = Terms.of(self.ball.deviation(index))
         level = ONE + self.V_terms.scaled(-1.0)
@@ -271,15 +273,15 @@ class LevelSearch:
 def lowest_degree(part: Mapping[str, str]) -> int:
     """Return the lowest degree of the monomials in the Gram matrices of V' on a part.
 
-    It is 1 if every input is free, since V' = 0 at the trim in that part, and otherwise 0.
+    It is 1 if every input is free, because V' = 0 at the trim in that part, and otherwise 0.
     """
     return 1 if all(what == FREE for what in part.values()) else 0
 
 
 def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return the combinations of inputs on the unit ball.
+    """Return the parts that may have points in the unit ball, and the parts that have none.
 
-    They are the parts that it meets, and sets of parts that it does not.
+    In the second list, inputs that need no distinction are `ANY`.
     """
     names = list(ball.statement.loop.inputs)
     met: list[dict[str, str]] = []
@@ -307,10 +309,10 @@ def split(ball: RegionLoop) -> tuple[list[dict[str, str]], list[dict[str, str]]]
 def limits_within(
     ball: RegionLoop, part: Mapping[str, str], low: int, half: int
 ) -> list[tuple[str, Terms, tuple[int, int]]]:
-    """Return the limits of a part's inputs, each with the degrees of its multiplier.
+    """Return the constraints of a part: name, polynomial, and the degrees of its multiplier.
 
-    The degrees range from low up to products of degree 2 half. A limit of too high a degree is left
-    out.
+    low: lowest degree of the multiplier's monomials half: half of the highest degree of the
+    product; a constraint whose degree is too high is omitted
     """
     constraints = []
     for name, polynomial in limits_of(ball, part).items():
@@ -321,15 +323,15 @@ def limits_within(
 
 
 def _linear_limits(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Polynomial]:
-    """Return the limits of a part's inputs that are linear in y."""
+    """Return the constraints of a part that are linear in y."""
     limits = limits_of(ball, part)
     return {name: polynomial for name, polynomial in limits.items() if polynomial.degree == 1}
 
 
 def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
-    """Return whether a point of the unit ball meets the linear limits of a part.
+    """Return whether a point of the unit ball satisfies the linear constraints of a part.
 
-    The shortest y with G y >= h is found by non-negative least squares (Lawson and Hanson, Solving
+    The shortest y with G y >= h is found by nonnegative least squares (Lawson and Hanson, Solving
     Least Squares Problems, chapter 23).
     """
     rows = []
@@ -355,7 +357,7 @@ def _meets(ball: RegionLoop, done: Mapping[str, str]) -> bool:
 
 
 def nothing_of(ball: RegionLoop, part: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return evidence that a part contains no point of the unit ball, or None if none is found."""
+    """Return evidence that a part has no point in the unit ball, or None if none is found."""
     constraints = [(BALL, _within(ball.n), (0, 0))]
     for name, polynomial in _linear_limits(ball, part).items():
         constraints.append((name, Terms.of(polynomial), (0, 0)))
@@ -369,9 +371,9 @@ def _evidence(
     variables: int,
     enough: float | None = None,
 ) -> dict[str, Any] | None:
-    """Return the Gram matrices of `positive`, with its arguments.
+    """Return the Gram matrices of `positive`, which has the same arguments.
 
-    The result is None if it fails or its margin is below `MARGIN`.
+    The result is None if the solver fails or the margin is below `MARGIN`.
     """
     found = positive(target, constraints, degrees, variables, enough)
     if found is None or found[0] < MARGIN:
@@ -380,20 +382,20 @@ def _evidence(
 
 
 def _within(variables: int) -> Terms:
-    """Return 1 - |y|²."""
+    """Return the polynomial 1 - |y|²."""
     return ONE + _length(variables).scaled(-1.0)
 
 
 def _length(variables: int) -> Terms:
-    """Return |y|²."""
+    """Return the polynomial |y|²."""
     keys = np.array([2 * 16**i for i in range(variables)], dtype=np.int64)
     return Terms(keys, np.ones(variables))
 
 
 def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
-    """Return evidence that {V <= 1} lies in the open unit ball, or None.
+    """Return evidence that {V <= 1} lies in the open unit ball, or None if none is found.
 
-    V: over rho, in y
+    V: V / rho as a polynomial in y
     degree: degree of V
     n: number of states
     """
@@ -405,10 +407,10 @@ def _inside(V: Terms, degree: int, n: int) -> dict[str, Any] | None:
 
 
 def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray | None:
-    """Return T, z = T y, with {V <= rho} in the unit ball of y by a floating-point proof, or None.
+    """Return T (n, n), z = T y, such that {V <= rho} lies in the unit ball of y, or None.
 
-    V: the function
-    rho: its level
+    This is proved in floating point only. None is returned if it is not proved.
+
     T: coordinates in which the set is measured
     """
     if V.degree == 2:
@@ -429,12 +431,12 @@ def holding_ball(V: PolynomialFunction, rho: float, T: np.ndarray) -> np.ndarray
 def proved_level(
     loop: SaturatedLoop, V: PolynomialFunction, rho: float, setting: Setting, T: np.ndarray
 ) -> ProvedLevel | None:
-    """Return the largest level of V up to rho that passes the check, or None.
+    """Return the proof of the largest level of V up to rho that passes the check, or None.
 
     loop: the saturated loop
     V: the function
     rho: largest level to be tried
-    setting: degrees
+    setting: degrees and order
     T: coordinates in which {V <= rho} can be measured
     """
     share = 0.0
@@ -463,7 +465,7 @@ def proved_level(
 
 
 def accepted(tried: LevelSearch) -> ProvedLevel | None:
-    """Return the level with its evidence if the check accepts it, else None."""
+    """Return the level of a search with its evidence if the checker accepts it, else None."""
     evidence = tried.evidence()
     if evidence is None:
         return None

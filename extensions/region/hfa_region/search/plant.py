@@ -1,4 +1,4 @@
-"""The saturated loop in doubles: rates of many states at once, samples and simulations."""
+"""The saturated loop in doubles: rates at many states at once, samples and simulations."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ ValueOf = Callable[[np.ndarray], np.ndarray]
 def saturated_loop(
     linear: LinearModel, K: np.ndarray, policy: Mapping[str, Terms] | None = None
 ) -> SaturatedLoop:
-    """Return the loop of a gain about the trim of a linear model.
+    """Return the closed loop of a gain about the trim of a linear model.
 
-    policy: input -> terms of its nonlinear part
+    K: (m, n)
+    policy: input -> terms of the nonlinear part of the policy
     """
     model = linear.point.model
     states = {name: float(value) for name, value in linear.point.states._asdict().items()}
@@ -65,13 +66,13 @@ class Plant:
 
     @cached_property
     def nominal(self) -> np.ndarray:
-        """Nominal sizes of the states, (n,)."""
+        """Nominal values of the states, (n,)."""
         signals = self.loop.model.signals
         return np.array([signals[name].nominal for name in self.loop.states])
 
     @cached_property
     def input_ends(self) -> np.ndarray:
-        """Lowest and highest input minus its trim, (m, 2)."""
+        """Lowest and highest deviation of each input from the trim, (m, 2)."""
         pairs = [self.loop.limits.get(name, (-np.inf, np.inf)) for name in self.loop.inputs]
         at = np.array(list(self.loop.inputs.values()))
         return np.array(pairs).reshape(-1, 2) - at[:, None]
@@ -84,13 +85,13 @@ class Plant:
 
     @cached_property
     def limited_rows(self) -> np.ndarray:
-        """Slopes of the limited signals in z (k, n), at the trim for outputs."""
+        """Gradients (k, n) in z of the limited signals at the trim."""
         rows = np.vstack([np.eye(len(self.loop.states)), self._outputs[1]])
         return np.asarray(rows[[self._signals.index(name) for name in self.limited]])
 
     @cached_property
     def room(self) -> np.ndarray:
-        """Lowest and highest deviation of each limited signal, (k, 2)."""
+        """Lowest and highest deviation of each limited signal from the trim, (k, 2)."""
         at = dict(zip(self._signals, (*self.loop.trim.values(), *self._outputs[0]), strict=True))
         pairs = [np.array(self.loop.limits[name]) - at[name] for name in self.limited]
         return np.array(pairs).reshape(-1, 2)
@@ -101,7 +102,9 @@ class Plant:
 
     @cached_property
     def _outputs(self) -> tuple[np.ndarray, np.ndarray]:
-        """All outputs at the trim, and their slopes in z with the inputs free."""
+        """Values (p,) of all outputs at the trim, and their Jacobian (p, n) in z with unsaturated
+        inputs.
+        """
         z, v, states, inputs = self._symbols()
         names = tuple(self.loop.model.outputs)
         parameters = list(self.loop.parameters.values())
@@ -125,7 +128,7 @@ class Plant:
         return z, v, states, [at + part for at, part in parts]
 
     def command(self, z: ca.SX) -> ca.SX:
-        """Return u - u0 before saturation, (m,)."""
+        """Return the unsaturated u - u0, (m,)."""
         curved = ca.SX.zeros(len(self.loop.inputs))
         for index, name in enumerate(self.loop.inputs):
             for coefficient, exponents in self.loop.policy.get(name, ()):
@@ -134,7 +137,7 @@ class Plant:
         return curved - ca.DM(self.loop.K) @ z
 
     def saturated(self, command: ca.SX) -> ca.SX:
-        """Return u - u0 within the input limits, (m,)."""
+        """Return u - u0 limited to the input limits, (m,)."""
         low = ca.DM(self.input_ends[:, 0])
         high = ca.DM(self.input_ends[:, 1])
         return ca.fmin(ca.fmax(command, low), high)
@@ -159,25 +162,29 @@ class Plant:
         return RowFunction(ca.Function("rates", [z], [ca.densify(self._function(z)[0])]))
 
     def beyond(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) beyond a limit.
+        """Return the mask (N,) of the deviations z (N, n) at which a state or output exceeds a
+        limit.
 
-        Outputs are computed by their slopes at the trim.
+        Outputs are linearized at the trim.
         """
         signals = z @ self.limited_rows.T
         low, high = self.room.T
         return ~np.all((signals >= low) & (signals <= high), axis=1)
 
     def away(self, z: np.ndarray) -> np.ndarray:
-        """Return the mask of the deviations (N, n) beyond a limit, `_FAR` away or not finite."""
+        """Return the mask (N,) of the deviations z (N, n) that exceed a limit or are very large.
+
+        Very large means above `_FAR` nominal values or not finite.
+        """
         return self.beyond(z) | ~np.all(np.abs(z) <= _FAR * self.nominal, axis=1)
 
     def rates(self, z: np.ndarray) -> np.ndarray:
-        """Return z' (N, n) at deviations (N, n)."""
+        """Return z' (N, n) at deviations z (N, n)."""
         return self._rates(z)[0]
 
     @cached_property
     def closed_matrix(self) -> np.ndarray:
-        """A - B K at the trim."""
+        """Matrix A - B K of the linear loop at the trim."""
         _, A, B = self._function(np.zeros(len(self.loop.states)))
         return np.array(A) - np.array(B) @ self.loop.K
 
@@ -185,14 +192,12 @@ class Plant:
 def first_rise(
     plant: Plant, V: ValueOf, slope: ValueOf, T: np.ndarray, *, quick: bool = False
 ) -> tuple[float, np.ndarray | None]:
-    """Return the lowest V found with V' >= 0, and the state.
-
-    Without such a state in the ball they are inf and None.
+    """Return the lowest V found with V' >= 0, and the state z (n,), or inf and None.
 
     plant: the loop
-    V, slope: functions of deviations (N, n)
+    V, slope: V and its gradient as functions of deviations (N, n)
     T: z = T y; samples lie in the unit ball of y
-    quick: whether only 10 % of the samples are used
+    quick: use about 10 % of the samples
     """
     n = len(T)
     samples = 300 if quick else 2000
@@ -224,7 +229,10 @@ def first_rise(
 
 
 def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Return the smallest share of each ray (N, n) at which V' >= 0 is found, refined, or inf."""
+    """Return the lowest factor of each ray (N, n) at which V' >= 0 is found, or inf, (N,).
+
+    radii: increasing factors that are tried; the result is refined by bisection
+    """
     count, n = rays.shape
     points = (radii[:, None, None] * rays).reshape(-1, n)
     rising = _rises(plant, slope, points).reshape(len(radii), count)
@@ -243,7 +251,7 @@ def _along(plant: Plant, slope: ValueOf, rays: np.ndarray, radii: np.ndarray) ->
 
 
 def _rises(plant: Plant, slope: ValueOf, points: np.ndarray) -> np.ndarray:
-    """Return the mask of the points with V' >= 0 or with rates that are not numbers."""
+    """Return the mask of the points at which V' >= 0 or V' is not a number."""
     with np.errstate(all="ignore"):
         falls = np.sum(slope(points) * plant.rates(points), axis=1) < 0.0
     return ~falls
@@ -255,7 +263,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 class Outcome(IntEnum):
-    """The outcome of an initial condition in simulation."""
+    """Outcome of a simulation from an initial condition."""
 
     RETURNED = 0  # it comes into the proved set
     UNKNOWN = 1  # none of the others in the time
@@ -278,12 +286,12 @@ def outcomes(
 
     plant: the loop
     starts: (N, n), deviations from the trim
-    holds: deviations (N, n) -> whether each is in the proved set
+    holds: deviations (N, n) -> mask (N,) of those in the proved set
     seconds: longest duration of each simulation
 
     A trajectory is simulated by the classical Runge-Kutta method until its first outcome, which is
-    tested at every step. It diverges where a state is not finite, or exceeds both `_FAR` nominal
-    deviations and `_FAR_OF_STARTS` times the largest initial deviation.
+    tested at every step. It diverges if a state is not finite, or exceeds both `_FAR` nominal
+    values and `_FAR_OF_STARTS` times the largest initial deviation.
     """
     largest = np.max(np.abs(starts), axis=0, initial=0.0)
     far = np.maximum(_FAR * plant.nominal, _FAR_OF_STARTS * largest)
@@ -311,7 +319,7 @@ def outcomes(
 
 
 def _advanced(plant: Plant, z: np.ndarray, step: float) -> np.ndarray:
-    """Return the state after one Runge-Kutta step."""
+    """Return the states (N, n) after one Runge-Kutta step."""
     k1 = plant.rates(z)
     k2 = plant.rates(z + step / 2 * k1)
     k3 = plant.rates(z + step / 2 * k2)

@@ -1,4 +1,4 @@
-"""Products of monomials in a Gram matrix, and the Schur complement of their sums."""
+"""Products of pairs of monomials in a Gram matrix, and the Schur matrix of their sums."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ def packed(key: int) -> int:
 
 @lru_cache(maxsize=64)
 def packed_monomials(variables: int, low: int, high: int) -> np.ndarray:
-    """Return the packed keys of `monomials`, in their order."""
+    """Return the monomials of `monomials` as packed numbers, in the same order."""
     return np.array([packed(key) for key in monomials(variables, low, high)], dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """k products of one degree, with the n monomials that occur in products of this degree or
-    higher.
+    """Products of one degree, and the n monomials that occur in products of this degree or higher.
 
     start: index of the first of these monomials
-    first, last: indices of the products
+    first, last: range of the indices of the k products
     stacked: (k n, n), the matrices of the products below each other
-    sums: (l, n²), the entries of each of the l products from the first on
+    sums: (l, n²), the entries of each product from `first` on
     """
 
     start: int
@@ -49,12 +48,12 @@ class _Block:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products of pairs of n monomials, m = (y^α).
+    """Products of pairs of n monomials m.
 
     size: n
-    keys: (k,), packed keys of the products, by degree
-    sums: (k, n²), 1 where an entry of m m' is the product
-    blocks: blocks of products of one degree each, whose matrices together stay in the cache
+    keys: (k,), packed keys of the different products, by degree
+    sums: (k, n²), 1 where an entry of m m' equals the product
+    blocks: products of one degree each, in blocks whose matrices fit in the processor's cache
     """
 
     size: int
@@ -65,7 +64,9 @@ class Products:
     def schur(self, Q: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """Return the matrix (k, k) of tr(H_i Z⁻¹ H_j Q), with H_i the matrix of product i.
 
-        Q and Z⁻¹ are symmetric. The lower triangle is computed, degree by degree.
+        Q, inverse: (n, n), symmetric, Q and Z⁻¹
+
+        The lower triangle is computed, degree by degree, and copied to the upper triangle.
         """
         M = np.zeros((len(self.keys), len(self.keys)))
         for block in self.blocks:
@@ -81,7 +82,7 @@ class Products:
 
 @lru_cache(maxsize=64)
 def products_of(variables: int, low: int, high: int) -> Products:
-    """Return the products of the monomials of degree low to high."""
+    """Return the products of pairs of monomials of degree low to high."""
     own = packed_monomials(variables, low, high)
     counts = [len(monomials(variables, degree, degree)) for degree in range(low, high + 1)]
     degrees = np.repeat(np.arange(low, high + 1), counts)

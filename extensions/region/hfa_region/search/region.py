@@ -1,4 +1,4 @@
-"""Search for the largest region: the best V, its largest level, and the obstacles to both."""
+"""Search for a large region: choice of V, its largest proved level, and the obstacles beyond it."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ _WIDEST = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Obstacles that bound a proved set.
+    """Obstacles to a set larger than the proved one.
 
-    rises: the lowest V found with V' >= 0, and the state, or inf and None
-    starts: outcome -> the lowest V of an initial condition with it, and the state
+    rises: the lowest V found with V' >= 0 and the state there, or inf and None
+    starts: outcome -> the lowest V of an initial condition with this outcome, and the state
     limits: signals whose limits the set nearly touches
     """
 
@@ -72,14 +72,14 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Region(Reported):
-    """A proved region with further data.
+    """A proved region, and the obstacles to a larger one.
 
     proved: statement and witness
-    V: its function
+    V: the function
     origin: description of V
-    bounds: its bounds
+    bounds: the obstacles
     plant: the loop in doubles
-    T: coordinates, z = T y, with the set in the unit ball
+    T: coordinates z = T y in which the set lies in the unit ball
     stopped: "interrupted" after Ctrl-C, else ""
     """
 
@@ -93,12 +93,12 @@ class Region(Reported):
 
     @property
     def rho(self) -> float:
-        """The proved level."""
+        """The proved level of V."""
         return self.proved.statement.rho
 
     @property
     def extents(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest deviation of each state in the region."""
+        """State -> lowest and highest deviation in the region."""
         return extents_of(self.proved.statement, self.T)
 
     def report(self) -> Report:
@@ -109,14 +109,14 @@ class Region(Reported):
 
 
 class RegionSearch:
-    """Search for a region in a given time.
+    """Search for a region within a limit of the processor time.
 
     loop: the saturated loop
-    P: (n, n), matrix of the game, tried first
+    P: (n, n), matrix of the game, tried first; or None
     seconds: processor time of the search
     degree: highest degree of V
-    progress: called with the current step; KeyboardInterrupt from it ends the time
-    save: called with every larger proved region
+    progress: called with the current step; if it raises KeyboardInterrupt, the search ends early
+    save: called with each larger region that is proved
     """
 
     def __init__(
@@ -143,11 +143,12 @@ class RegionSearch:
         self._stopped = ""
 
     def found(self, known: PolynomialFunction | None = None) -> Region:
-        """Return the largest region.
+        """Return the largest proved region.
 
-        known: V of an earlier run, which the search continues
+        known: V of an earlier run, scaled to level 1, from which the search continues
 
-        Raises NoSolutionError if no region is proved.
+        Raises NoSolutionError if no region is proved. Raises BadInputError if the equations cannot
+        be enclosed.
         """
         refuse_unstable(self.plant.closed_matrix)
         Equilibrium(self.loop)  # refuses equations that a proof does not take
@@ -163,9 +164,8 @@ class RegionSearch:
         return self._region()
 
     def _proved_V(self, V: PolynomialFunction) -> PolynomialFunction:
-        """Return V of the largest region so far, with its proved level 1.
-
-        Without a region it is the given one.
+        """Return V of the largest region so far, scaled to level 1; the given V if there is no
+        region.
         """
         if self.best is None:
             return V
@@ -180,8 +180,11 @@ class RegionSearch:
         return self._seconds - (time.process_time() - self._begin)
 
     def _tell(self, what: str) -> None:
-        """Report a step. After an interruption no time is left, and the proof of the last V ends
-        the search."""
+        """Report the current step.
+
+        After an interruption, no time is left, so that the search ends after the proof of the last
+        V.
+        """
         if self._progress is None:
             return
         done = min(self._seconds, time.process_time() - self._begin)
@@ -192,16 +195,16 @@ class RegionSearch:
             self._stopped = "interrupted"
 
     def _candidates(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield positive definite matrices of candidate Lyapunov functions."""
+        """Yield descriptions and positive definite matrices P of candidates V = z'P z."""
         if self._P is not None and np.all(np.linalg.eigvalsh((self._P + self._P.T) / 2) > 0.0):
             yield "P of the game", (self._P + self._P.T) / 2
         for P in lyapunov_matrices(self.plant, _CANDIDATES):
             yield LYAPUNOV, P
 
     def _start(self) -> PolynomialFunction:
-        """Return the first candidate with a proved level, in order of decreasing sampled sets.
+        """Return the first candidate with a proved level, in the order of decreasing sampled sets.
 
-        It is the first candidate if no level is proved.
+        If no level is proved, the candidate with the largest sampled set is returned.
         """
         candidates = self._sampled()
         for _, V, origin in candidates[:_TRIED]:
@@ -210,10 +213,9 @@ class RegionSearch:
         return candidates[0][1]
 
     def _sampled(self) -> list[tuple[float, PolynomialFunction, str]]:
-        """Return each candidate with the size of its sampled set, V with level 1, and its
-        description.
+        """Return (size of the sampled set, V scaled to level 1, description) of each candidate.
 
-        The largest is first.
+        The candidate with the largest set is first.
         """
         found = []
         for origin, P in self._candidates():
@@ -226,7 +228,10 @@ class RegionSearch:
         return sorted(found, key=lambda candidate: -candidate[0])
 
     def _limit_of(self, P: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the largest level of z'P z within the limits, and T of its ball."""
+        """Return the largest level of z'P z within the limits, and T (n, n) of its ball.
+
+        z = T y, with |y| <= 1 in the ball.
+        """
         inverse = np.linalg.inv(P)
         rows = np.vstack([self.plant.limited_rows, np.eye(self._n)])
         nearest = np.min(np.abs(self.plant.room), axis=1)
@@ -236,7 +241,7 @@ class RegionSearch:
         return level, np.sqrt(level) * np.linalg.inv(np.linalg.cholesky(P)).T
 
     def _prove(self, V: PolynomialFunction, rho: float, origin: str, setting: Setting) -> float:
-        """Prove the largest level up to rho, and return the size of its set, or 0.
+        """Prove the largest level of V up to rho, and return the size of its set, or 0.
 
         The level is kept if its set is the largest so far.
         """
@@ -244,7 +249,9 @@ class RegionSearch:
         return self._kept(proved_level(self.loop, V, rho, setting, V.coordinates()), V, origin)
 
     def _kept(self, proved: ProvedLevel | None, V: PolynomialFunction, origin: str) -> float:
-        """Keep a proved level of V if its set is the largest so far, and return its size, or 0."""
+        """Return the size of a proved set, or 0 for None, and keep the set if it is the largest so
+        far.
+        """
         if proved is None:
             return 0.0
         size = measured(V, proved.statement.rho, V.coordinates())
@@ -257,7 +264,10 @@ class RegionSearch:
         return size
 
     def _climb(self, V: PolynomialFunction, setting: Setting) -> PolynomialFunction:
-        """Return V, scaled to its proved level 1, after alternating steps of multipliers and V."""
+        """Return V, scaled to level 1, after optimizing multipliers and V alternately.
+
+        The last V is then proved.
+        """
         turn = self._turn(V, setting)
         if turn is None:
             return V
@@ -278,9 +288,12 @@ class RegionSearch:
         return turn.V
 
     def _turn(self, V: PolynomialFunction, setting: Setting, least: float = 0.0) -> _Turn | None:
-        """Return V at level 1 or a little below with a floating-point proof, or None.
+        """Return V with a floating-point proof of level 1, or None if there is none.
 
-        least: size that the set must exceed"""
+        V is scaled to slightly lower levels if level 1 is not proved.
+
+        least: size that the set must exceed
+        """
         begin = time.process_time()
         for level in _LEVELS:
             tried = V.scaled(1.0 / level)
@@ -301,9 +314,9 @@ class RegionSearch:
         return None
 
     def _highest(self, V: PolynomialFunction) -> float:
-        """Return a level above 1 that may be proved.
+        """Return the highest level, at least 1, that samples allow.
 
-        It is within the limits, with V' < 0 at all samples.
+        At the samples, V' < 0 and the limits hold.
         """
         T = V.coordinates()
         rises, _ = first_rise(self.plant, V, V.slope, T, quick=True)
@@ -316,7 +329,7 @@ class RegionSearch:
         return highest
 
     def _region(self) -> Region:
-        """Return the proved set and its bounds."""
+        """Return the proved set and the obstacles to a larger one."""
         proved = self.best
         assert proved is not None
         statement = proved.statement
@@ -337,9 +350,9 @@ class RegionSearch:
 
 @dataclass(frozen=True, eq=False)
 class _Turn:
-    """A V whose level 1 holds by a floating-point proof.
+    """A V with a floating-point proof of level 1.
 
-    V: the function, its level 1
+    V: the function
     search: the search in a ball around its set
     size: size of its set
     seconds: processor time of the step
@@ -352,10 +365,9 @@ class _Turn:
 
 
 def lyapunov_matrices(plant: Plant, count: int) -> Iterator[np.ndarray]:
-    """Yield P > 0 (n, n) with A'P + P A = -diag(w²), A of the linear loop, for several weights w
-    (n,).
+    """Yield positive definite P (n, n) with A'P + P A = -diag(w²), A of the linear loop.
 
-    The first weights are 1 / nominal. Then each entry is multiplied by 0.1 to 10.
+    The first weights w (n,) are 1 / nominal. In the others each entry is multiplied by 0.1 to 10.
     """
     A = plant.closed_matrix
     generator = np.random.default_rng(0)
@@ -376,9 +388,9 @@ def bounds_of(
     T: np.ndarray,
     rises: tuple[float, np.ndarray | None],
 ) -> Bounds:
-    """Return the obstacles around {V <= rho} from simulations that begin on rays from the trim.
+    """Return the obstacles around {V <= rho}, from simulations that begin on rays from the trim.
 
-    T: z = T y, the set in the unit ball of y
+    T: z = T y; the set lies in the unit ball of y
     rises: the lowest V where V' >= 0 was found, and the state
     """
     generator = np.random.default_rng(1)
@@ -398,13 +410,13 @@ def bounds_of(
 def gone_starts(
     plant: Plant, V: PolynomialFunction, rho: float, T: np.ndarray, rays: np.ndarray
 ) -> dict[Outcome, np.ndarray]:
-    """Return outcome -> initial conditions with it, (k, n).
+    """Return outcome -> initial conditions (k, n) with this outcome.
 
     For `LEFT` and `LOST` they are approximately the first on each ray that leaves the limits or
-    diverges. For `UNKNOWN` they are those without an outcome in the time.
+    diverges. For `UNKNOWN` they are the simulated ones without an outcome in the time limit.
 
-    V, rho: of the proved set
-    T: z = T y, the set in the unit ball of y
+    V, rho: the proved set {V <= rho}
+    T: z = T y; the set lies in the unit ball of y
     rays: (N, n), with ends near the boundary of the set
     """
     rates = np.linalg.eigvals(plant.closed_matrix).real
@@ -438,12 +450,14 @@ def gone_starts(
 def _first_lost(
     rays: np.ndarray, low: np.ndarray, shells: np.ndarray, gone: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rays with an initial condition that does not converge, and the shares around it.
+    """Return the rays that have an initial condition without convergence, and factors around it.
+
+    The factors are the last one with convergence and the first one without.
 
     rays: (N, n)
-    low: (N,), shares that converge
-    shells: (k, N), increasing shares
-    gone: (k, N), flags of those that do not converge
+    low: (N,), factors with convergence
+    shells: (k, N), increasing factors
+    gone: (k, N), mask of the factors without convergence
     """
     hit = gone.any(axis=0)
     first = gone.argmax(axis=0)[hit]
@@ -453,9 +467,9 @@ def _first_lost(
 
 
 def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
-    """Return the n-th root of the ratio of the volume of {V <= rho} to that of the unit ball.
+    """Return the n-th root of the volume of {V <= rho}, relative to the volume of the unit ball.
 
-    T: coordinates, z = T y, in which its boundary is sampled
+    T: coordinates z = T y in which its boundary is sampled
     """
     n = len(T)
     points = edge_points(V, T, rho)
@@ -466,9 +480,10 @@ def measured(V: PolynomialFunction, rho: float, T: np.ndarray) -> float:
 
 
 def settings_of(n: int, degree: int) -> list[Setting]:
-    """Return settings of the search, for about a minute.
+    """Return the settings to try in order, for a search of about a minute.
 
-    They depend on the number of states and the highest degree of V.
+    n: number of states
+    degree: highest degree of V
     """
     if n <= 2:
         tried = [Setting(8, 4, 2), Setting(9, 5, 4), Setting(11, 6, 6)]

@@ -1,4 +1,4 @@
-"""Step to a better V: with fixed multipliers of the level, the V of smallest mean over the set.
+"""Step to a better V: with the multipliers of the level fixed, V of smallest mean over the ball.
 
 V and multipliers are optimized alternately (Jarvis-Wloszek, Lyapunov based analysis and controller
 synthesis for polynomial systems using sum-of-squares optimization, 2003). Each step nearly keeps
@@ -29,18 +29,19 @@ _SECONDS = 120.0
 def better(
     search: LevelSearch, rows: np.ndarray, room: np.ndarray, reach: float
 ) -> PolynomialFunction | None:
-    """Return a V, scaled to level 1, with a larger set than the search's V, or None.
+    """Return a V, scaled to level 1, with a larger set than the search's V, or None if none is
+    found.
 
-    search: the search with the present V, whose level holds
-    rows: (k, n), slopes of the signals that have limits
+    search: the search with the present V, whose level is proved in floating point
+    rows: (k, n), gradients of the limited signals
     room: (k, 2), lowest and highest deviation of each
-    reach: largest radius of the next set, relative to the ball, above 1
+    reach: largest radius of the next set, relative to the ball; above 1
     """
     return _Step(search, reach).solved(rows, room)
 
 
 class _Step:
-    """Semidefinite problem for V = Σ θ_α y^α in the coordinates of a search."""
+    """Semidefinite problem for the coefficients θ of V = Σ θ_α y^α."""
 
     def __init__(self, search: LevelSearch, reach: float) -> None:
         self.search = search
@@ -54,7 +55,7 @@ class _Step:
         self.theta = self.problem.free(len(keys))
 
     def solved(self, rows: np.ndarray, room: np.ndarray) -> PolynomialFunction | None:
-        """Return the next V in z, scaled to level 1, or None."""
+        """Return the next V in z, scaled to level 1, or None if the problem is not solved."""
         proofs = self.search.proofs
         if proofs is None:
             return None
@@ -73,8 +74,9 @@ class _Step:
         return in_y.substituted(np.linalg.inv(self.search.T))
 
     def _decrease(self, part: Mapping[str, str], evidence: Mapping[str, Any]) -> None:
-        """Require that -V' - σ (1 - V) - .. is a sum of squares, with σ of the present V's
-        evidence.
+        """Require that -V' - σ (1 - V) minus further multipliers is a sum of squares on a part.
+
+        σ is the multiplier of the level in the evidence for the present V.
         """
         search = self.search
         half = search.setting.half
@@ -105,7 +107,7 @@ class _Step:
             problem.subtract(identity, *degrees, limit)
 
     def _rates(self, part: Mapping[str, str], highest: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return keys and coefficients (n, k) of y' = T⁻¹ z' up to a degree."""
+        """Return packed keys (k,) and coefficients (n, k) of y' = T⁻¹ z' below a degree."""
         polynomials = [Terms.of(rate.polynomial) for rate in self.search.ball.rates(part)]
         keys = np.unique(np.concatenate([terms.keys for terms in polynomials]))
         keys = keys[_degrees(keys) < highest]
@@ -124,7 +126,11 @@ class _Step:
         problem.subtract(identity, 1, self.search.setting.degree // 2)
 
     def _bounded(self, beyond: Terms, degree: int) -> None:
-        """Require V > 1 wherever a polynomial of degree 2, negative at 0, is not negative."""
+        """Require V > 1 wherever a quadratic polynomial is >= 0.
+
+        beyond: the polynomial, negative at y = 0
+        degree: half of its degree
+        """
         problem = self.problem
         half = self.search.setting.degree // 2
         identity: Identity = problem.identity(Terms(np.zeros(1, dtype=np.int64), -np.ones(1)))
@@ -133,9 +139,9 @@ class _Step:
         problem.subtract(identity, 0, half - degree, beyond)
 
     def _beyond(self, row: np.ndarray, low: float, high: float) -> Terms:
-        """Return (s - low) (s - high) / |low high| in y, with s = row z.
+        """Return (s - low) (s - high) / |low high| as a polynomial in y, with s = row z.
 
-        A single finite end is used twice.
+        If only one limit is finite, it is used with both signs.
         """
         low = -high if not np.isfinite(low) else low
         high = -low if not np.isfinite(high) else high
@@ -148,7 +154,7 @@ class _Step:
 
 
 def _ball(n: int, radius: float) -> PolynomialFunction:
-    """Return |y|² / radius² - 1."""
+    """Return the polynomial |y|² / radius² - 1."""
     exponents = np.concatenate([2 * np.eye(n, dtype=int), np.zeros((1, n), dtype=int)])
     return PolynomialFunction(np.array([radius**-2.0] * n + [-1.0]), exponents)
 
@@ -156,8 +162,8 @@ def _ball(n: int, radius: float) -> PolynomialFunction:
 def _means(exponents: np.ndarray) -> np.ndarray:
     """Return the mean of each monomial over the unit ball of y.
 
-    It is n / (n + k) times the mean over the sphere, Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)), k
-    even.
+    For even exponents α of sum k it is n / (n + k) times the mean over the unit sphere,
+    Π (α_i - 1)!! / (n (n + 2) .. (n + k - 2)). Otherwise it is 0.
     """
     n = exponents.shape[1]
     means = []
@@ -173,7 +179,7 @@ def _means(exponents: np.ndarray) -> np.ndarray:
 
 
 def _square(n: int, low: int, high: int, Q: np.ndarray) -> Terms:
-    """Return m'Q m."""
+    """Return the polynomial m'Q m, with m the monomials of degree low to high."""
     keys = packed_monomials(n, low, high)
     sums = (keys[:, None] + keys[None, :]).ravel()
     known, place = np.unique(sums, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Sum-of-squares problems in floating point, in Gram matrices and free numbers."""
+"""Sum-of-squares problems in floating point, with Gram matrices and free unknowns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NEAR = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Polynomial Σ coefficient y^exponents in doubles.
+    """Polynomial Σ value y^exponents in doubles.
 
     keys: exponents packed into one number, Σ α_i 16^i
     values: coefficients
@@ -37,7 +37,7 @@ class Terms:
 
     @classmethod
     def of(cls, polynomial: Polynomial) -> Terms:
-        """Return the midpoints of a polynomial of balls."""
+        """Return a polynomial whose coefficients are the midpoints of balls."""
         keys = []
         values = []
         for key, _, coefficient in polynomial.terms():
@@ -47,7 +47,7 @@ class Terms:
 
     @classmethod
     def packed(cls, V: PolynomialFunction) -> Terms:
-        """Return a polynomial from exponents in rows."""
+        """Return a polynomial with packed exponents."""
         base = BASE ** np.arange(V.exponents.shape[1], dtype=np.int64)
         return cls(V.exponents.astype(np.int64) @ base, V.coefficients)
 
@@ -56,7 +56,7 @@ class Terms:
         return Terms(keys, np.concatenate([self.values, other.values]))
 
     def scaled(self, factor: float) -> Terms:
-        """Return the polynomial times a number."""
+        """Return the polynomial multiplied by a number."""
         return Terms(self.keys, self.values * factor)
 
     @property
@@ -71,9 +71,9 @@ ONE = Terms(np.zeros(1, dtype=np.int64), np.ones(1))
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """One Gram matrix of a problem, positive definite with the margin.
+    """A Gram matrix of a problem. It minus the margin times 1 is positive semidefinite.
 
-    low, high: degrees of its monomials
+    low, high: lowest and highest degree of its monomials
     size: number of its monomials
     identity: index of its identity
     place: its index among the matrices of this identity
@@ -88,12 +88,12 @@ class Gram:
 
 @dataclass(eq=False)
 class Identity:
-    """Coefficients of a polynomial that must be 0: constants + Σ value x_column - Σ m'Q m factor.
+    """A polynomial that must be 0: constants + Σ value x_column y^key - Σ m'Q m factor.
 
     number: index of the identity in its problem
-    keys, columns, values: parallel, of the free unknowns
-    constants: the constant terms
-    grams: each with its factor
+    keys, columns, values: terms of the free unknowns x, as parallel lists
+    constants: the constant polynomials
+    grams: Gram matrices, each with its factor
     """
 
     number: int
@@ -105,9 +105,9 @@ class Identity:
 
 
 class Squares:
-    """A problem in Gram matrices and free numbers. The margin is unknown 0.
+    """A problem with Gram matrices and free unknowns. Unknown 0 is the margin.
 
-    variables: variables of the polynomials
+    variables: number of variables of the polynomials
     """
 
     def __init__(self, variables: int) -> None:
@@ -123,14 +123,15 @@ class Squares:
         return np.arange(start, self._count)
 
     def identity(self, target: Terms) -> Identity:
-        """Add the identity target + .. = 0, to which terms can be added, and return it."""
+        """Add the identity target + further terms = 0 and return it."""
         identity = Identity(len(self._identities), constants=[target])
         self._identities.append(identity)
         return identity
 
     def subtract(self, identity: Identity, low: int, high: int, factor: Terms = ONE) -> Gram:
-        """Add -m'Q m factor to an identity, with a new Q and the monomials m of degree low to high.
-        Return the new Gram matrix.
+        """Add -m'Q m factor to an identity and return the new Gram matrix Q.
+
+        low, high: lowest and highest degree of the monomials m
         """
         size = len(monomials(self.variables, low, high))
         gram = Gram(low, high, size, identity.number, len(identity.grams))
@@ -140,25 +141,29 @@ class Squares:
     def add(
         self, identity: Identity, keys: np.ndarray, columns: np.ndarray, values: np.ndarray
     ) -> None:
-        """Add value x_column y^key to an identity."""
+        """Add terms value x_column y^key to an identity."""
         identity.keys.append(keys)
         identity.columns.append(columns)
         identity.values.append(values)
 
     def cost(self, columns: np.ndarray, values: np.ndarray) -> None:
-        """Add Σ value x_column to the objective to minimize; by default the margin is maximized."""
+        """Add Σ value x_column to the objective, which is minimized.
+
+        Without such terms the margin is maximized.
+        """
         for column, value in zip(columns.tolist(), values.tolist(), strict=True):
             self._costs[column] = self._costs.get(column, 0.0) + value
 
     def solve(
         self, margin: float | None = None, seconds: float = np.inf, enough: float | None = None
     ) -> Solution | None:
-        """Return the optimal unknowns, or None if the solver finds none.
+        """Return the optimal unknowns, or None if the solver finds no solution.
 
-        margin: fixed margin of the Gram matrices, instead of the largest; the least cost is then
-            found to `_NEAR`
+        margin: fixed margin of the Gram matrices; the cost is then minimized with the relative
+        tolerance
+            `_NEAR`. By default the margin is maximized.
         seconds: longest processor time
-        enough: a margin that suffices; where it cannot be reached, any margin is returned
+        enough: a margin that suffices; if it cannot be reached, the present margin is returned
         """
         groups = [self._group(identity) for identity in self._identities]
         cost = np.zeros(self._count)
@@ -216,7 +221,7 @@ class Squares:
 
 
 def _with_margin(group: Group, margin: float) -> Group:
-    """Return the equations with the first unknown, the margin, fixed."""
+    """Return the equations with the margin, unknown 0, fixed."""
     return Group(group.E[:, 1:], group.b - margin * group.E[:, 0], group.matrices)
 
 
@@ -224,7 +229,7 @@ def _with_margin(group: Group, margin: float) -> Group:
 class Solution:
     """Solution of a problem.
 
-    x: the free unknowns
+    x: the free unknowns; x[0] is the margin
     matrices: matrices of each identity, without the margin
     """
 
@@ -233,11 +238,11 @@ class Solution:
 
     @property
     def margin(self) -> float:
-        """Return the margin of all Gram matrices."""
+        """Margin of all Gram matrices."""
         return float(self.x[0])
 
     def matrix(self, gram: Gram) -> np.ndarray:
-        """Return a Gram matrix, with its margin added."""
+        """Return a Gram matrix, with the margin added to its diagonal."""
         without = self.matrices[gram.identity][gram.place]
         return without + self.margin * np.eye(gram.size)
 
@@ -249,16 +254,16 @@ def positive(
     variables: int,
     enough: float | None = None,
 ) -> tuple[float, dict[str, Any]] | None:
-    """Return the margin with which a target is a sum of squares, and the Gram matrices, or None.
+    """Return the margin of a sum-of-squares proof that a target is positive, and its Gram matrices.
 
-    The target is positive where the constraints are not negative. The margin is relative to the
-    largest coefficient of the target. The result is None if the solver fails.
+    The target is positive where all constraints are >= 0. The margin is relative to the largest
+    coefficient of the target. The result is None if the solver fails.
 
     target: polynomial
-    constraints: name, polynomial and the degrees of the monomials of its multiplier
+    constraints: name, polynomial, and degrees of the monomials of its multiplier
     degrees: degrees of the monomials of the target's Gram matrix
-    variables: variables of the polynomials
-    enough: a margin with which the solver may stop; by default the largest
+    variables: number of variables
+    enough: a margin at which the solver may stop; by default the margin is maximized
     """
     size = target.size
     problem = Squares(variables)

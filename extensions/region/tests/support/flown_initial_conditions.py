@@ -1,6 +1,6 @@
 """Simulate flights from a proved set, and count those that leave it or do not converge.
 
-python extensions/region/tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
+python tests/support/flown_initial_conditions.py FILE.json 100000 [FILE.py:NAME]
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _CHUNK = 20_000
 def starts_lost(
     statement: RegionStatement, count: int, seed: int = 0, farther: float = 1.0
 ) -> tuple[int, int]:
-    """Return the number of initial conditions that leave {V <= rho} or a limit, and of those that
-    do not reach a small V.
+    """Return the numbers of initial conditions that leave the set or a limit, and that do not
+    converge.
 
-    Half of the `count` initial conditions are in the set, and half on its edge.
+    Half of the `count` initial conditions are in {V <= rho} and half on its boundary. With
+    disturbances, the worst one for V acts all the time, and the second number is 0.
 
-    statement: a proved one. Under disturbances the worst for V acts all the time, and none must
-        converge.
-    farther: factor on the distance of the initial conditions. Leaving is counted only without it.
+    statement: a proved statement
+    farther: factor on the initial conditions; above 1, leaving the set is not counted
     """
     V = PolynomialFunction.of_terms(statement.terms).scaled(1.0 / statement.rho)
     disturbed = bool(statement.loop.disturbances)
@@ -55,9 +55,7 @@ def starts_lost(
 def drawn(
     V: PolynomialFunction, statement: RegionStatement, count: int, generator: np.random.Generator
 ) -> np.ndarray:
-    """Return (count, n) points, the first half uniform in {V <= 1}, the others on its edge along
-    rays.
-    """
+    """Return points z (count, n): half uniform in {V <= 1}, half on its boundary."""
     ends = np.array([max(-low, high) for low, high in statement.extents.values()])
     n = len(ends)
     rows = np.linalg.inv(np.linalg.cholesky(V.matrix())).T
@@ -74,8 +72,9 @@ def drawn(
 def _flown(
     plant: Plant, V: PolynomialFunction, starts: np.ndarray, level: float
 ) -> tuple[int, int]:
-    """Return how many leave {V <= level} or a limit, and how many of the others do not converge in
-    time.
+    """Return the number of flights that leave {V <= level} or a limit.
+
+    The second number is that of the other flights that do not converge in the simulated time.
     """
     modes = np.linalg.eigvals(plant.closed_matrix)
     step = 1.0 / (_STEPS * float(np.max(np.abs(modes))))

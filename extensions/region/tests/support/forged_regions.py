@@ -1,4 +1,4 @@
-"""Certificates of regions that claim too much or prove too little."""
+"""Forged certificates of regions, which claim too much or prove too little."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ Forgery = Callable[[Content, np.random.Generator], None]
 
 
 def forgeries(content: Content, count: int, seed: int = 0) -> Iterator[tuple[str, Content]]:
-    """Return name and content of this number of forgeries of a certificate, each kind in turn."""
+    """Yield name and content of forgeries of a certificate, each kind in turn.
+
+    count: number of attempts; one that changes nothing is skipped
+    """
     generator = np.random.default_rng(seed)
     disturbed = bool(content["statement"]["disturbances"])
     kinds = list((KINDS | DISTURBED_KINDS if disturbed else KINDS).items())
@@ -98,7 +101,7 @@ def _extent(content: Content, generator: np.random.Generator) -> None:
 
 
 def _grams(content: Content) -> list[Content]:
-    """Return every Gram matrix of the witness."""
+    """Return every Gram matrix of the proofs of decrease and of the ball."""
     found: list[Content] = []
 
     def walk(value: Any) -> None:
@@ -130,8 +133,9 @@ def _gram_gone(content: Content, generator: np.random.Generator) -> None:
 
 
 def _gram_negated(content: Content, generator: np.random.Generator) -> None:
-    """Negate the Gram matrix of a multiplier. The checker computes the main one from the
-    identity.
+    """Negate the Gram matrix of a multiplier.
+
+    The checker computes the main Gram matrix from the identity.
     """
     parts = content["witness"]["parts"]
     part = parts[generator.integers(len(parts))]
@@ -211,7 +215,7 @@ def _disturbance_negative(content: Content, generator: np.random.Generator) -> N
 
 
 def _disturbance_left_out(content: Content, generator: np.random.Generator) -> None:
-    """Claim that a loop under a disturbance converges."""
+    """Remove the disturbances, and thereby claim convergence of a loop that they disturb."""
     disturbances = content["statement"]["disturbances"]
     count = len(disturbances)
     disturbances.clear()
@@ -240,7 +244,7 @@ def _ends_exchanged(content: Content, generator: np.random.Generator) -> None:
 
 
 def _edge_everywhere(content: Content, generator: np.random.Generator) -> None:
-    """Use the multiplier of V >= rho in place of that of V <= rho."""
+    """Exchange the multipliers of V <= rho and V >= rho."""
     for part in content["witness"]["parts"]:
         multipliers = part["evidence"]["multipliers"]
         multipliers["level"], multipliers["edge"] = multipliers["edge"], multipliers["level"]

@@ -1,4 +1,4 @@
-"""Proved regions of the example's pendulum, and the data of the checker."""
+"""Proved regions of the example's pendulum, as data for tests of the checker."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def model() -> Model:
 
 
 def proved(path: Path, aircraft: str, *words: str) -> str:
-    """Write a new certificate and return the printed text."""
+    """Prove a region by the command, write its certificate to `path`, and return the output."""
     command = ["prove", "region", "--aircraft", aircraft, "-q", "-o", str(path), *words]
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         assert main(command) == 0
@@ -48,18 +48,18 @@ def proved(path: Path, aircraft: str, *words: str) -> str:
 
 
 def quickly_proved(path: Path, aircraft: str, *words: str) -> str:
-    """Prove a region quickly, with V of degree 2."""
+    """Prove a region quickly, with V of degree 2, as `proved` does."""
     return proved(path, aircraft, "--degree", "2", "--seconds", "0.1", *words)
 
 
 def pendulum_loop(model: Model) -> SaturatedLoop:
-    """Return the LQR of the pendulum, as in the command."""
+    """Return the closed loop of the pendulum with the LQR that the command uses."""
     linear = hfa.linearize(model, hfa.find_operating_point(model))
     return saturated_loop(linear, hfa.solve_game(hfa.game(linear)).K)
 
 
 def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
-    """Return the certificate of one level of V, proved without a search."""
+    """Write the certificate of one level rho of V, proved without a search, and return its path."""
     search = EdgeSearch if loop.disturbances else LevelSearch
     T = holding_ball(V, rho, V.coordinates())
     assert T is not None
@@ -71,14 +71,17 @@ def certified(path: Path, loop: SaturatedLoop, rho: float) -> Path:
 
 
 def read_and_check(content: dict[str, Any], model: Model) -> int:
-    """Return the number of parts of proved content, ignoring its digest, or one of `NOT_PROVED`."""
+    """Return the number of proved parts of a certificate's content, without a test of its digest.
+
+    Raises one of `NOT_PROVED` if the checker refuses it.
+    """
     closing = dict.fromkeys(("schema", "toolchain", "digest", "provenance", "checksum"))
     statement, witness = read_content(closing | content, model)
     return check_region(statement, witness)
 
 
 def passes(content: dict[str, Any], model: Model) -> bool:
-    """Return whether the checker accepts content, ignoring its digest."""
+    """Return whether the checker accepts the content, without a test of its digest."""
     try:
         read_and_check(content, model)
     except NOT_PROVED:
@@ -89,8 +92,10 @@ def passes(content: dict[str, Any], model: Model) -> bool:
 def accepted_forgeries(
     certificate: Path, model: Model, count: int, seed: int = 0
 ) -> tuple[set[str], list[str]]:
-    """Return the kinds of this number of forgeries of an accepted certificate, and the name of each
-    accepted forgery.
+    """Return the kinds of forgeries that were tried, and the name of each accepted forgery.
+
+    certificate: a valid certificate
+    count: number of forgeries
     """
     content = json.loads(certificate.read_text())
     assert passes(content, model)
