@@ -1,4 +1,4 @@
-"""A study as a separate program."""
+"""Execution of a study as a separate program."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 
 def run_alone(command: Command, program: str, argv: Sequence[str] | None = None) -> int:
-    """Run a command as a separate program, and return its exit code like `main`."""
+    """Run a command as a separate program and return its exit code (see `hfa.main.main`).
+
+    program: name of the program in messages
+    argv: command line without the program name; default: that of this process
+    """
     words = list(sys.argv[1:] if argv is None else argv)
     return reported(words, lambda words: (command, program, words))

@@ -1,4 +1,4 @@
-"""Finished parts of a long job, in files that are identified by the settings of their numbers."""
+"""Files of finished parts of a long computation. They are valid for one set of settings."""
 
 from __future__ import annotations
 
@@ -14,22 +14,26 @@ from hfa_support.version import VERSION
 
 
 def stamp(decides: Mapping[str, Any]) -> dict[str, str]:
-    """Return the version that makes a result, and a hash of all other settings of its numbers.
+    """Return the program version and a hash of the settings that determine a result.
 
-    The settings are JSON values.
+    decides: the settings, JSON values
     """
     return {"toolchain": VERSION, "identity": _digest(jsonable(decides))}
 
 
 def stamped(content: Mapping[str, Any], decides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the stored content of a finished part, as JSON values: content, stamp and digest."""
+    """Return the content of a finished part with its stamp and a digest, as JSON values.
+
+    decides: settings that determine the content
+    """
     whole: dict[str, Any] = jsonable({**content, **stamp(decides)})
     return whole | {"digest": _digest(whole)}
 
 
 def finished(path: Path, decides: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the JSON object in a file, or None unless it has the present stamp and is
-    unchanged.
+    """Return the JSON object in a file, or None if it is not valid.
+
+    It is valid if its version and settings equal the current ones and its digest is correct.
     """
     try:
         data = read_json(path)
@@ -46,14 +50,15 @@ def row_by_row(
     decides: Mapping[str, Any],
     row_of: Callable[[str], dict[str, Any]],
 ) -> list[dict[str, Any]]:
-    """Return rows about aircraft, in the order of the names: those stored in a file, and new ones.
+    """Return one row for each aircraft, in the order of `names`. Rows stored in a file are reused.
 
-    Each new row is stored at once. Stored rows of other settings or another version are discarded.
+    Each new row is stored immediately. Rows stored with other settings or by another version are
+    discarded.
 
     names: names of all aircraft
-    asked: aircraft of the new rows, or None for those without a stored row
-    decides: settings of all rows (JSON values), stored with them
-    row_of: name -> row, with the name as "aircraft"
+    asked: aircraft whose rows are computed again, or None to compute only the missing rows
+    decides: settings that determine all rows, JSON values
+    row_of: function name -> row, which contains the name under "aircraft"
     """
     stored = finished(path, decides)
     done = {row["aircraft"]: row for row in stored["aircraft"]} if stored else {}
@@ -66,9 +71,9 @@ def row_by_row(
 
 
 def _digest(content: Mapping[str, Any]) -> str:
-    """Return a digest of the content without the digest, the date and the command.
+    """Return a SHA-256 digest of the content without its digest and provenance.
 
-    It is equal for equal results.
+    Equal results have equal digests.
     """
     told = {name: value for name, value in content.items() if name not in ("digest", "provenance")}
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()

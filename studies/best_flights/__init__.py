@@ -1,3 +1,1 @@
-"""Flights of the nonlinear HFA from the paper's x(0): policies compared with the best flight
-found.
-"""
+"""Policies compared with the best flight found, for the nonlinear HFA from the paper's x(0)."""

@@ -1,8 +1,8 @@
 """Cost of flights of the nonlinear HFA from the paper's x(0) at 5, 10 and 15 deg.
 
-The flights are those of the exact game policy, the exact LQR, a learned critic and the best flight
-found, within two sets of limits. Writes FOLDER/best_flights.json, which `hfa report --flights`
-shows, and FOLDER/best_flights.png. Takes half a minute of computing.
+The study compares the best flight found with the exact game policy, the exact LQR and a learned
+critic, within two sets of limits. It writes FOLDER/best_flights.json, which `hfa report --flights`
+reads, and FOLDER/best_flights.png. It takes half a minute.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ _DRAWN = ("speed", "alpha", "pitch_rate", "elevator_center")
 
 
 def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, float]]) -> BestFlight:
-    """Return the best flight found from x(0), with those of three policies.
+    """Return the best flight found from x(0), together with the flights of three policies.
 
-    They are the exact LQR, the policy of a critic that `hfa learn` learns, and the exact game
-    policy.
+    The policies are the exact LQR, a critic learned as by `hfa learn`, and the exact game policy.
+
+    limits: name of a state -> (lowest, highest)
     """
     game = hfa.paper.published_game(linear)
     problem = flight_problem(linear.point.model, linear.point, game.Q, game.R, limits=limits)
@@ -73,7 +74,10 @@ def best_beside_policies(linear: LinearModel, limits: dict[str, tuple[float, flo
 
 
 def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
-    """Return a row of the table."""
+    """Return the stored data of the flights at one dihedral angle within one set of limits.
+
+    name: name of the set of limits
+    """
     linear, learned, exact = best.policies
     return {
         "dihedral_deg": degrees,
@@ -91,7 +95,7 @@ def flight_data(degrees: float, name: str, best: BestFlight) -> dict[str, Any]:
 
 
 def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
-    """Return state or moved input -> its lowest and highest value."""
+    """Return the name of a state or a free input -> [lowest, highest]."""
     envelope = problem.envelope
     pairs = zip(envelope.lowest.tolist(), envelope.highest.tolist(), strict=True)
     limits = {name: list(pair) for name, pair in zip(envelope.names, pairs, strict=True)}
@@ -102,7 +106,7 @@ def limits_of(problem: FlightProblem) -> dict[str, list[float]]:
 
 
 def study() -> tuple[FlightsData, list[BestFlight]]:
-    """Return all flights and their stored data."""
+    """Return (data to store, flights) for all dihedral angles and sets of limits."""
     aircraft = hfa.aircraft()
     models = [hfa.paper.level_model(aircraft, np.radians(degrees)) for degrees in DEGREES]
     flown = []
@@ -122,7 +126,10 @@ def study() -> tuple[FlightsData, list[BestFlight]]:
 
 
 def drawn(flights: Sequence[BestFlight]) -> Figure:
-    """Draw a column for each angle: the best flight found and that of the exact game policy."""
+    """Draw a column of panels for each dihedral angle.
+
+    Each panel shows one signal of the best flight found and of the exact game policy.
+    """
     figure = new_figure(10.0, 7.0)
     panels = figure.subplots(len(_DRAWN), len(flights), sharex=True, sharey="row", squeeze=False)
     for column, (degrees, best) in enumerate(zip(DEGREES, flights, strict=True)):
@@ -138,9 +145,7 @@ def drawn(flights: Sequence[BestFlight]) -> Figure:
 
 
 def _draw(axes: Axes, best: BestFlight, name: str) -> None:
-    """Draw a signal of both flights, with its limits. The view is that of the limits, or of the
-    best.
-    """
+    """Draw one signal of the best flight found and of the exact game policy, with its limits."""
     unit = best.model.unit(name)
     limits = shown_values(np.array(limits_of(best.problem)[name]), unit)
     exact = best.compared[-1]
@@ -159,7 +164,7 @@ def _draw(axes: Axes, best: BestFlight, name: str) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compute, store and print the table."""
+    """Run the study, write its files, print the table and return 0."""
     parser = argparse.ArgumentParser("python -m studies.best_flights", description=__doc__)
     parser.add_argument(
         "-o",

@@ -1,8 +1,8 @@
-"""Best flights from many seeded initial conditions of twelve aircraft.
+"""Best flights of twelve aircraft from many random initial conditions.
 
-The study counts the flights that are found and states why others are refused. An integrator of
-SciPy on each model's own equations computes the costs a second time. Writes
-FOLDER/examination.json, aircraft by aircraft, and continues an interrupted run.
+The study counts the flights that are found and the reasons why others are refused. The cost of each
+flight is computed again by an integrator of SciPy with the model's equations. The study writes
+FOLDER/examination.json after each aircraft, and an interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -56,9 +56,10 @@ _SEED = 0
 
 
 def problem_of(source: str) -> FlightProblem:
-    """Return the flights of an aircraft to its default trim.
+    """Return the problem of flights to the default trim of an aircraft.
 
-    For the flexible aircraft Q and R are the paper's.
+    source: "published" or "newton" for the HFA, with the paper's Q and R; otherwise a file of an
+      aircraft
     """
     if source not in ("published", "newton"):
         model = hfa.load_model(source)
@@ -71,7 +72,7 @@ def problem_of(source: str) -> FlightProblem:
 
 @cache
 def rates_of(problem: FlightProblem) -> BoundFunction:
-    """Return the function (X, U) -> rates of all states, by the model's own equations."""
+    """Return the function (X, U) -> dX/dt from the equations of the model."""
     model = problem.model
     X = ca.SX.sym("X", len(model.states))
     U = ca.SX.sym("U", len(model.inputs))
@@ -81,11 +82,11 @@ def rates_of(problem: FlightProblem) -> BoundFunction:
 
 
 def independent_cost(problem: FlightProblem, flown: Flown) -> float:
-    """Return the cost of a flight by DOP853 of SciPy on the model's equations.
+    """Return the cost of a flight, computed by SciPy's DOP853 with the equations of the model.
 
-    It includes the linear cost of the flight's end. The inputs are those of the flight, linear
-    between its rows. The linear policy about its states, within the limits of the inputs, prevents
-    the growth of rounding errors.
+    The inputs of the flight are interpolated linearly. The linear policy, acting on the deviation
+    from the flight's states, prevents the growth of rounding errors. Inputs are saturated at their
+    limits. The linear optimum's cost of the final state is added.
     """
     trim_x = np.array(problem.point.states)
     trim_u = np.array(problem.point.inputs)
@@ -122,7 +123,11 @@ def independent_cost(problem: FlightProblem, flown: Flown) -> float:
 
 
 def examined(name: str, source: str, count: int) -> dict[str, Any]:
-    """Return a row of the table."""
+    """Search for the best flights of one aircraft and return its row of the results.
+
+    source: "published", "newton" or a file of an aircraft
+    count: number of initial conditions
+    """
     problem = problem_of(source)
     search = BestFlights(problem, count)
     flights: list[dict[str, Any]] = []
@@ -152,8 +157,8 @@ def examined(name: str, source: str, count: int) -> dict[str, Any]:
 
 
 def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return one row of the results: counts, largest errors and cost ratios of the flights, and the
-    flights.
+    """Return counts, largest errors and the median cost ratio of flights, with the flights
+    themselves.
     """
     found = [each for each in flights if "cost" in each]
     lost = [each["linear_over_best"] is None for each in found]
@@ -173,7 +178,7 @@ def summary(flights: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> Table:
-    """Return one row for each aircraft."""
+    """Return a table with one row for each aircraft."""
     lines = []
     for row in rows:
         ratio = row["linear_over_best"]
@@ -197,7 +202,7 @@ def table(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Examine, store and print."""
+    """Run the study, write its file, print the table and return 0."""
     parser = argparse.ArgumentParser(
         "python -m studies.best_flights.examination", description=__doc__
     )

@@ -1,1 +1,1 @@
-"""Proved lower bounds of the cost, compared with flights."""
+"""Proved lower bounds on the cost, compared with simulated flights."""

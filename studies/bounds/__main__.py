@@ -1,8 +1,8 @@
-"""Proved lower bounds of the cost for five aircraft, compared with flights.
+"""Proved lower bounds on the cost for five aircraft, compared with simulated flights.
 
-The flights are the best flights found from seeded initial conditions, and many others. Writes
-FOLDER/bounds.json, aircraft by aircraft, and continues an interrupted run. Takes a quarter of an
-hour of computing.
+The bounds are compared with the best flights found from random initial conditions, and with many
+other flights. The study writes FOLDER/bounds.json after each aircraft, and an interrupted run can
+be continued. It takes a quarter of an hour.
 """
 
 from __future__ import annotations
@@ -32,8 +32,12 @@ _SEED = 0
 
 
 class Bounded(NamedTuple):
-    """An aircraft with degree and margin of W, and the number of flights compared with the
-    bound.
+    """An aircraft of the study.
+
+    model: function that returns the aircraft
+    degree: degree of the bound W
+    margin: margin of W
+    flights: number of flights compared with the bound
     """
 
     model: Callable[[], hfa.Model]
@@ -52,7 +56,12 @@ AIRCRAFT = {
 
 
 def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any]:
-    """Return a row of the table."""
+    """Prove a lower bound for one aircraft, compare it with flights, and return the row of the
+    results.
+
+    starts: number of initial conditions of best flights
+    flights: number of other flights, or None for the default of the aircraft
+    """
     aircraft = AIRCRAFT[name]
     model = aircraft.model()
     problem = flight_problem(model, hfa.find_operating_point(model))
@@ -78,7 +87,7 @@ def bounded(name: str, starts: int, flights: int | None = None) -> dict[str, Any
 
 
 def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Return one row for each aircraft."""
+    """Return a table with one row for each aircraft."""
     lines = []
     for row in rows:
         over_best, other = row["bound_over_best"], row["flights"]
@@ -102,7 +111,10 @@ def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Prove, fly, store and print. Exit code 1 where a flight costs less than the bound."""
+    """Run the study, write its file and print the table.
+
+    Return 1 if a flight costs less than the bound, otherwise 0.
+    """
     parser = argparse.ArgumentParser("python -m studies.bounds", description=__doc__)
     parser.add_argument("--aircraft", action="append", choices=list(AIRCRAFT), metavar="NAME")
     parser.add_argument("--starts", type=int, default=30, metavar="N")

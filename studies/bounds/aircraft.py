@@ -1,6 +1,4 @@
-"""Two models of the documents: the van der Pol oscillator with a force, and the tutorial's
-Navion.
-"""
+"""Two models of the documents: a van der Pol oscillator with a force, and the tutorial's Navion."""
 
 from __future__ import annotations
 
@@ -15,7 +13,7 @@ _TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial.md"
 
 
 def van_der_pol(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Return x'' = -x - (1 - x²) x' with time reversed, and a force."""
+    """Van der Pol oscillator x'' = -x - (1 - x²) x' in reversed time, with a force."""
     velocity_rate = x.position - (1.0 - x.position**2) * x.velocity + u.force
     return {"position": -x.velocity, "velocity": velocity_rate}, {}
 
@@ -30,7 +28,7 @@ VAN_DER_POL = hfa.Model(
 
 
 def navion_of_the_tutorial() -> hfa.Model:
-    """Return the longitudinal Navion with four states, from the file that the tutorial prints."""
+    """Return the longitudinal Navion with four states, loaded from the code in the tutorial."""
     text = _TUTORIAL.read_text(encoding="utf-8")
     found = re.search(r"```python\n# navion.py\n(.*?)```", text, re.DOTALL)
     assert found is not None

@@ -1,4 +1,4 @@
-"""The paper's aircraft at 10 deg of dihedral with constant altitude, six states:
+"""The paper's aircraft at 10 deg of dihedral, with six states and constant altitude.
 
 hfa prove cost --aircraft studies/bounds/flexible.py:FLEXIBLE --degree 2 --margin 0.1
 """
@@ -16,7 +16,7 @@ _AT_TRIM = {name: value for name, value in _PAPER.trim.items() if name != "altit
 
 
 class _AtAltitude:
-    """The states, with the altitude of the trim."""
+    """States of the aircraft, extended by the altitude of the trim."""
 
     altitude = _PAPER.trim["altitude"]
 
@@ -28,13 +28,13 @@ class _AtAltitude:
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> Any:
-    """Return the rates of the paper's equations and the flight-path angle."""
+    """Return the derivatives of the six states, and the flight-path angle."""
     rates, outputs = _PAPER.equations(_AtAltitude(x), u, p, w)
     return {name: rates[name] for name in _PAPER.linear}, {"gamma": outputs["gamma"]}
 
 
 def envelope(x: Any, p: Any) -> dict[str, tuple[float, float]]:
-    """Return the paper's limits of flights about a trim."""
+    """Return state -> (lowest, highest), the paper's limits about a trim, without the altitude."""
     limits_about = _PAPER.extras.envelope
     assert limits_about is not None
     limits = limits_about(_AtAltitude(x), p)

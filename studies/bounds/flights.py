@@ -1,4 +1,4 @@
-"""Many flights to the trim, each of which costs at least a true lower bound."""
+"""Many simulated flights to the trim, whose costs must not be below a proved lower bound."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _SIZES = (0.0, 0.1, 1.0)
 
 
 class FlownAbove(NamedTuple):
-    """Flights compared with a lower bound.
+    """Costs of flights compared with a lower bound.
 
     flights: number of flights that end at the trim within the limits
     below: number of these flights that cost less than the bound
-    least, median: cost divided by the bound
+    least, median: smallest and median ratio of cost to bound
     """
 
     flights: int
@@ -46,15 +46,15 @@ class FlownAbove(NamedTuple):
 def flown_above(
     problem: FlightProblem, bound: CostStatement, flights: int, seed: int = 0
 ) -> FlownAbove:
-    """Return the comparison of flights with a bound, flown until the required number have ended at
-    the trim.
+    """Simulate flights until `flights` of them end at the trim, and compare their costs with a
+    bound.
 
-    Half of the flights begin at a face of the usual box. One flight of three has the inputs of
-    least rate of the bound plus running cost, to first order. One has the gain of the linear
-    optimum, and one this gain with each row scaled. Pulses are added.
+    Half of the flights begin on the faces of the usual box. Three control laws are used in turn:
+    the inputs that minimize the running cost plus the rate of the bound to first order, the gain of
+    the linear optimum, and this gain with randomly scaled rows. Pulses are added to the inputs.
 
     problem: flights to the trim
-    bound: lower bound of their cost
+    bound: proved lower bound on their cost
     """
     random = np.random.default_rng(seed)
     half = usual_box(problem)
@@ -88,12 +88,13 @@ def flown_costs(
     pulses: np.ndarray,
     most: int,
 ) -> np.ndarray:
-    """Return the costs of flights from z (N, n) with the linear cost of their ends, (N,).
+    """Return the costs (N,) of flights from the deviations z (N, n), with the cost of the final
+    state.
 
     The cost is inf for flights that leave the limits or do not end at the trim.
 
-    one_step: result of `step_function`
-    settings: (N, 1 + m), its third argument
+    one_step: compiled result of `step_function`
+    settings: third argument of `one_step`, (N, 1 + m)
     pulses: (pulses, N, m), added to the inputs one after the other
     most: largest number of steps of a flight
     """
@@ -121,11 +122,11 @@ def flown_costs(
 
 
 def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> ca.Function:
-    """Return the function (z, pulse, settings) -> z after a step, and the cost of the step.
+    """Return the function (z, pulse, settings) -> (z after a step, cost of the step).
 
-    The step is one of the Runge-Kutta method with constant inputs. The cost follows from Simpson's
-    rule. The settings are 1 for the inputs of least rate or 0 for the gain, and factors of the
-    gain's rows.
+    The step is a fourth-order Runge-Kutta step with constant inputs, and its cost is integrated by
+    Simpson's rule. settings[0] is 1 for the inputs that minimize the rate of the bound plus the
+    running cost, or 0 for the linear gain. settings[1:] are factors on the rows of the gain.
     """
     n, m = len(problem.states), len(problem.inputs)
     z, pulse, settings = ca.SX.sym("z", n), ca.SX.sym("pulse", m), ca.SX.sym("settings", 1 + m)
@@ -155,7 +156,7 @@ def step_function(problem: FlightProblem, bound: CostStatement, step: float) -> 
 
 
 def gradient(bound: CostStatement, z: ca.SX) -> ca.SX:
-    """Return the gradient of the largest piece of a bound at z, (n,)."""
+    """Return the gradient (n,) at z of the piece of the bound that is largest at z."""
     largest, slope = ca.SX(0), ca.SX.zeros(z.shape)
     for piece in bound.pieces:
         M = ca.DM(piece.M)

@@ -1,1 +1,1 @@
-"""Bands of `hfa identify` on simulated records, and planted faults."""
+"""Coverage of the confidence bands of `hfa identify` on simulated records, and planted faults."""

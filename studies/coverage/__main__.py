@@ -1,9 +1,11 @@
-"""Bands of `hfa identify` on records that SciPy's integrator flies, and planted faults.
+"""Coverage of the confidence bands of `hfa identify` on simulated records, and planted faults.
 
-`python -m studies.coverage [COUNT [POLE [FIRST]]]` identifies seven parameters, 50 % off, from
-COUNT records (by default 200). The noise is white, or has a pole of 0.9 and of 0.98. With POLE it
-has this pole alone (0 is white). The study prints how many searches converge, how many bands of 95
-% hold, and the first findings of failures. FIRST is the seed of the first record, by default 0.
+`python -m studies.coverage [COUNT [POLE [FIRST]]]` identifies seven parameters from COUNT records
+(default 200). The search begins 50 % off. The noise is white, or has a pole of 0.9 or 0.98. If POLE
+is given, only this pole is used (0 is white noise). FIRST is the seed of the first record (default
+0). The study prints how many searches converge, how many 95 % bands contain the true value, and the
+findings of failed runs.
+
 `python -m studies.coverage faults` plants faults in records with white noise.
 """
 
@@ -39,7 +41,11 @@ Columns = dict[str, np.ndarray]
 
 
 def flown(model: Model) -> Columns:
-    """Return the columns of a 3-2-1-1 of the elevator without noise: 2 deg, 0.4 s a unit."""
+    """Simulate a 3-2-1-1 elevator input of 2 deg and 0.4 s per unit, and return the record's
+    columns.
+
+    The integrator is SciPy's, and the record has no noise.
+    """
     point = find_operating_point(model)
     time = np.arange(0.0, _SECONDS, _INTERVAL)
     inputs = np.tile(np.array(point.inputs), (len(time), 1))
@@ -61,7 +67,7 @@ def flown(model: Model) -> Columns:
 
 
 def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
-    """Return the columns with noise of the sensors, whose autocorrelation is pole^lag."""
+    """Return the columns with sensor noise whose autocorrelation is pole^lag."""
     random = np.random.default_rng(seed)
     noisy = dict(columns)
     for name, size in SENSORS.items():
@@ -72,7 +78,7 @@ def with_noise(columns: Columns, seed: int, pole: float = 0.0) -> Columns:
 
 
 def coverage(model: Model, columns: Columns, count: int, pole: float, first: int) -> None:
-    """Print the row of the records with one noise.
+    """Identify the parameters from `count` records with one kind of noise, and print the coverage.
 
     first: seed of the first record
     """
@@ -97,7 +103,7 @@ def coverage(model: Model, columns: Columns, count: int, pole: float, first: int
 
 
 def faults() -> Iterator[tuple[str, str, Callable[[np.ndarray], np.ndarray]]]:
-    """Yield a fault, its column, and the change of the column."""
+    """Yield (description of a fault, column, function that plants the fault in the column)."""
     for column in ("alpha", "pitch_rate", "pitch", "elevator"):
         yield "degrees", column, np.degrees
         yield "sign", column, np.negative
@@ -117,17 +123,19 @@ def faults() -> Iterator[tuple[str, str, Callable[[np.ndarray], np.ndarray]]]:
 
 
 def _late(values: np.ndarray) -> np.ndarray:
-    """Return the column two samples late."""
+    """Return the column delayed by two samples."""
     return np.concatenate([values[:1], values[:1], values[:-2]])
 
 
 def _with_outlier(values: np.ndarray) -> np.ndarray:
-    """Return the column with one value off by ten times its range."""
+    """Return the column with one value changed by ten times the range of the column."""
     return values + np.where(np.arange(len(values)) == 99, 10.0 * np.ptp(values), 0.0)
 
 
 def plant(model: Model, columns: Columns) -> None:
-    """Print the first line of each planted fault."""
+    """Plant each fault in a record, and print the first line of the identification or its
+    refusal.
+    """
     begun = model.with_parameters(**{n: 1.2 * model.parameters[n].start for n in FREE})
     silent = count = 0
     for text, column, change in faults():
@@ -148,7 +156,7 @@ def plant(model: Model, columns: Columns) -> None:
 
 
 def main() -> None:
-    """Run the study that the arguments name."""
+    """Run the study selected by the command line."""
     model = from_derivatives(AIRCRAFT)
     columns = flown(model)
     if sys.argv[1:] == ["faults"]:

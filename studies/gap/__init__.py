@@ -1,1 +1,1 @@
-"""Cost of policies of the usual algorithms above the best flight found, on seven aircraft."""
+"""Cost of trained policies above the best flight found, for seven aircraft and four algorithms."""

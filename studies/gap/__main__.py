@@ -1,9 +1,9 @@
-"""Cost of policies of PPO, A2C, SAC and TD3 above the best flight found, on seven aircraft.
+"""Cost of policies of PPO, A2C, SAC and TD3 above the best flight found, for seven aircraft.
 
-The study trains with the default settings of Stable-Baselines3. It flies each policy and the linear
-optimum from the same initial conditions as the best flights. It writes FOLDER/gap.json and
-FOLDER/gap.png. Results of an earlier run are kept. Takes hours; needs the extra training and the
-package jsbsim.
+The study trains policies with the default settings of Stable-Baselines3. It simulates each policy
+and the saturated LQR from the initial conditions of the best flights. It writes FOLDER/gap.json and
+FOLDER/gap.png. Results of an earlier run are reused. The study takes hours and requires the extra
+".[training]" and the package jsbsim.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ HEADER = (
 def runs_of(
     tasks: Iterable[Task], algorithms: Sequence[str], seeds: int, folder: Path
 ) -> list[Run]:
-    """Return every policy of the study, the first seed of all before the second of any."""
+    """Return all training runs, ordered by seed."""
     return [
         Run(task, algorithm, seed, folder / "policies")
         for seed in range(1, seeds + 1)
@@ -55,7 +55,7 @@ def runs_of(
 
 
 def train_missing(runs: Sequence[Run]) -> None:
-    """Train the policies that no earlier run has finished, and report each."""
+    """Train the policies that no earlier run has trained, and print a line for each."""
     for number, run in enumerate(runs, start=1):
         if run.trained() is None:
             record = run.train()
@@ -64,8 +64,9 @@ def train_missing(runs: Sequence[Run]) -> None:
 
 
 def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]:
-    """Return the judgement of an aircraft's policies, from an earlier run if it is of the same
-    files.
+    """Return the results of the flights of an aircraft's policies.
+
+    Stored results are reused if the policy files and the settings are unchanged.
     """
     found = [(run, run.trained()) for run in runs]
     trained = [(run, record) for run, record in found if record is not None]
@@ -90,7 +91,7 @@ def judged_once(task: Task, runs: Sequence[Run], folder: Path) -> dict[str, Any]
 
 
 def rows_of(aircraft: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return rows of the table: the linear optimum, then each algorithm over its seeds."""
+    """Return the table rows of an aircraft: the LQR, then each algorithm with all its seeds."""
     starts = aircraft["starts"]
     rows = [_row(aircraft["aircraft"], "LQR, saturated", [aircraft["lqr"]], starts)]
     for algorithm in BUDGETS:
@@ -120,7 +121,12 @@ def _row(
 
 
 def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
-    """Return the median over the seeds of the medians, or the worst of all."""
+    """Return the median of the seeds' medians, or the largest of their worst ratios, as text.
+
+    summaries: results of the training runs of one algorithm
+    key: "over_best" or "over_lqr"
+    which: "median" or "worst"
+    """
     values = [each[key][which] for each in summaries if each[key] is not None]
     if not values:
         return "-"
@@ -128,9 +134,10 @@ def _over(summaries: Sequence[dict[str, Any]], key: str, which: str) -> str:
 
 
 def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
-    """Draw the median cost over the best flight found, with a row of marks for each aircraft.
+    """Draw the median cost of each policy relative to the best flight found, in one row per
+    aircraft.
 
-    Policies without a flight that stays within the envelope are drawn at the right edge.
+    A policy that always leaves the envelope is drawn at the right edge.
     """
     figure = new_figure(9.0, 5.5)
     axes = figure.subplots()
@@ -174,7 +181,7 @@ def drawn(aircraft: Sequence[dict[str, Any]]) -> Figure:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train, fly, store and print the table."""
+    """Run the study, write its files, print the table and return 0."""
     parser = argparse.ArgumentParser("python -m studies.gap", description=__doc__)
     folder_help = "default: %(default)s"
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""Trained policies compared with the best flights found and with the linear optimum."""
+"""Comparison of trained policies with the best flights found and with the saturated LQR."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ SEED = 1000
 
 @dataclass(frozen=True)
 class Outcome:
-    """The flight of a policy from one initial condition.
+    """Outcome of one flight of a policy.
 
-    stays: whether it stays within the flight envelope.
-    converges: whether it stays and ends at the trim.
-    cost: cost of its whole horizon, without the time after it.
+    stays: whether the flight stays within the flight envelope
+    converges: whether it also ends at the trim
+    cost: cost of the whole horizon, without the cost of the final state
     """
 
     stays: bool
@@ -44,7 +44,12 @@ class Outcome:
 
 
 def judged(task: Task, runs: Sequence[Run], progress: Progress | None = None) -> dict[str, Any]:
-    """Fly the policies of an aircraft from the same initial conditions as the best flights."""
+    """Simulate the policies of an aircraft and return their results.
+
+    All flights begin at the initial conditions of the best flights.
+
+    runs: the trained policies
+    """
     point = task.point()
     problem = flight_problem(point.model, point, *cost_of(point))
     search = BestFlights(problem, STARTS)
@@ -103,15 +108,15 @@ def _outcome(flown: Flown) -> Outcome:
 def summary(
     column: Sequence[Outcome], best: Sequence[float | None], lqr: Sequence[Outcome]
 ) -> dict[str, Any]:
-    """Return the numbers of flights of a policy that stay and that end at the trim, and their
-    costs.
+    """Return counts and cost ratios of the flights of one policy.
 
-    The costs are those of the flights that stay. `over_best` and `over_lqr` are the median and the
-    worst ratio of costs over the same horizon, or None without one. A flight that does not end at
-    the trim continues to cost more.
+    `stay` and `end_at_trim` count flights. `over_best` and `over_lqr` are the median and the
+    largest ratio of costs for the flights that stay within the envelope, or None if there are none.
+    A policy that does not reach the trim would continue to accumulate cost after the horizon.
 
-    best: cost of the best flight found from each initial condition, or None
-    lqr: flights of the linear optimum
+    column: flights of the policy
+    best: cost of the best flight found for each initial condition, or None
+    lqr: flights of the saturated LQR
     """
     over_best = [
         each.cost / least
@@ -138,10 +143,10 @@ def _median_and_worst(ratios: Sequence[float]) -> dict[str, float] | None:
 
 
 def _delay(run: Run, point: OperatingPoint) -> dict[str, Any]:
-    """Return the spectral radius of the sampled loop at its equilibrium, and its first unstable
-    delay, s.
+    """Return the spectral radius of the sampled loop at the trim, and the first unstable delay in
+    s.
 
-    The delay is None where the loop is unstable without delay, or no unstable delay was found.
+    The delay is None if the loop is unstable without delay or if no unstable delay was found.
     """
     deployment = deployment_of(point, run.policy)
     assessed = hfa.assess(point.model, deployment, [point], samples=0).points[0]

@@ -1,9 +1,9 @@
-"""The aircraft of the study, and one rule that makes a deployment for each of them.
+"""Aircraft of the study, and the rule that derives the deployment of a policy from the aircraft.
 
-Every state of the linear model is observed, in half-widths of its initial-condition box. Every
-input moves, as far as its nearer limit on either side of the trim. The cost is Bryson's: 1 for each
-state at its half-width and for each input at its limit. No setting is chosen for one aircraft
-alone.
+All states of the linear model are observed. They are scaled by the half-widths of the
+initial-condition box. Each input can move in both directions as far as its nearer limit. The cost
+follows Bryson's rule, with weight 1 for a state at its half-width and an input at its limit. No
+setting is chosen for a single aircraft.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ SAMPLE_TIME = 0.05
 class Task:
     """An aircraft at a trim.
 
-    name: name in the table.
-    aircraft: the option `--aircraft`, or None for the flexible aircraft.
-    hold: the imposed values of the trim, in the units of the model.
+    name: name in the table
+    aircraft: value of the option `--aircraft`, or None for the flexible aircraft
+    hold: values imposed on the trim, in the units of the model
     """
 
     name: str
@@ -36,7 +36,7 @@ class Task:
     hold: Mapping[str, float] = field(default_factory=dict)
 
     def point(self) -> OperatingPoint:
-        """The trim."""
+        """The trim of the aircraft."""
         model = hfa.aircraft() if self.aircraft is None else hfa.load_model(self.aircraft)
         return hfa.find_operating_point(model, hold=dict(self.hold))
 
@@ -55,8 +55,9 @@ TASKS = (
 def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Deployment:
     """Return the deployment of a policy about a trim.
 
-    policy: a zip of Stable-Baselines3, trained without a normalizer of observations, or None where
-        it is still to be trained
+    policy: zip of Stable-Baselines3, trained without a normalizer of observations, or None before
+    the
+      training
     """
     reaches = _reaches(point)
     action = {
@@ -73,20 +74,20 @@ def deployment_of(point: OperatingPoint, policy: Path | None = None) -> hfa.Depl
 
 
 def cost_of(point: OperatingPoint) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the diagonals of Q and R, state or input -> its weight, by Bryson's rule."""
+    """Return the diagonals of Q and R by Bryson's rule, each as name -> weight."""
     Q = {name: width**-2 for name, width in _widths(point).items()}
     R = {name: reach**-2 for name, reach in _reaches(point).items()}
     return Q, R
 
 
 def _widths(point: OperatingPoint) -> dict[str, float]:
-    """Return state of the linear model -> half-width of its box of initial conditions."""
+    """Return name -> half-width of the initial-condition box for the states of the linear model."""
     model = point.model
     return dict(zip(model.linear, start_box(model, point).tolist(), strict=True))
 
 
 def _reaches(point: OperatingPoint) -> dict[str, float]:
-    """Return input -> distance from its nearer limit at the trim."""
+    """Return name -> distance of the trim from the nearer limit for each input."""
     reaches = {}
     for name, signal in point.model.inputs.items():
         value = float(getattr(point.inputs, name))

@@ -1,4 +1,4 @@
-"""Policies of Stable-Baselines3, trained with its default settings."""
+"""Training of policies by Stable-Baselines3 with its default settings."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ SECONDS = 20.0
 
 @dataclass(frozen=True)
 class Run:
-    """A policy to be trained, or trained.
+    """One training run.
 
-    task: the aircraft.
-    algorithm: algorithm of Stable-Baselines3.
-    seed: seed of the network, the noise and the initial conditions.
-    folder: folder of its files.
+    task: the aircraft
+    algorithm: algorithm of Stable-Baselines3
+    seed: seed of the network, the noise and the initial conditions
+    folder: folder of its files
     """
 
     task: Task
@@ -41,22 +41,22 @@ class Run:
 
     @property
     def name(self) -> str:
-        """The name in files."""
+        """Name of the run in file names."""
         words = [*self.task.name.replace(",", "").replace("/", " ").split(), self.algorithm]
         return "-".join([*words, str(self.seed)])
 
     @property
     def policy(self) -> Path:
-        """The zip of Stable-Baselines3."""
+        """Path of the policy, a zip of Stable-Baselines3."""
         return self.folder / f"{self.name}.zip"
 
     @property
     def record(self) -> Path:
-        """The record of the training."""
+        """Path of the JSON record of the training."""
         return self.folder / f"{self.name}.json"
 
     def decides(self) -> dict[str, Any]:
-        """All settings of the policy, except the versions of the libraries."""
+        """Return the settings that determine the policy, without the versions of the libraries."""
         steps, episodes = BUDGETS[self.algorithm]
         return {
             "aircraft": self.task.aircraft,
@@ -69,13 +69,15 @@ class Run:
         }
 
     def trained(self) -> dict[str, Any] | None:
-        """The record of an earlier training with the same settings, or None without one."""
+        """Return the record of a finished training with the same settings, or None if there is
+        none.
+        """
         if not self.policy.exists():
             return None
         return finished(self.record, self.decides())
 
     def train(self) -> dict[str, Any]:
-        """Train the policy, store it, and return its record."""
+        """Train the policy, store the policy and its record, and return the record."""
         import stable_baselines3
         import torch
         from stable_baselines3.common.vec_env import VecNormalize

@@ -1,1 +1,1 @@
-"""Parameters that the printed matrices determine, and their accuracy."""
+"""The parameters determined by the printed matrices, and their accuracy."""

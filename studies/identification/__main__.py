@@ -1,4 +1,4 @@
-"""`python -m studies.identification`."""
+"""Run the identification by `python -m studies.identification`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PARAMETERS = ".toml"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentificationRequest(OutputOptions):
-    """Request of the identification."""
+    """Options of the identification."""
 
     seed: int = option("seed of the rough guesses; default 0", "N", whole(0), default=0)
     output: Path | None = output_option(PARAMETERS, purpose=" (the parameters)")

@@ -1,8 +1,7 @@
-"""The aircraft behind the printed matrices, by weighted least squares over both pairs and their
-trims.
+"""Identification of the aircraft from the printed matrices by weighted least squares.
 
-The parameters are the unknowns. The paper does not print the trim inputs, which follow from the
-parameters and are solved for at every step. Each printed entry has the weight of half a unit of its
+The unknowns are the parameters. The trim inputs are not printed. They are functions of the
+parameters and are solved for at every step. Each printed entry is weighted by half a unit of its
 last digit.
 """
 
@@ -92,7 +91,7 @@ _START_SPREAD = 0.3
 
 
 def _with_newtons(method: str) -> Variant:
-    """Return the published structure with one method replaced by that of `newton`."""
+    """Return the published dynamics with one method replaced by that of the `newton` dynamics."""
     changed: type[Published] = type(
         f"PublishedWith_{method}", (Published,), {method: getattr(Newton, method)}
     )
@@ -111,17 +110,17 @@ ALTERNATIVES: tuple[tuple[str, Variant], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """One least-squares fit.
+    """Result of one least-squares fit.
 
-    parameters: with sources and covariance.
-    inputs: fitted trim inputs, one `Input` for each printed angle.
-    sum_of_squares: Σ (difference / half unit)² over the printed entries.
-    entries: number of entries that some parameter moves.
-    largest: the largest |difference| / half unit.
-    expected_sum: the mean sum of squares due to rounding alone, trace((I - H) C). C is the
-        covariance of the rounding errors, H the projection onto the weighted Jacobian.
-    singular_values: of the weighted Jacobian in relative parameters.
-    directions: rows are their parameter combinations.
+    parameters: fitted parameters, with sources and covariance inputs: fitted trim inputs, one
+    `Input` for each printed dihedral angle sum_of_squares: Σ (difference / half unit)² over the
+    printed entries expected_sum: mean sum of squares due to rounding alone, trace((I - H) C). C is
+    the covariance of
+      the rounding errors, and H is the projection onto the range of the weighted Jacobian.
+    entries: number of entries that depend on a parameter
+    largest: largest |difference| / half unit
+    singular_values: singular values of the weighted Jacobian with respect to relative parameters
+    directions: right singular vectors, one in each row
     """
 
     parameters: ParameterSet
@@ -134,7 +133,7 @@ class Fit:
     directions: np.ndarray
 
     def save(self, path: Path) -> None:
-        """Write a parameters file."""
+        """Write the parameters to a parameter file."""
         header = (
             "The aircraft behind the printed matrices. Written by `python -m"
             f" studies.identification`; do not edit.\nSum of squares {self.sum_of_squares:.2f} half"
@@ -147,7 +146,11 @@ class Fit:
 
 
 class Structure(NamedTuple):
-    """A structure that was tried, and its best fit to the print."""
+    """Alternative dynamics, and their best fit to the printed matrices.
+
+    description: description of the dynamics
+    sum_of_squares, largest: as in `Fit`
+    """
 
     description: str
     sum_of_squares: float
@@ -156,10 +159,11 @@ class Structure(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Identification(Reported):
-    """The published structure's fit, and the evidence.
+    """The fit of the published dynamics, with evidence for it.
 
-    starts: sum of squares that each seeded start reached.
-    tables: printed angle (deg) -> entries.
+    starts: sum of squares reached from each initial guess
+    tables: printed dihedral angle (deg) -> compared entries
+    structures: fits of alternative dynamics
     """
 
     fit: Fit
@@ -168,7 +172,7 @@ class Identification(Reported):
     structures: tuple[Structure, ...]
 
     def report(self) -> Report:
-        """Return the whole evidence."""
+        """Return a report of the parameters, entries, singular values and alternative dynamics."""
         fit = self.fit
         parameters = self.fit.parameters
         combinations = []
@@ -241,9 +245,11 @@ class Identification(Reported):
 
 
 def run_identification(seed: int = 0, progress: Progress | None = None) -> Identification:
-    """Identify, then collect the evidence, in a few seconds.
+    """Identify the parameters, fit alternative dynamics, and return all results.
 
-    progress: called with (finished stages, all stages)
+    The computation takes a few seconds.
+
+    progress: called with (finished alternatives, all alternatives)
     """
     best, starts = identify(seed)
     aircraft = hfa.aircraft(Published(), best.parameters.values)
@@ -266,15 +272,15 @@ def run_identification(seed: int = 0, progress: Progress | None = None) -> Ident
 
 
 def _agreeing(sums: Sequence[float]) -> int:
-    """Return the number of starts that end at the best sum of squares."""
+    """Return the number of initial guesses from which the best sum of squares is reached."""
     return sum(value < min(sums) * (1 + 1e-6) + 1e-9 for value in sums)
 
 
 def identify(seed: int = 0) -> tuple[Fit, list[float]]:
-    """Fit the published structure to both printed pairs from `STARTS` seeded rough guesses.
+    """Fit the published dynamics to both printed pairs from `STARTS` random initial guesses.
 
-    The best fit and the sum of squares that each start reached are returned. Raises NoSolutionError
-    when fewer than half of the starts agree on the best.
+    Return (best fit, sum of squares reached from each guess). Raises NoSolutionError if fewer than
+    half of the guesses lead to the best fit.
     """
     noises = np.random.default_rng(seed).normal(size=(STARTS, len(IDENTIFIED))) * _START_SPREAD
     noises[0] = 0.0
@@ -291,14 +297,16 @@ def identify(seed: int = 0) -> tuple[Fit, list[float]]:
 def fit(
     models: Sequence[PublishedModel], structure: Variant, *, noise: np.ndarray | None = None
 ) -> Fit:
-    """Return the fit of least Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) - B_print)/h)².
+    """Return the parameters p that minimize Σ ((A(p, U(p)) - A_print)/h)² + ((B(p, U(p)) -
+    B_print)/h)².
 
-    U(p) are the trim inputs, f(p, U(p)) = 0. The method is Levenberg-Marquardt on exact Jacobians.
-    The inputs are eliminated by the implicit function theorem (variable projection).
+    U(p) are the trim inputs, for which f(p, U(p)) = 0, and h is half a unit of the last printed
+    digit. The method is Levenberg-Marquardt with exact Jacobians. The inputs are eliminated by the
+    implicit function theorem (variable projection).
 
     models: printed pairs to fit
-    structure: the equations
-    noise: added to the log of the rough guess
+    structure: the dynamics
+    noise: added to the logarithm of the rough initial guess
     """
     from scipy.optimize import least_squares
 
@@ -317,7 +325,7 @@ def fit(
 
 
 class _Problem:
-    """The weighted entries of the printed pairs and their Jacobian as functions of the parameters
+    """Weighted errors of the printed entries and their Jacobian as functions of the parameters
     θ.
     """
 
@@ -345,7 +353,7 @@ class _Problem:
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
 
     def trim_inputs(self, theta: np.ndarray) -> list[np.ndarray]:
-        """Return the free inputs that balance each printed condition, by Newton's method.
+        """Return the free trim inputs for each printed matrix pair, by Newton's method.
 
         The loads are nearly affine in the inputs.
         """
@@ -359,10 +367,11 @@ class _Problem:
         return list(z * self._system.scales)
 
     def entries(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (entry - print) / half unit of every printed entry that moves, and its Jacobian.
+        """Return (entry - print) / half unit for each printed entry that depends on θ, and the
+        Jacobian.
 
-        The Jacobian includes the contribution of the trim. The last result is cached, because the
-        solver requests values and Jacobian one after the other.
+        The Jacobian includes the change of the trim. The last result is cached, because the solver
+        requests values and Jacobian separately.
         """
         if self._last is None or not np.array_equal(self._last[0], theta):
             values = []
@@ -430,11 +439,13 @@ def _as_fit(problem: _Problem, theta: np.ndarray) -> Fit:
 
 
 def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
-    """Return the covariance of the entries' rounding errors, in half units².
+    """Return the covariance of the rounding errors of the entries, in half units².
 
-    An entry rounded to a unit of 2h has the variance h²/3. Entries with equal derivatives are one
-    number printed at both angles, such as B(speed, throttle). They were rounded alike, so that the
-    second contains no new information.
+    The rounding error of an entry, uniform within ±h, has the variance h²/3. Entries with equal
+    derivatives are the same number printed at both angles, for example B(speed, throttle). Their
+    rounding errors are equal, so the second one contains no further information.
+
+    relative: Jacobian of the entries with respect to relative parameters
     """
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)
     same = distance < 1e-6 * np.abs(relative).max(axis=1)

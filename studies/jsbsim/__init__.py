@@ -1,1 +1,1 @@
-"""JSBSim's 60 aircraft: its trims and those of this project, measured in JSBSim."""
+"""Trims of JSBSim's 60 aircraft by JSBSim and by this project, evaluated in JSBSim."""

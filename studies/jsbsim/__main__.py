@@ -1,7 +1,8 @@
-"""JSBSim's 60 aircraft: its own trims and ours at the same conditions, ours measured in JSBSim.
+"""Trims of JSBSim's 60 aircraft by JSBSim and by this project at the same conditions.
 
-Writes studies/jsbsim/results.json and its sums into README.md. Needs the package jsbsim and takes
-about ten minutes on one core. `--only NAME` runs one aircraft and keeps the rows of the others.
+The residuals of this project's trims are measured in JSBSim. The study writes
+studies/jsbsim/results.json and a summary into README.md. It requires the package jsbsim and takes
+about ten minutes on one core. `--only NAME` studies one aircraft and keeps the other results.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _END = "<!-- end of the sums -->"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Return 0 where the results are written, and 2 where JSBSim is not installed."""
+    """Run the study and return 0, or return 2 if the package jsbsim is not installed."""
     parser = argparse.ArgumentParser("python -m studies.jsbsim", description=__doc__)
     parser.add_argument("--only", action="append", default=[], metavar="NAME")
     parser.add_argument("--workers", type=int, default=1, metavar="N")
@@ -54,14 +55,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def write_page(rows: Sequence[dict[str, Any]]) -> None:
-    """Put the sums of the rows into the README of the study."""
+    """Replace the summary of the results in the README of the study."""
     before, _, behind = PAGE.read_text().partition(_BEGIN)
     _, _, after = behind.partition(_END)
     write_text(PAGE, f"{before}{_BEGIN}\n\n{summary(rows)}\n\n{_END}{after}")
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the number of trimmed aircraft and the residuals, in sentences."""
+    """Return sentences on the number of trimmed aircraft and the residuals."""
     first = [row["points"][: len(SPEEDS)] for row in rows if row["points"]]
     own_points = [row["points"][len(SPEEDS) :] for row in rows if row["points"]]
     residuals = [

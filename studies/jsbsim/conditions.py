@@ -1,7 +1,8 @@
-"""Climb, descent, turn, sideslip and glide, each of three aircraft, measured in JSBSim.
+"""Climb, descent, turn, sideslip and glide, trimmed for three aircraft each and evaluated in
+JSBSim.
 
-A second table shows the effect of JSBSim's own earth, which turns and is flattened, on a level
-trim. `python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
+A second table shows how JSBSim's rotating, flattened earth changes a level trim. The command
+`python -m studies.jsbsim.conditions` prints both as tables of docs/jsbsim.md.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _CONDITIONS: dict[str, tuple[str, dict[str, float], tuple[str, ...]]] = {
 
 
 def main() -> int:
-    """Print both tables."""
+    """Run the study, print both tables and return 0."""
     print("| flight | on the command line | aircraft | residual in JSBSim |")
     print("| --- | --- | --- | --- |")
     for name, (typed, held, free) in _CONDITIONS.items():
@@ -64,7 +65,13 @@ def _trimmed(
 
 
 def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:
-    """Return the largest difference of JSBSim's accelerations from those of a steady flight."""
+    """Return the largest acceleration that JSBSim computes at a trim, in its units.
+
+    The result is 0 for an exact steady flight.
+
+    name: name of the aircraft
+    held, free: imposed values and free variables of the trim
+    """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     _, point = _trimmed(name, held, free, gravity)
     item = {
@@ -76,9 +83,13 @@ def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> fl
 
 
 def _earth(name: str, held: Mapping[str, float], heading: float) -> tuple[float, float]:
-    """Return the error of alpha, deg, and throttle of a level trim on JSBSim's own earth.
+    """Return the errors of alpha (deg) and throttle of a level trim on JSBSim's rotating, flattened
+    earth.
 
-    The downward acceleration of JSBSim at our trim there is the difference of gravity.
+    JSBSim's downward acceleration at the trim is taken as a difference of gravity, with which the
+    aircraft is trimmed again.
+
+    heading: deg
     """
     _, point = _trimmed(name, held, (), GRAVITY)
     state = point.states._asdict() | {"yaw": math.radians(heading)}

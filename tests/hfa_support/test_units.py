@@ -30,9 +30,7 @@ FORCE = 0.45359237 * 9.80665
     ],
 )
 def test_a_unit_and_its_size(unit: str, si: str, factor: float) -> None:
-    """Each unit has the stated SI unit and conversion factor, and the inverse conversion is
-    exact.
-    """
+    """Each unit has the stated SI unit and conversion factor, in both directions."""
     assert si_unit(unit) == si
     assert si_factor(unit) == pytest.approx(factor, rel=1e-15)
     assert si_factor(si) == 1.0

@@ -277,7 +277,9 @@ def _hostile_safetensors(content: bytes, chance: random.Random) -> bytes:
 
 
 def _hostile_onnx(content: bytes, chance: random.Random) -> bytes:
-    """Return a valid graph with other operators, numbers and shapes."""
+    """Return an ONNX file with one to three changes of operators, names, shapes, attributes or
+    numbers.
+    """
     import onnx
 
     model = onnx.load_from_string(content)
@@ -320,7 +322,7 @@ _OF_SUFFIX: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def hostile_claims(content: bytes, chance: random.Random) -> bytes:
-    """Return a certificate with false entries and their right digests, as an attacker would write
+    """Return a certificate with false entries and correct digests, as an attacker could write
     it.
     """
     certificate = json.loads(content)
@@ -352,7 +354,10 @@ _CLAIMS: tuple[Any, ...] = (
 
 
 def hostile_store(files: Mapping[str, bytes], chance: random.Random) -> dict[str, bytes]:
-    """Return a store in which a file is replaced, removed, damaged or added."""
+    """Return a store with one or two files removed, replaced, damaged or added.
+
+    files: path in the store -> content
+    """
     made = dict(files)
     for _ in range(chance.randint(1, 2)):
         name = chance.choice(sorted(made))

@@ -1,5 +1,6 @@
-"""Aircraft used by many tests and built once: models, games and gains at an angle, and SimVFA's in
-its own air.
+"""Linear models, games and gains used by many tests, each computed once.
+
+The aircraft of the SimVFA simulation is included.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ _RELEASED_DENSITY = 5.872675956988981e-4
 
 
 def released_simulation() -> tuple[Model, float]:
-    """Return SimVFA's aircraft, and the altitude, ft, at which the standard atmosphere has its
-    density.
+    """Return the aircraft of the SimVFA simulation and its altitude in ft.
+
+    At this altitude, the standard atmosphere has the air density of the simulation.
     """
     altitude = brentq(
         lambda height: float(density(height)) - _RELEASED_DENSITY, 39_000.0, 41_000.0, xtol=1e-9

@@ -1,13 +1,14 @@
-"""The equations of motion derived a second time, from energies, to check the `newton` variant.
+"""Independent derivation of the equations of motion from energies, to check the `newton` dynamics.
 
-The generalized coordinates of the three rigid panels are r = (X, Z, θ, η): position of the center
-panel in an inertial frame (X north, Z down), pitch and dihedral. Nothing of `kinematics.py` or
-`dynamics.py` is used. Positions are written down, and everything else follows by differentiation:
+The generalized coordinates of the three rigid panels are r = (X, Z, θ, η): the position of the
+center panel in an inertial frame (X north, Z down), pitch and dihedral. Only the positions of the
+panels are written down. The equations of motion follow by differentiation,
 
     d/dt ∂T/∂r' - ∂T/∂r + ∂U/∂r = Q
 
-T is the kinetic energy of the panels, and U the energy of weight and hinge springs. Q are the
-generalized forces of the panel loads, the thrust and the hinge dampers, by virtual work.
+T is the kinetic energy of the panels, and U is the potential energy of weight and hinge springs. Q
+contains the generalized forces of the panel loads, the thrust and the hinge dampers, by virtual
+work. `kinematics.py` and `dynamics.py` are not used.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ from hfa_model.vectors import Input, Quantity, State
 
 
 class Panel(NamedTuple):
-    """One panel: its center of mass (inertial), its axes as columns (inertial), and its angular
-    rate in its axes.
+    """Position and motion of one panel.
+
+    position: center of mass in the inertial frame
+    axes: rotation matrix from panel axes to the inertial frame
+    spin: angular velocity in panel axes
     """
 
     position: ca.SX
@@ -37,10 +41,10 @@ def lagrangian_rates(
 ) -> State:
     """Return dX/dt of the aircraft by the Euler-Lagrange equations, as CasADi expressions.
 
-    The wind at each panel is in ft/s. The flow at a panel is its inertial velocity minus that of
-    the air there.
+    density: slug/ft^3; 0 for flight without air
+    winds: velocity of the air at each panel, ft/s
 
-    density: slug/ft^3. 0 means flight without air.
+    The airflow at a panel is its inertial velocity minus the velocity of the air.
     Source: Goldstein, Classical Mechanics, Section 1.4.
     """
     r = ca.SX.sym("r", 4)
@@ -60,7 +64,12 @@ def euler_lagrange(
     v: ca.SX,
     p: Parameters,
 ) -> State:
-    """Return dX/dt of these energies and generalized forces."""
+    """Return dX/dt from the kinetic energy and the generalized forces.
+
+    r, v: generalized coordinates and their rates, (4,)
+    kinetic: kinetic energy, ft lbf
+    force: generalized forces, (4,)
+    """
     potential = sum(_potential_energy(panel, p) for panel in panels) + p.hinge_stiffness * r[3] ** 2
     momentum = ca.gradient(kinetic, v)
     inertia = ca.jacobian(momentum, v)
@@ -72,7 +81,10 @@ def euler_lagrange(
 
 
 def mechanical_energy(x: State, p: Parameters) -> ca.SX:
-    """Return T + U of a state, ft lbf. It is constant in free flight without air and dampers."""
+    """Return the mechanical energy T + U of a state, ft lbf.
+
+    It is constant in free motion without air and without hinge dampers.
+    """
     r = ca.SX.sym("r", 4)
     v = ca.SX.sym("v", 4)
     panels = panels_at(r, v, p)
@@ -81,9 +93,12 @@ def mechanical_energy(x: State, p: Parameters) -> ca.SX:
 
 
 def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
-    """Return the center, right and left panel.
+    """Return the center, right and left panels.
 
-    An outer panel is hinged at half a span, and its center is half a span further out.
+    An outer panel is hinged half a panel span from the center, and its center of mass is half a
+    panel span farther out.
+
+    r, v: generalized coordinates and their rates, (4,)
     """
     sin_theta = ca.sin(r[2])
     cos_theta = ca.cos(r[2])
@@ -113,12 +128,12 @@ def panels_at(r: ca.SX, v: ca.SX, p: Parameters) -> tuple[Panel, Panel, Panel]:
 
 
 def velocity_of(panel: Panel, r: ca.SX, v: ca.SX) -> ca.SX:
-    """Return the velocity over ground of a panel's center of mass."""
+    """Return the inertial velocity of a panel's center of mass."""
     return ca.jtimes(panel.position, r, v)
 
 
 def kinetic_energy(panel: Panel, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Return T of one panel, ft lbf."""
+    """Return the kinetic energy of one panel, ft lbf."""
     velocity = velocity_of(panel, r, v)
     inertia = ca.vertcat(p.inertia_roll, p.inertia_pitch, p.inertia_yaw)
     return (p.panel_mass * ca.dot(velocity, velocity) + ca.dot(inertia, panel.spin**2)) / 2
@@ -159,8 +174,9 @@ def _flow(panel: Panel, r: ca.SX, v: ca.SX, air: ca.SX) -> Flow:
 def virtual_work(
     panel: Panel, loads: PanelLoads, thrust: Quantity, r: ca.SX, v: ca.SX, p: Parameters
 ) -> ca.SX:
-    """Return Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M over the forces of wing and tail and the
-    section's moment.
+    """Return the generalized forces Q = Σ (∂point/∂r)' F + (∂spin/∂v)' M of one panel.
+
+    The sum includes the forces at the wing and at the tail, and the moment of the section.
     """
     wing = ca.vertcat(loads.forward + thrust, loads.sideward, loads.downward - loads.tail_downward)
     tail = ca.vertcat(0, 0, loads.tail_downward)
@@ -173,7 +189,7 @@ def virtual_work(
 def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parameters) -> State:
     """Return dX/dt from generalized accelerations.
 
-    V and α belong to the center of mass, and γ = θ - α is its path angle.
+    The speed V and the angle α are those of the center of mass. The angle of its path is γ = θ - α.
     """
     center = sum(panel.position for panel in panels_at(r, v, p)) / 3
     velocity = ca.jtimes(center, r, v)
@@ -193,9 +209,9 @@ def _as_state_rates(x: State, r: ca.SX, v: ca.SX, acceleration: ca.SX, p: Parame
 
 
 def at_state(expression: ca.SX, x: State, r: ca.SX, v: ca.SX, p: Parameters) -> ca.SX:
-    """Replace the generalized coordinates by the state.
+    """Replace generalized coordinates and rates in an expression by the state x.
 
-    The center panel is (s/3) sin η below the center of mass.
+    The center panel is (s/3) sin η below the center of mass, where s is the panel span.
     """
     height = p.panel_span / 3 * ca.sin(x.dihedral)
     height_rate = p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate

@@ -1,4 +1,4 @@
-"""Games, exact solutions and initial weights on which the learning laws are tested."""
+"""Games, exact solutions and initial weights for tests of the learning laws."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ PUBLISHED = tuple(game_models())
 
 @cache
 def published(name: str) -> tuple[Game, Reference]:
-    """Return the game on a printed model and its 60-digit solution."""
+    """Return the game on a printed linear model and its 60-digit solution."""
     game = game_models()[name]
     return game, reference_solution(game)
 
 
 @cache
 def lq(name: str) -> tuple[Game, Reference]:
-    """Return the LQ problem on a printed model and its 60-digit solution."""
+    """Return the LQ problem (delta = inf) on a printed linear model and its 60-digit solution."""
     game = game_models()[name].with_delta(np.inf)
     return game, reference_solution(game)
 
 
 def stable_game(delta: float = 3.0) -> Game:
-    """Return a game with two states, one input, one disturbance, and a Hurwitz A."""
+    """Return a game with two states, one input and one disturbance whose A is stable."""
     return Game(
         A=[[-0.2, 1.0], [-2.0, -0.3]],
         B=[[0.0], [1.0]],
@@ -55,12 +55,13 @@ def random_start(
     functions: Basis = QUADRATIC,
     sizes: Sequence[float] = _SIZES,
 ) -> np.ndarray:
-    """Return initial weights far from the solution.
+    """Return random initial weights far from the solution.
 
-    The four kinds in turn are indefinite, around the solution, positive, and unscaled. Their sizes
-    are log-uniform over six to nine decades. A minority is stabilizing.
+    Depending on index modulo 4, the matrix is indefinite, near the solution, positive semidefinite,
+    or random without scaling. Its magnitude varies over several decades.
 
-    sizes: usual sizes of the states
+    exact: solution P, (n, n)
+    sizes: typical magnitudes of the states, (n,)
     """
     rng = np.random.default_rng(index)
     units = np.array(sizes)
@@ -79,9 +80,9 @@ def random_start(
 
 
 def value_of_policies(game: Game, P: np.ndarray) -> np.ndarray:
-    """Return the value V of u = -R⁻¹B'P z, d = δ⁻²E'P z.
+    """Return the matrix V of the value of the policies u = -R⁻¹B'P z and d = δ⁻²E'P z.
 
-    It solves (A - S P)'V + V (A - S P) + Q + P S P = 0.
+    V solves (A - S P)'V + V (A - S P) + Q + P S P = 0.
     """
     return solve_continuous_lyapunov((game.A - game.S @ P).T, -(game.Q + P @ game.S @ P))
 
@@ -91,8 +92,9 @@ def abscissa(matrix: np.ndarray) -> float:
 
 
 def start_at_the_edge(game: Game, exact: np.ndarray, seed: int, margin: float) -> np.ndarray:
-    """Return initial weights whose closed loop is stable by only `margin` 1/s, with |P| far above
-    the solution.
+    """Return initial weights whose closed loop is stable with a margin of about `margin` 1/s.
+
+    exact: solution P, (n, n); the weights are far larger
     """
     rng = np.random.default_rng(seed)
     units = np.array(_SIZES)

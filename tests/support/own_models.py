@@ -1,4 +1,4 @@
-"""The aircraft of examples/, trimmed."""
+"""The aircraft in examples/ and their trims."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The example package of docs/extending.md as files."""
+"""Files of the example package in docs/extending.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FILE = re.compile(r"^```\w+\n(# (\S+\.\w+)\n.*?)^```$", re.M | re.S)
 
 
 def write_package(folder: Path) -> None:
-    """Write each block of the page that begins with "# FILE" into a folder."""
+    """Write the code blocks of docs/extending.md that begin with "# FILE" to files in a folder."""
     for text, name in _FILE.findall(PAGE.read_text("utf-8")):
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The fenced blocks of the documents and the output of their commands."""
+"""Code blocks in the documents, and comparison of their printed output."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ COMMAND = re.compile(r"^\$ ((?:.*\\\n)*.*?)(?:\s+# exit (\d+))?\n((?:(?!\$ ).*\n
 
 
 class Block(NamedTuple):
-    """A fenced block: its language, its text, the line on which the text begins, and whether it is
-    slow.
+    """A fenced code block.
+
+    language: language after the fence
+    line: number of its first line in the document
+    slow: whether it is marked as slow
     """
 
     language: str
@@ -31,9 +34,9 @@ def blocks_of(document: str) -> list[Block]:
 
 
 def difference(expected: str, actual: str) -> str:
-    """Return a readable comparison of the actual with the expected output, or "" if they are equal.
+    """Return a diff of the expected and actual outputs, or "" if they are equal.
 
-    "..." in the expected output matches any lines.
+    A line "..." in the expected output matches any number of lines.
     """
     lines = [line.rstrip() for line in expected.strip("\n").splitlines()]
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(line) + r"\n" for line in lines)

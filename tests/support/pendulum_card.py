@@ -1,4 +1,4 @@
-"""A deployment file of a policy of examples/pendulum.py."""
+"""Deployment file of a policy for the pendulum in examples/pendulum.py."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 def pendulum_card(
     folder: Path, tables: str, *, observed: str = "rate", gain: float = -0.98
 ) -> Path:
-    """Write the deployment file of u = -1.98 angle + gain observed, and return its path.
+    """Write a deployment file of the policy u = -1.98 angle + gain observed, and return its path.
 
-    tables: its tables after the action, as TOML
+    tables: further tables of the file, as TOML
+    observed: name of the second observation
     """
     weights = {"0.weight": np.array([[-1.98, gain]]), "0.bias": np.zeros(1)}
     np.savez(folder / "actor.npz", **weights)

@@ -1,4 +1,4 @@
-"""Exact solutions of a game, and a wrong one nearby, from which faulty critics are planted."""
+"""Solutions of a game for tests with wrong critics: the exact one, and another Riccati root."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def gain(game: Game) -> np.ndarray:
 
 
 def other_root(game: Game) -> np.ndarray:
-    """Return the root of the Riccati equation with one real closed-loop eigenvalue reflected.
+    """Return a root of the Riccati equation that does not stabilize, (n, n).
 
-    It does not stabilize.
+    Compared with the stabilizing root, one real closed-loop eigenvalue is reflected.
     """
     n = len(game.A)
     H = np.block([[game.A, -game.S], [-game.Q, -game.A.T]])

@@ -1,4 +1,4 @@
-"""The folder of the project and the sources of its packages."""
+"""The folders of the project and the source code of its packages."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ PACKAGES = tuple(name for name, folder in FOLDERS.items() if (folder / "__init__
 
 
 def project_sources() -> dict[str, str]:
-    """Return the source of every module of the packages: path relative to the root -> text."""
+    """Return path -> source code for every module of the packages. Paths are relative to the
+    root.
+    """
     paths = (path for folder in FOLDERS.values() for path in sorted(folder.rglob("*.py")))
     return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}

@@ -1,4 +1,6 @@
-"""Seeded random states and inputs, in wider ranges than any trim, and the equations in columns."""
+"""Random states and inputs in wider ranges than trims, and equations of motion as CasADi
+columns.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ _HIGHEST_INPUT = Input(200.0, 0.35, 0.35, 0.5, 0.5)
 
 
 def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return states (count, 7) and inputs (count, 5), uniform between the limits above."""
+    """Return random states (count, 7) and inputs (count, 5), uniform between fixed limits."""
     rng = np.random.default_rng(seed)
     states = rng.uniform(_LOWEST_STATE, _HIGHEST_STATE, (count, len(_LOWEST_STATE)))
     inputs = rng.uniform(_LOWEST_INPUT, _HIGHEST_INPUT, (count, len(_LOWEST_INPUT)))
@@ -31,31 +33,31 @@ def random_points(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def symbols() -> list[ca.SX]:
-    """Return new symbols x (7,), u (5,), p (18,)."""
+    """Return new CasADi symbols [x (7,), u (5,), p (18,)]."""
     return hfa.aircraft().layout.symbols("x", "u", "p")
 
 
 def by_name(x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[State, Input, Parameters]:
-    """Return the components of columns by name."""
+    """Convert columns to named tuples of the states, inputs and parameters."""
     return State(*ca.vertsplit(x)), Input(*ca.vertsplit(u)), Parameters(*ca.vertsplit(p))
 
 
 def rising(updraft: Quantity) -> Winds:
-    """Return air that rises by `updraft`, ft/s, at every panel."""
+    """Return the winds for air that rises by `updraft` ft/s at every panel."""
     return winds_named(("updraft",), (updraft,))
 
 
 def rates(x: State, u: Input, p: Parameters, variant: Variant, winds: Winds = STILL_AIR) -> State:
-    """Return dX/dt of vectors by name."""
+    """Return dX/dt as a named tuple."""
     return moment_of(x, u, p, variant, winds).rates
 
 
 def state_rates(x: ca.SX, u: ca.SX, p: ca.SX, variant: Variant, winds: Winds = STILL_AIR) -> ca.SX:
-    """Return dX/dt of columns, (7,)."""
+    """Return dX/dt as a CasADi column, (7,)."""
     return ca.vertcat(*rates(*by_name(x, u, p), variant, winds))
 
 
 def rates_function(variant: Variant) -> ca.Function:
-    """Return the function (x, u, p) -> dX/dt."""
+    """Return the CasADi Function (x, u, p) -> dX/dt."""
     vectors = symbols()
     return ca.Function("rates", vectors, [state_rates(*vectors, variant)])

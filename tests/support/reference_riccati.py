@@ -1,10 +1,9 @@
-"""A 60-digit solution of A'P + P A + Q - P S P = 0 by the matrix sign function of the Hamiltonian.
+"""60-digit solution of A'P + P A + Q - P S P = 0 by the matrix sign function of the Hamiltonian.
 
-The arithmetic is `decimal`, with explicit elimination. No floating-point solver and nothing of the
-project but the numbers of a `Game` is used.
-
-With sign(H) = W the stable subspace is that of W = -I, hence (W + I) [I; P] = 0. `test_gare.py`
-compares it with eigenvectors by mpmath. Source: Roberts, Int. J. Control 32, 1980.
+The arithmetic is `decimal`, with explicit elimination. No floating-point solver is used, and of
+this project only the matrices of a `Game`. For W = sign(H), the stable subspace consists of the
+vectors v with W v = -v, therefore (W + I) [I; P] = 0. `test_gare.py` compares the result with
+eigenvectors computed by mpmath. Source: Roberts, Int. J. Control 32, 1980.
 """
 
 from __future__ import annotations
@@ -26,9 +25,11 @@ MAX_STEPS = 80
 
 @dataclass(frozen=True)
 class Reference:
-    """The stabilizing P, its K, and whether P is the value of the game.
+    """Reference solution of a game.
 
-    P and K are empty if no stabilizing P exists.
+    exists: whether the stabilizing P exists and is positive semidefinite
+    P: stabilizing solution (n, n), empty if there is none
+    K: gain of P (m, n), empty if there is none
     """
 
     exists: bool
@@ -37,9 +38,9 @@ class Reference:
 
 
 def reference_solution(game: Game) -> Reference:
-    """Return the value of the game, computed to 60 digits and rounded to double.
+    """Return the solution of the game, computed with 60 digits and rounded to double precision.
 
-    `exists` is also decided with 60 digits.
+    Whether the solution exists is also decided with 60 digits.
     """
     nothing = Reference(exists=False, P=np.empty((0, 0)), K=np.empty((0, 0)))
     with localcontext() as context:
@@ -72,14 +73,14 @@ def reference_solution(game: Game) -> Reference:
 
 
 def relative_error(value: np.ndarray, exact: np.ndarray) -> float:
-    """Return the relative Frobenius distance."""
+    """Return ‖value - exact‖ / ‖exact‖ in the Frobenius norm."""
     return float(np.linalg.norm(value - exact) / np.linalg.norm(exact))
 
 
 def _sign(H: np.ndarray) -> np.ndarray | None:
-    """Return sign(Z) by Newton's Z <- (c Z + Z⁻¹/c)/2 with norm scaling c.
+    """Return sign(H) by Newton's iteration Z <- (c Z + Z⁻¹/c)/2 with norm scaling c.
 
-    Returns None if an eigenvalue is on the imaginary axis.
+    Return None if an eigenvalue of H is on the imaginary axis.
     """
     Z = H
     for _ in range(MAX_STEPS):
@@ -101,8 +102,9 @@ def _sign(H: np.ndarray) -> np.ndarray | None:
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
-    """Return the inverse by Gauss-Jordan elimination with row pivoting, or None for a singular
-    matrix.
+    """Return the inverse by Gauss-Jordan elimination with row pivoting.
+
+    Return None if the matrix is singular.
     """
     n = len(matrix)
     work = np.concatenate([matrix, decimal(np.eye(n))], axis=1)
@@ -119,9 +121,9 @@ def inverse_of(matrix: np.ndarray) -> np.ndarray | None:
 
 
 def _semidefinite(P: np.ndarray) -> bool:
-    """Return whether P has positive pivots with its diagonal raised by 1e-40.
+    """Return whether P is positive semidefinite within a relative tolerance of 1e-40.
 
-    In this way a semidefinite P also passes.
+    The pivots are computed with the diagonal of P raised by this fraction.
     """
     work = P + np.diag(np.diag(P)) * Decimal("1e-40")
     for k in range(len(work)):

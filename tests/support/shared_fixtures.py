@@ -1,4 +1,4 @@
-"""Fixtures of the core, built once for several test files."""
+"""Fixtures that several test files share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hfa_model.parameters import ParameterSet
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Run the test in an empty folder and return the folder."""
+    """Create an empty folder, run the test in it, and return its path."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -35,7 +35,7 @@ def parameters(parameter_set: ParameterSet) -> Parameters:
 
 @pytest.fixture(scope="session", params=sorted(VARIANTS))
 def aircraft(request: pytest.FixtureRequest, parameters: Parameters) -> Model:
-    """Return the identified aircraft, once with each set of equations."""
+    """Return the identified aircraft. The test runs once for each dynamics."""
     return hfa.aircraft(request.param, parameters)
 
 
@@ -46,7 +46,7 @@ def published_aircraft(parameters: Parameters) -> Model:
 
 @pytest.fixture(scope="session")
 def point() -> OperatingPoint:
-    """Return the trim of `--dihedral 15`."""
+    """Return the trim at a dihedral angle of 15 deg."""
     return model_at(15.0).point
 
 

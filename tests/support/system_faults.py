@@ -1,4 +1,4 @@
-"""Faults of the system: a full disk, and a home folder that cannot be written."""
+"""Simulated faults of the system: a full disk, and a home folder without write access."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ on_linux = pytest.mark.skipif(
 
 
 def shell(text: str, *words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run a line of sh in which "$0" "$@" is `hfa` with the words."""
+    """Run a shell command in a folder. In its text, "$0" "$@" runs `hfa` with the given words."""
     return subprocess.run(
         ["sh", "-c", text, SCRIPT, *words], cwd=folder, capture_output=True, text=True, timeout=120
     )
@@ -34,8 +34,9 @@ NO_HOME = {
 
 
 def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
-    """Assert that `hfa` works without caches of machine code and fonts, and writes nothing to
-    HOME.
+    """Assert that a command succeeds without a usable home folder and writes nothing into it.
+
+    home: kind of the fault, a key of NO_HOME
     """
     folder = tmp_path / "home"
     folder.mkdir()
@@ -58,7 +59,7 @@ def works_without_a_home(tmp_path: Path, words: str, home: str) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Return a disk of 400 KB."""
+    """Yield the path of a disk of 400 KB. The test is skipped if no disk can be mounted."""
     mounted = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", "size=400k", "none", tmp_path], capture_output=True
     )
@@ -69,8 +70,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def has_no_room(small_disk: Path, words: str, left: int) -> None:
-    """Assert that a command on a disk with this many KB left is refused in one line and leaves no
-    file.
+    """Assert that a command fails with one line and leaves no file on a disk with `left` KB
+    free.
     """
     (small_disk / "full").write_bytes(b"x" * (400 - left) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)

@@ -1,4 +1,4 @@
-"""Chunks of work on several threads of one process, as workers of a cluster use them."""
+"""Comparison of computations in several threads of one process with those in a single thread."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ Rows = Mapping[str, NDArray]
 
 
 def differing(chunk: Callable[[int], Rows], numbers: Sequence[int]) -> list[int]:
-    """Return the chunks whose results differ between four threads and one."""
+    """Return the numbers of the chunks whose results in four threads differ from those in one
+    thread.
+
+    chunk: function number -> name -> array
+    """
     alone = [chunk(number) for number in numbers]
     with ThreadPoolExecutor(4) as threads:
         together = list(threads.map(chunk, numbers))

@@ -1,7 +1,6 @@
-"""Relative tolerances between two floating-point computations of one number, with their reasons.
+"""Relative tolerances for two floating-point computations of one number, with reasons.
 
-Any other tolerance of a test is given by the digits of the compared value, by the size of the
-asserted one, or by a comment.
+Other tolerances in tests follow from the digits of a printed value or are explained by a comment.
 """
 
 #: A few operations without much cancellation: some tens of roundings of 1e-16.

@@ -1,4 +1,4 @@
-"""Outputs in SI units of the commands of the core and of the extensions."""
+"""Assertions on outputs in SI units, for commands of the core and of extensions."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ FOOT = 0.3048
 
 
 def assert_no_feet(*words: str, folder: Path) -> None:
-    """Assert that the text and the picture of a command contain meters only.
+    """Assert that the text and the picture of a command with --units si contain no English unit.
 
-    Matplotlib repeats each text of an .svg as a comment.
+    The texts of the picture are read from the comments that matplotlib writes into an .svg file.
     """
     picture = folder / "p.svg"
     result = hfa(*words, "--picture", str(picture), "--units", "si")
@@ -28,8 +28,8 @@ def assert_no_feet(*words: str, folder: Path) -> None:
 
 
 def assert_store_in_metres(*words: str, name: str, folder: Path) -> None:
-    """Assert that a store in meters has the converted numbers of that in feet, and that only a run
-    in meters can continue it.
+    """Assert that a store in SI units contains converted numbers and cannot be resumed in English
+    units.
 
     name: array whose first three columns are a speed, an angle and a length
     """

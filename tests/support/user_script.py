@@ -1,4 +1,6 @@
-"""A user's script with every public name of `hfa`, for type checkers. It is not run."""
+"""A user's script with every public name of `hfa`. It is checked by type checkers and is not
+run.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ import hfa
 
 
 def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the rates of a cart with a damped pendulum."""
+    """Return the state derivatives and outputs of a cart with a damped pendulum."""
     rates = {"speed": (u.thrust - p.drag * x.speed**2 - w.gust) / p.mass, "angle": -x.angle}
     return rates, {"load": x.speed * ca.cos(x.angle)}
 

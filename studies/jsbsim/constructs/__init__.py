@@ -1,1 +1,1 @@
-"""Small jets with one construct each, read by this project and by JSBSim and compared."""
+"""Small JSBSim jets with one construct each, evaluated by this project and by JSBSim."""

@@ -1,7 +1,8 @@
-"""All constructs, or those whose names contain a text, compared with JSBSim.
+"""Comparison of JSBSim constructs between this project and JSBSim.
 
-Each must agree with JSBSim, be refused, or be named in a note. Exit 1 where one differs without a
-note. `--drawn N [SEED]` draws N constructs in their place, of the seeds from SEED on.
+Each construct must give equal results, be refused, or be named in a note. The exit code is 1 if a
+result differs without a note. All constructs are compared, or those whose names contain a given
+text. `--drawn N [SEED]` compares N random constructs instead, with seeds from SEED on.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from studies.jsbsim.constructs.judge import ALL, judge
 
 
 def main(words: list[str]) -> int:
-    """Return 0 where no construct differs without a note."""
+    """Compare the selected constructs and print the verdicts.
+
+    Return 1 if a construct differs without a note or causes a traceback, otherwise 0.
+    """
     constructs = ALL
     if words[:1] == ["--drawn"]:
         constructs = drawn(int(words[1]), int(words[2]) if len(words) > 2 else 0)

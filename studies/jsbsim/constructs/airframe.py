@@ -1,4 +1,4 @@
-"""Constructs of sizes, mass, tanks and engines, and of separate sections."""
+"""Constructs of dimensions, mass, tanks and engines, and of other sections of a JSBSim file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,13 @@ _PISTON = "<maxhp> 200 </maxhp> <displacement> 360 </displacement>"
 def _driven(
     propeller: str = "", data: str = _ONE, engine: str = _PISTON, kind: str = "piston_engine"
 ) -> dict[str, str]:
-    """Return a propeller in the place of the jet."""
+    """Return the slots of a construct in which a propeller replaces the jet.
+
+    propeller: additional XML of the propeller
+    data: rows of its tables
+    engine: XML of the engine
+    kind: element name of the engine
+    """
     tables = "".join(
         f'<table name="{name}" type="internal"> <tableData> {data} </tableData> </table>'
         for name in ("C_THRUST", "C_POWER")

@@ -1,4 +1,4 @@
-"""Constructs like those of real files: several parts of a file that depend on each other."""
+"""Constructs that resemble real files, in which several parts depend on each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Constructs of the control system."""
+"""Constructs of the flight control system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _clip(low: float, high: float, attributes: str = "") -> str:
 
 
 def _g(value: float) -> str:
-    """Return a property of the file's own that has a value."""
+    """Return the XML of a user-defined property with this value."""
     return f'<property value="{value}">fcs/g</property>'
 
 
@@ -31,7 +31,12 @@ def _switch(test: str, default: str = '<default value="0.2"/>') -> dict[str, str
 
 
 def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
-    """Return a component whose failure another component sets."""
+    """Return the slots of a construct in which a function sets the malfunction of a component.
+
+    kind: element name of the component
+    failure: name of the malfunction
+    value: value set for the malfunction
+    """
     ends = _clip(-0.5, 0.5)
     probe = f'<{kind} name="fcs/c"> <input>{_STICK}</input> {ends} {_OUT} </{kind}>'
     writer = f'<fcs_function name="fcs/w"> <function> <v>{value}</v> </function>'
@@ -40,7 +45,11 @@ def _failure(kind: str, failure: str, value: float) -> dict[str, str]:
 
 
 def _channel(attributes: str, head: str = "") -> dict[str, str]:
-    """Return a damper in a channel with attributes."""
+    """Return the slots of a construct with a damper in a channel.
+
+    attributes: attributes of the channel
+    head: XML before the channel
+    """
     damper = f'<pure_gain name="d"> <input>{_Q}</input> <gain>9</gain> {_OUT} </pure_gain>'
     channel = f'<channel name="damper" {attributes}> {damper} </channel>'
     return {"control": head, "channels": channel, "pitch": pitching("fcs/probe")}

@@ -1,6 +1,6 @@
 """Random constructs, with numbers at the limits of their ranges.
 
-They are functions of several operations, chains of components, switches, axes and properties.
+They consist of nested functions, chains of components, switches, axes or properties.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ _MANY = ("sum", "product", "avg", "min", "max")
 
 
 class Draw:
-    """Random generator of the parts of a construct, from one stream of random numbers."""
+    """Generator of random constructs from one stream of random numbers."""
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
 
     def construct(self) -> dict[str, str]:
-        """Return the slots of a construct."""
+        """Return the slots of a random construct, slot -> XML."""
         kinds = (self.of_function, self.of_chain, self.of_switch, self.of_axes, self.of_property)
         weights = (0.35, 0.35, 0.15, 0.05, 0.1)
         return kinds[int(self._rng.choice(len(kinds), p=weights))]()
 
     def number(self) -> str:
-        """Return a number, often one at an edge."""
+        """Return a random number as text, with probability 1/2 one of the special values."""
         if self._rng.random() < 0.5:
             return str(self._one(_NUMBERS))
         return f"{self._rng.uniform(-2.0, 2.0):.3g}"
@@ -56,11 +56,11 @@ class Draw:
         return f"{sign}{self._one(_SIGNALS)}"
 
     def _value(self) -> str:
-        """Return a number or a property, in the form that components accept."""
+        """Return a random number or property, as the input of a component."""
         return self.number() if self._rng.random() < 0.5 else self._signal()
 
     def term(self, depth: int) -> str:
-        """Return a part of a function."""
+        """Return the XML of a random term of a function, nested at most `depth` levels deep."""
         kind = self._rng.random()
         if depth == 0 or kind < 0.1:
             if self._rng.random() < 0.4:
@@ -87,14 +87,14 @@ class Draw:
         return self._table()
 
     def flag(self) -> str:
-        """Return a number that counts as true or false."""
+        """Return a number that JSBSim interprets as true or false."""
         return str(self._one((0, 1, 1e-10, 2e-9, -1, -1e-12)))
 
     def _operation(self, name: str, arguments: list[str]) -> str:
         return f"<{name}> {' '.join(arguments)} </{name}>"
 
     def _table(self) -> str:
-        """Return a table of one or two arguments."""
+        """Return the XML of a random table of one or two arguments."""
         rows = np.sort(self._rng.uniform(-1.0, 1.0, 4))
         if self._rng.random() < 0.5:
             data = "\n".join(f"{row:.4f} {self._rng.uniform(-1, 1):.3f}" for row in rows)
@@ -113,7 +113,11 @@ class Draw:
         return f"<min> <v>2</v> <max> <v>-2</v> {text} </max> </min>"
 
     def of_function(self) -> dict[str, str]:
-        """Return a function inside a moment, or in another section with its name in the moment."""
+        """Return the slots of a random function.
+
+        The function is part of the pitching moment, or it is in another section and the moment
+        refers to it.
+        """
         body = self._bounded(self.term(3))
         place = self._rng.random()
         if place < 0.6:
@@ -123,7 +127,9 @@ class Draw:
         return {slot: _kept(slot) + named, "pitch": pitching("own/f")}
 
     def of_chain(self) -> dict[str, str]:
-        """Return components that pass a value on."""
+        """Return the slots of a chain of one to three components, in rare cases in reversed
+        order.
+        """
         count = int(self._rng.integers(1, 4))
         source = self._signal()
         parts = []
