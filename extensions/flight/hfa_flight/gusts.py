@@ -55,15 +55,15 @@ class Gust:
 class OneMinusCosine(Gust):
     """Discrete gust w = (peak/2) (1 - cos(2π V (t - begin) / length)).
 
-    The formula holds for 0 <= V (t - begin) <= length. Otherwise w is 0.
+    The formula applies for 0 <= V (t - begin) <= length. Otherwise w is 0.
 
-    length: ft, length of the whole gust, twice the gust gradient distance H
+    length: length of the complete gust, ft; twice the gust gradient distance H
     peak: ft/s, negative for a downdraft
-    speed: V, ft/s, at which the gust is met
+    speed: airspeed V, ft/s
     begin: s
 
-    Source: FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak. Raises
-    BadInputError when a number is not positive or not finite.
+    Raises BadInputError if length or speed is not positive, or peak or begin not finite. Source:
+    FAR 25.341(a)(2); MIL-F-8785C, Section 3.7.1.3, whose gust ends at its peak.
 
     >>> from hfa_flight import OneMinusCosine
     >>> OneMinusCosine(length=400.0, peak=5.0, speed=100.0, begin=1.0).until
@@ -76,7 +76,7 @@ class OneMinusCosine(Gust):
     begin: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for numbers that are not finite or not positive."""
+        """Raise BadInputError if a number is out of range."""
         for name in ("length", "speed"):
             refuse_unless_positive(f"the gust's {name}", getattr(self, name))
         if not np.isfinite([self.peak, self.begin]).all():
@@ -90,6 +90,6 @@ class OneMinusCosine(Gust):
         return self.begin + self.length / self.speed
 
     def updraft(self, t: Any) -> Any:
-        """Return w at t, a number or an expression."""
+        """Return the updraft w at t, as a number or an expression."""
         phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
         return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))

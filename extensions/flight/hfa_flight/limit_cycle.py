@@ -1,4 +1,6 @@
-"""Detection of an oscillation that persists at the end of a flight without excitation."""
+"""Detection of an oscillation at the end of a flight that persists after the excitation has
+ended.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ _ROUNDS = 4
 
 
 class LimitCycle(NamedTuple):
-    """The largest oscillation, in nominal sizes.
+    """The largest persistent oscillation, relative to the nominal size of its variable.
 
     name: name of an input or state
     amplitude: half of peak to peak, in `unit`
@@ -41,20 +43,19 @@ class LimitCycle(NamedTuple):
     unit: str
 
     def motion(self) -> str:
-        """Return the oscillating variable, its amplitude and frequency as text, in degrees for
-        angles."""
+        """Return text such as "pitch_rate ±7.2 deg/s at 157 rad/s", with angles in degrees."""
         size = short_number(self.amplitude, self.unit)
         if self.unit != "1":
             size += f" {shown_unit(self.unit)}"
         return f"{self.name} ±{size} at {self.frequency:.3g} rad/s"
 
     def text(self) -> str:
-        """Return the oscillation in a sentence."""
+        """Return a sentence on the limit cycle."""
         return f"limit cycle: {self.motion()}; the flight has not settled"
 
 
 class Decay(NamedTuple):
-    """The largest oscillation, in nominal sizes, that decays at a constant rate.
+    """The largest oscillation that decays steadily, relative to the nominal size of its variable.
 
     name: name of an input or state
     time_to_half: s
@@ -66,7 +67,7 @@ class Decay(NamedTuple):
     frequency: float
 
     def text(self) -> str:
-        """Return the decay in a sentence."""
+        """Return a sentence on the decaying oscillation."""
         return (
             f"{self.name} oscillates at {self.frequency:.3g} rad/s and decays: half in "
             f"{self.time_to_half:.3g} s"
@@ -74,8 +75,9 @@ class Decay(NamedTuple):
 
 
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:
-    """Return the largest oscillation in the second half of a flight that does not decay, or
-    None.
+    """Return the largest oscillation in the second half of a flight that does not decay, or None.
+
+    driven_until: time at which the last exciting signal ends, s
     """
     found = oscillation(model, flight, driven_until)
     return found if isinstance(found, LimitCycle) else None
@@ -84,10 +86,10 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
 def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | Decay | None:
     """Return the largest oscillation in the second half of a flight, or None.
 
-    A limit cycle takes precedence over a decaying oscillation. The result is also None if the
-    excitation ends in the second half, or the flight has too few steps.
+    If there is a limit cycle, it is returned even if a decaying oscillation is larger. The result
+    is also None if the excitation ends in the second half, or if the flight has too few steps.
 
-    driven_until: s, end of the last signal that excites the flight
+    driven_until: time at which the last exciting signal ends, s
     """
     times = flight.times
     middle = times[-1] / 2
@@ -116,12 +118,12 @@ def oscillation(model: Model, flight: Deviations, driven_until: float) -> LimitC
 
 
 class _Swings(NamedTuple):
-    """An oscillation in whole half-periods.
+    """An oscillation, evaluated over complete half-periods.
 
-    amplitude: half of peak to peak, mean
-    frequency: rad/s, between the first and the last crossing of the line
-    rate: 1/s, at which the amplitude decays, by least squares of its logarithm; negative where it
-        grows
+    amplitude: mean of the peaks
+    frequency: rad/s, from the first and the last zero crossing
+    rate: decay rate of the amplitude, 1/s, from a least-squares fit of its logarithm; negative if
+      it grows
     """
 
     amplitude: float
@@ -130,8 +132,12 @@ class _Swings(NamedTuple):
 
 
 def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
-    """Return the oscillation about its least-squares line, or None with fewer than `CROSSINGS`
-    crossings.
+    """Return the oscillation of values about their mean line.
+
+    Returns None if they cross the line fewer than `CROSSINGS` times.
+
+    times: (N,), s
+    values: (N,)
     """
     off_line = values - values.mean()
     off_line = off_line - np.polyval(np.polyfit(times, off_line, 1), times)
@@ -154,8 +160,10 @@ def _swings(times: np.ndarray, values: np.ndarray) -> _Swings | None:
 
 
 def _peak(values: np.ndarray) -> float:
-    """Return the peak of a half-period, by a parabola through the highest value and its
-    neighbors."""
+    """Return the peak of the values of a half-period.
+
+    It is the vertex of the parabola through the largest value and its neighbors.
+    """
     place = int(values.argmax())
     if not 0 < place < len(values) - 1:
         return float(values[place])
@@ -165,7 +173,10 @@ def _peak(values: np.ndarray) -> float:
 
 
 def _line(times: np.ndarray, values: np.ndarray, frequency: float) -> np.ndarray:
-    """Return the line of the least-squares fit by a line plus a harmonic, at the times."""
+    """Return the linear part, at `times`, of the least-squares fit of a line plus one harmonic.
+
+    frequency: frequency of the harmonic, rad/s
+    """
     t = times - times.mean()
     terms = [np.ones_like(t), t, np.cos(frequency * t), np.sin(frequency * t)]
     level, slope = np.linalg.lstsq(np.column_stack(terms), values, rcond=None)[0][:2]

@@ -1,4 +1,4 @@
-"""Monte Carlo simulation of flights: a plan of random scenarios, and the stored results."""
+"""Monte Carlo simulation of flights: the plan of random scenarios, and the stored results."""
 
 from __future__ import annotations
 
@@ -57,21 +57,23 @@ KEPT = {
 @checks_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MonteCarlo(StatesAndInputs, Reported):
-    """N members, each a draw of one scenario. Plans with the same results are equal.
+    """Plan of N flights (members), each with its own draw of one scenario.
+
+    Plans with the same results compare equal.
 
     members: N
-    seed: with a member's number it determines all of its random quantities, so that members can be
-        simulated anywhere in any order
-    model: with its nominal parameters
-    point: its trim, in which each member begins
-    policy: the policy
-    scenario: the scenario, of which each member is a draw
+    seed: seed of all random quantities; a member depends only on the seed and its number, so
+      members can be simulated in any order and on any machine
+    model: model with its nominal parameters
+    point: trim in which each member begins
+    policy: policy of all members
+    scenario: scenario with the random quantities to be drawn
     envelope: limits of the states; a flight ends at the first tick outside
-    spread: distribution of the members' parameters, or None for those of the model
+    spread: distribution of the members' parameters, or None for the parameters of the model
 
     Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
-    relative error concerns a zero parameter, a signal has no formula, or the scenario is already
-    drawn.
+    relative error is given for a parameter of value 0, a signal has no formula, or the random
+    quantities are already drawn.
     """
 
     members: int
@@ -84,7 +86,7 @@ class MonteCarlo(StatesAndInputs, Reported):
     spread: ParameterSpread | None = None
 
     def __post_init__(self) -> None:
-        """Check everything before the simulation."""
+        """Raise BadInputError if the plan cannot be simulated."""
         refuse_unless_whole("members", self.members, 1)
         refuse_unless_whole("seed", self.seed, 0)
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
@@ -105,34 +107,38 @@ class MonteCarlo(StatesAndInputs, Reported):
         self.loop()  # what cannot be flown is refused here rather than in a worker
 
     def member(self, number: int) -> Scenario:
-        """Return the scenario of one member. Its turbulence is that at the trimmed speed."""
+        """Return the drawn scenario of one member. Its turbulence is computed at the trim speed."""
         return self.scenario.drawn(self.seed, number, self.point)
 
     def loop(self) -> ClosedLoop:
         """Return the loop of member 0.
 
-        The loops of other members differ from it only in the parameters of the aircraft.
+        The loops of other members differ only in the parameters of the aircraft.
         """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
         return ClosedLoop(plant, self.policy, self.member(0))
 
     @property
     def least_within(self) -> int:
-        """Number of members that must stay within their limits: one for a random scenario, all for
-        drawn aircraft."""
+        """Number of members that must stay within their limits for a PASS.
+
+        It is one for a random scenario, and all for drawn aircraft.
+        """
         return 1 if self.spread is None else self.members
 
     @cached_property
     def aircraft(self) -> list[Model]:
-        """Drawn aircraft of each member, or empty if all are the model."""
+        """The drawn aircraft of each member, or an empty list if all members use `model`."""
         if self.spread is None:
             return []
         return self.spread.aircraft(self.model, self.members, self.seed)
 
     @cached_property
     def identity(self) -> str:
-        """Return JSON of everything that determines the results, including the order in which
-        errors are drawn."""
+        """Return JSON text of everything that determines the results.
+
+        It includes the order in which errors are drawn.
+        """
         data = {
             "members": self.members,
             "seed": self.seed,
@@ -158,7 +164,7 @@ class MonteCarlo(StatesAndInputs, Reported):
 
 
 def _equations_identity(model: Model) -> tuple[str, ...]:
-    """Return the file of a model and its hash, or a hash of its expressions if it has no file."""
+    """Return path and hash of a model's file, or a hash of its expressions if it has no file."""
     if model.extras.source[0]:
         return model.extras.source
     vectors = model.layout.symbols(*VECTORS)
@@ -169,12 +175,15 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
 
 @cached_per_thread(maxsize=4)
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
-    """Return the loop of a plan, compiled at the first call in each thread."""
+    """Return the compiled loop of a plan, compiled once in each thread."""
     return CompiledLoop(plan.loop(), plan.members)
 
 
 def fly_member(plan: MonteCarlo, member: int) -> Flight:
-    """Draw one member, and return its flight."""
+    """Draw one member and return its flight.
+
+    member: number of the member
+    """
     scenario = plan.member(member)
     aircraft = plan.aircraft[member] if plan.aircraft else plan.model
     parameters = with_errors(aircraft, scenario).p
@@ -182,14 +191,20 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """Return the rows of `KEPT` of members start .. stop - 1, the task of a worker process."""
+    """Return the results (`KEPT`) of members start .. stop - 1, one row each.
+
+    This is the task of a worker process.
+    """
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
     return {name: np.array([row[name] for row in rows]) for name in KEPT}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """Return the stored results of a member's flight, from its steps inside the envelope and the
-    state and memory after them."""
+    """Return the stored results of a member's flight.
+
+    They are computed from the steps inside the envelope. State and memory are those after these
+    steps.
+    """
     scenario = result.loop.scenario
     flight = result.flight
     left = result.departure
@@ -223,5 +238,5 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
 
 
 def _rms(rows: np.ndarray) -> np.ndarray:
-    """Return the root mean square of each column of (N, k), or 0 without rows."""
+    """Return the root mean square of each column of (N, k), or 0 if N is 0."""
     return np.asarray(np.sqrt(np.square(rows).sum(axis=0) / max(len(rows), 1)))

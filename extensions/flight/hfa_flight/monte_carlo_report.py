@@ -1,4 +1,6 @@
-"""Report of a Monte Carlo simulation: number of members within limits, and quantiles of errors."""
+"""Report of a Monte Carlo simulation: number of members within limits, and quantiles of the
+errors.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,7 @@ Read = Callable[[str], np.ndarray]
 def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
     """Return the outcomes of the members of a plan.
 
-    plan: the plan of the flights
-    read: name of a result -> its values, (N, ...), one for each member
+    read: function from the name of a result to its values, (N, ...), one row for each member
     """
     model = plan.model
     left = read("left")
@@ -59,11 +60,12 @@ def summary(plan: MonteCarlo, read: Read) -> MemberSummary:
 
 
 def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
-    """Return outcomes, and quantiles over the members inside, as text and as a `MemberSummary`.
+    """Return the report of a plan: outcomes, and quantiles over the members inside the envelope.
 
-    plan: the plan of the flights
-    read: name of a result -> its values, (N, ...), one for each member
-    where: storage of the members, for the title
+    Its data is a `MemberSummary`.
+
+    read: function from the name of a result to its values, (N, ...), one row for each member
+    where: where the members are stored, for the title
     """
     found = summary(plan, read)
     flown = (
@@ -89,7 +91,7 @@ def member_report(plan: MonteCarlo, read: Read, where: str = "") -> Report:
 
 
 def _outcomes(found: MemberSummary) -> list[str]:
-    """Return a line for each other outcome, with the number of members."""
+    """Return a line for each kind of failure that occurred, with the number of members."""
     lines = []
     if found.drawn is not None:
         lines.append(
@@ -109,13 +111,16 @@ def _outcomes(found: MemberSummary) -> list[str]:
 
 
 def _listed(counts: Mapping[str, float]) -> str:
-    """Return the nonzero counts with their names, as text."""
+    """Return text such as "alpha 3, pitch 1", without the counts that are 0."""
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
 def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
-    """Return quantity -> variable -> its `QUANTILES` over the members inside, or None without
-    any.
+    """Return quantity -> variable -> its `QUANTILES` over the members inside the envelope.
+
+    A variable is None if no member is inside.
+
+    inside: mask of these members, (N,)
     """
     quantities = {
         "rms_error": (read("rms_error"), model.linear),
@@ -138,7 +143,7 @@ def quantiles(model: Model, read: Read, inside: np.ndarray) -> dict[str, Any]:
 def _quantile_table(plan: MonteCarlo, found: MemberSummary) -> Table:
     """Return a table with one row for each variable of each quantity.
 
-    In moving air alpha is the angle through the air.
+    In moving air, a row for the angle of attack through the air is added.
     """
     shown: dict[str, Any] = {
         "rms error": found.rms_error,

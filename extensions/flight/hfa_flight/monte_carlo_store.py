@@ -1,4 +1,4 @@
-"""The members of a Monte Carlo, in memory or in a Zarr store."""
+"""Simulation of the members of a Monte Carlo plan, with results in memory or in a Zarr store."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _MEMBER = "member"
 
 
 def chunk_of(plan: MonteCarlo) -> int:
-    """Return the number of members in a chunk."""
+    """Return the number of members that one task simulates."""
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     return min(-(-CHUNK_STEPS // steps), plan.members)
 
@@ -33,12 +33,10 @@ def chunk_of(plan: MonteCarlo) -> int:
 def run_monte_carlo(
     plan: MonteCarlo, workers: int | str = 1, progress: Progress | None = None
 ) -> Mapping[str, np.ndarray]:
-    """Return the stored results of every member (`KEPT`), in memory.
-
-    They are name -> an array, one row for each member.
+    """Return the results (`KEPT`) of all members in memory: name -> array, one row for each member.
 
     workers: as for `open_workers`; the results do not depend on it
-    progress: called with (chunks done, chunks in all), first at the start
+    progress: called with (chunks done, number of chunks), first at the start
     """
     starts = range(0, plan.members, chunk_of(plan))
     ends = (*starts[1:], plan.members)
@@ -56,9 +54,9 @@ def run_monte_carlo(
 
 
 def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
-    """Compute every member of the plan in the store at `path` and return it as `xarray.Dataset`.
+    """Simulate all members of a plan into the store at `path` and return it as `xarray.Dataset`.
 
-    The arguments are those of `fill_store`.
+    options: arguments of `fill_store`
     """
 
     def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
@@ -69,7 +67,7 @@ def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
 
 
 def _template(plan: MonteCarlo) -> Any:
-    """Return the `xarray.Dataset` of an empty store."""
+    """Return the `xarray.Dataset` of an empty store for the results of a plan."""
     model = plan.model
     errors = tuple(plan.scenario.uncertainty.errors)
     states = tuple(model.states)

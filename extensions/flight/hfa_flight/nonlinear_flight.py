@@ -87,28 +87,27 @@ def fly(
     step: float | None = None,
     progress: Progress | None = None,
 ) -> Flight:
-    """Return the flight of a policy u on the aircraft X' = f(X, U0 + u, w) + d and, with `predict`,
-    that of its linear model x' = A x + B u + E w + d.
+    """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
 
-    model: the aircraft as designed
-    point: the trim X0, U0 about which it flies
+    With `predict`, the flight of the linear model x' = A x + B u + E w + d is included. It has the
+    nominal parameters, without parameter errors. Both end at the first tick in which the nonlinear
+    flight leaves the envelope.
+
+    model: the aircraft with nominal parameters
+    point: the trim X0, U0, relative to which x and u are defined
     policy: a gain K (m, k) of u = -K z, a critic, a solution, a deployment, the file of a gain or
-        of a deployment, steps of inputs as deviations from trim {name: [(time, value), ...]}, a
-        function of (t, X) that returns U, called once a tick (`flown_policy`), a `Policy`; None
-        holds the trim
+      of a deployment, steps of inputs as deviations from trim {name: [(time, value), ...]}, a
+      function of (t, X) that returns U, called once a tick (`flown_policy`), or a `Policy`; with
+      None the inputs remain at trim
     seconds: duration; default: that of the scenario, or 20 s
     initial: deviations from trim at the start, by the names of states, or (n,)
-    scenario: disturbances, noise and faults during the flight, without random quantities to be
-        drawn
+    scenario: disturbances, noise and faults; its random quantities must be drawn already
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     predict: whether the linear model is simulated too
-    method: "runge-kutta", or "jsbsim" for an aircraft of JSBSim in its own frames, over its own
-        earth, with the lags of its engines and filters
-    step: duration of these frames, s; default: 1/120
+    method: "runge-kutta", or for a JSBSim aircraft "jsbsim": JSBSim's integration steps and Earth
+      model, with the lags of engines and filters
+    step: integration step of method "jsbsim", s; default: 1/120
     progress: called during the nonlinear flight
-
-    The prediction is for the aircraft as designed, without parameter errors. Both end at the
-    first tick in which the nonlinear flight leaves the envelope.
 
     Raises BadInputError if the flight does not begin inside the envelope, or the scenario has
     random quantities that are not drawn yet.
@@ -139,9 +138,12 @@ def fly(
 
 
 def _happening(model: Model, given: Scenario, seconds: float | None, initial: Any) -> Scenario:
-    """Return the scenario of a flight of a model, with its duration and initial condition.
+    """Return the scenario for a flight of a model, with its duration and initial condition.
 
-    Raises BadInputError if part of it is still to be drawn or an initial state is unknown.
+    seconds: duration, or None for that of the scenario
+    initial: deviations by name or (n,), or None for those of the scenario
+
+    Raises BadInputError if random quantities are not drawn yet or an initial state is unknown.
     """
     if given.uncertainty != Uncertainty():
         raise BadInputError(
@@ -165,17 +167,16 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> Flight:
-    """Return the flight of a nonlinear loop about its trim, up to the first tick outside the
-    envelope.
+    """Return the flight of a nonlinear loop up to the first tick outside the envelope.
 
-    There is no prediction of the linear model.
+    The linear model is not simulated.
 
     compiled: the loop
     envelope: limits of the states, absolute
-    scenario: replaces the loop's own; `CompiledLoop.fly` lists the values that may differ
-    parameters: parameters of the simulated aircraft, as in `CompiledLoop.fly`, or None for the
-        loop's own
-    progress: as in `CompiledLoop.fly`
+    scenario: used in place of the loop's scenario; `CompiledLoop.fly` lists the values that may
+      differ
+    parameters: parameters of the simulated aircraft, or None for those of the loop
+    progress: called during the flight
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
     trim = np.array(loop.plant.point.states)
@@ -195,11 +196,11 @@ def fly_within(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightHistory(Result):
-    """Further content of the files of a flight.
+    """Time history of a flight, written in addition to its summary.
 
     history: once per tick, absolute: times (N,), states (N, n), inputs (N, m), angles_of_attack
-        (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
-        -> (N,).
+      (N,); errors (N, k), updrafts (N,), or (N, 2) at center and outer panels; winds, disturbance
+      -> (N,).
     """
 
     history: Mapping[str, Any]
@@ -207,14 +208,14 @@ class FlightHistory(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(StatesAndInputs, Result, Reported):
-    """A flight, up to the first tick that left the envelope.
+    """A simulated flight, up to the first tick outside the envelope.
 
     envelope: limits of the states
     loop: the simulated loop
     flight: deviations from `point`
-    departure: first departure from the envelope: state, time, value, limit; null without one.
-    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit; null without one.
-    predicted: flight of the linear model, or None if none was requested
+    departure: first departure from the envelope: state, time, value, limit; null if there is none.
+    cycle: limit cycle at the end: name, amplitude, frequency in rad/s, unit; null if there is none.
+    predicted: flight of the linear model, or None if it was not simulated
     decay: decaying oscillation at the end: name, time to half in s, frequency in rad/s, or None.
     method: "runge-kutta" or "jsbsim"
     weights: Q (k, k) and R (m, m) of its cost, or None without a cost
@@ -248,13 +249,13 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def point(self) -> OperatingPoint:
-        """Trim about which the aircraft flies."""
+        """Trim from which deviations are measured."""
         point: OperatingPoint = self.loop.plant.point
         return point
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """The model of the aircraft."""
         return self.point.model
 
     @property
@@ -264,7 +265,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def times(self) -> np.ndarray:
-        """`time`, under its name in version 0.3."""
+        """Alias of `time`, its name in version 0.3."""
         return self.flight.times
 
     @property
@@ -274,21 +275,23 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def angles_of_attack(self) -> np.ndarray:
-        """Alpha of the center of mass through the air, absolute, (N,), rad, or alpha itself in
-        still air."""
+        """Absolute angle of attack of the center of mass through the air, (N,), rad.
+
+        In still air it equals alpha.
+        """
         alpha = list(self.point.model.states).index(ALPHA)
         return np.asarray(self.flight.limited[:, alpha] + self.point.states[alpha])
 
     @property
     def inputs(self) -> np.ndarray:
-        """Absolute inputs U (N, m)."""
+        """Absolute inputs U (N, m), also by name."""
         return with_names(self.flight.inputs + np.array(self.point.inputs), (), self.input_names)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return a state, an input or an output over time, absolute, (N,), in the units of the
-        model.
+        """Return the absolute values, (N,), of a state, an input or an output, in the model's
+        units.
 
-        Raises BadInputError when the model has no such name.
+        Raises BadInputError if the name is unknown.
         """
         from hfa_flight.flight_tables import series
 
@@ -297,20 +300,22 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def exceeded(self) -> tuple[ControlExcess, ...]:
-        """Inputs that exceeded their control limits before the envelope was left, the largest
-        excess first: input, value, limit, unit."""
+        """Inputs that exceeded their control limits inside the envelope, largest excess first:
+        input, value, limit, unit.
+        """
         until = np.inf if self.departure is None else self.departure.time
         return control_excesses(self.point.model, self.inputs[self.flight.times <= until])
 
     @property
     def ok(self) -> bool:
         """True if every state stayed inside the envelope, every input within its limits, and no
-        limit cycle remains."""
+        limit cycle was found at the end.
+        """
         return self.departure is None and not self.exceeded and self.cycle is None
 
     @property
     def within_limits(self) -> bool:
-        """`ok`, under its name in version 0.3."""
+        """Alias of `ok`, its name in version 0.3."""
         return self.ok
 
     def __bool__(self) -> bool:
@@ -318,7 +323,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def held(self) -> bool:
-        """True if the flight stayed inside the envelope, without a limit cycle."""
+        """True if the flight stayed inside the envelope and has no limit cycle at the end."""
         return self.departure is None and self.cycle is None
 
     @property
@@ -328,7 +333,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def envelope_limits(self) -> Mapping[str, Vector]:
-        """Limits of each state."""
+        """Lowest and highest permitted value of each state."""
         limits = envelope_data(self.envelope, bool(self.flight.winds))
         return {name: np.array(pair) for name, pair in limits.items()}
 
@@ -339,7 +344,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Absolute values at the end."""
+        """Absolute value of each state at the end."""
         values = _by_name(self.model.states, self.states[-1])
         if flown_through_air(self.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
@@ -356,29 +361,29 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def rms_error(self) -> Mapping[str, float]:
-        """Return the rms error of each state of the linear model, over the second half."""
+        """Root mean square of the error of each state of the linear model, over the second half."""
         late = self.flight.errors[len(self.flight.errors) // 2 :]
         return _by_name(self.model.linear, np.sqrt(np.mean(late**2, axis=0)))
 
     @property
     def share_beyond_control_limits(self) -> Mapping[str, float]:
-        """Share of the time that each input is beyond its control limits."""
+        """Fraction of the time during which each input exceeds its control limits."""
         beyond = ~control_limits(self.model).within(self.inputs)
         return _by_name(self.model.inputs, beyond.mean(axis=0))
 
     @property
     def checks(self) -> Sequence[Check]:
-        """Empty list since 0.3, kept for readers of schema version 1."""
+        """Empty list, kept since version 0.3 for readers of schema version 1."""
         return ()
 
     @property
     def policy(self) -> Mapping[str, Any]:
-        """Law and K, with the breakpoints of scheduled gains."""
+        """Name and gain K of the policy, with the breakpoints of scheduled gains."""
         return self.loop.policy.data(self.model)
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
-        """State -> largest difference from the linear prediction, omitted without one."""
+        """State -> largest difference from the linear prediction, omitted without a prediction."""
         if self.predicted is None:
             return None
         difference = np.abs(self.flight.states - self.predicted.states).max(axis=0)
@@ -386,13 +391,15 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def commanded(self) -> Mapping[str, Any] | None:
-        """Return the errors of the variables that a controller regulates, or None without one."""
+        """Tracking errors of the outputs that a controller regulates, omitted if there are none."""
         return self.loop.policy.tracking_errors(self.flight) or None
 
     @property
     def cost(self) -> float | None:
-        """∫ z'Qz + u'Ru dt of the flight to its end, in deviations from the trim and from the
-        command, omitted without weights."""
+        """Cost ∫ z'Qz + u'Ru dt up to the end of the flight, omitted without weights.
+
+        z are the deviations from trim and command, u those of the inputs from trim.
+        """
         if self.weights is None:
             return None
         Q, R = self.weights
@@ -402,7 +409,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """Return notes on the operating point, and on moving inputs whose dynamics are omitted."""
+        """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
         moved = np.ptp(self.inputs, axis=0) > 0.0
         inputs = zip(self.model.inputs.values(), moved, strict=True)
         return [
@@ -411,8 +418,8 @@ class Flight(StatesAndInputs, Result, Reported):
         ]
 
     def title(self) -> str:
-        """Return the first lines of the report: the verdict, the flight, and each further
-        finding.
+        """Return the first lines of the report: the verdict, a line on the flight, and a line for
+        each further finding.
         """
         flight = f"Flight, {self.point.model.title}"
         scheduled = self.point.at_scheduled.removeprefix("at ")
@@ -440,9 +447,10 @@ class Flight(StatesAndInputs, Result, Reported):
         return "\n".join(lines)
 
     def plot(self, *names: Any) -> np.ndarray:
-        """Draw states and inputs over time in a pyplot figure; return its Axes.
+        """Draw states and inputs over time in a new pyplot figure and return its Axes.
 
-        names: states, inputs and outputs that are drawn in place of all: plot("alpha", "pitch")
+        names: variables to be drawn, such as plot("alpha", "pitch"); by default all states that
+          move and all inputs
         """
         if names:
             drawn: np.ndarray = part(PARTS, "notebook.curves", "plot of names")(self, *names)
@@ -455,26 +463,31 @@ class Flight(StatesAndInputs, Result, Reported):
         return np.array(drawn_flight(figure, self, self.title()).axes)
 
     def figure(self) -> Figure:
-        """Return the picture of `plot` on a new figure."""
+        """Return a new figure of the states and inputs over time."""
         from hfa_flight.flight_figure import flight_figure
 
         return flight_figure(self, self.title())
 
     def to_pandas(self) -> pandas.DataFrame:
-        """States and inputs over time as a `pandas.DataFrame` with the index time, s."""
+        """Return a `pandas.DataFrame` of states and inputs, absolute, indexed by time in s."""
         from hfa_flight.flight_tables import frame
 
         return frame(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """States, inputs and the linear prediction over time as an `xarray.Dataset` with units."""
+        """Return an `xarray.Dataset` of states, inputs and the linear prediction over time, with
+        units.
+        """
         from hfa_flight.flight_tables import dataset
 
         return dataset(self)
 
     def report(self) -> Report:
-        """Return the report: outcome, states with envelope and linear prediction, inputs with
-        control limits."""
+        """Return the report of the flight.
+
+        It contains the outcome, the states with envelope and linear prediction, the inputs with
+        their limits, and a picture.
+        """
         moving = bool(self.flight.winds) and flown_through_air(self.model)
         parts: list[Part] = []
         if self.commanded:
@@ -493,7 +506,9 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, self.as_data(), self._records())
 
     def _air_notes(self, through_air: bool) -> list[str]:
-        """Return notes on the motion of the air and on the variables that the envelope limits."""
+        """Return notes on the gust, and on whether alpha or the angle of attack through the air is
+        limited.
+        """
         gust = self.loop.scenario.gust
         limited = [OVER_GROUND] if through_air else []
         if gust is None:
@@ -503,8 +518,10 @@ class Flight(StatesAndInputs, Result, Reported):
         return [*filter(None, [*limited, gust.text(self.model)])]
 
     def _states(self, moving: bool) -> Table:
-        """Return a table with one row for each state and, in moving air, one for alpha through the
-        air."""
+        """Return a table with one row for each state.
+
+        moving: whether a row for the angle of attack through the air is added
+        """
         model = self.model
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
         header.append("envelope")
@@ -543,7 +560,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return Table(("input", "unit", "lowest", "highest", "time beyond control limits"), rows)
 
     def history(self) -> FlightHistory:
-        """History of the flight, one row for each tick."""
+        """Return the time history, with one row for each tick."""
         every = slice(None, None, self.loop.scenario.steps_per_tick)
         columns = {
             "times": self.flight.times[every],
@@ -558,7 +575,9 @@ class Flight(StatesAndInputs, Result, Reported):
         return FlightHistory(history=columns)
 
     def _records(self) -> Table:
-        """Return the history as an array with units, one row for each tick."""
+        """Return the time history as a table of numbers, one row for each tick, with units in
+        the header.
+        """
         history = self.history().history
         model = self.point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
@@ -577,10 +596,9 @@ class Flight(StatesAndInputs, Result, Reported):
 
 
 def _tracking_table(commanded: Mapping[str, Any]) -> Table:
-    """Return one row for each commanded output: its rms and largest error over the flight, and its
-    unit.
+    """Return a table with rms and largest error and the unit of each commanded output.
 
-    commanded: the result of `Policy.tracking_errors`
+    commanded: result of `Policy.tracking_errors`
     """
     rows = []
     for name, errors in commanded.items():

@@ -1,4 +1,4 @@
-"""Options of a flight: the policy and the scenario."""
+"""Command-line options of a flight: policy and scenario."""
 
 from __future__ import annotations
 
@@ -63,7 +63,14 @@ _IN_PLACE = {
 
 
 def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
-    """Return the value typed for one of the names."""
+    """Return the number typed for a variable, in the model's units.
+
+    names: permitted variables
+    name: the typed variable
+    text: the typed number
+
+    Raises BadInputError if the variable is not permitted.
+    """
     if name not in names:
         raise BadInputError(f"is unknown; {choice_of(name, names)}")
     return quantity(model, name, text)
@@ -74,13 +81,12 @@ def _number(_: str, text: str) -> float:
 
 
 def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
-    """Return the steps of a command, (time in s, value) pairs with times increasing from 0 on.
+    """Return the steps of a command: pairs (time in s, value), with times increasing from 0 on.
 
-    model: the model, in whose units the values are given
-    name: name of the commanded output
-    text: as typed, "TIME:VALUE,TIME:VALUE"
+    name: name of the commanded variable
+    text: typed text "TIME:VALUE,TIME:VALUE", with values in the units of the command line
 
-    Raises BadInputError for anything else.
+    Raises BadInputError if the text has another form.
     """
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
@@ -93,21 +99,21 @@ def _command(model: Model, name: str, text: str) -> list[tuple[float, float]]:
 
 
 def fraction(text: str) -> float:
-    """Return the positive number of a text such as 0.01 or 1/120."""
+    """Return the positive number that a text such as 0.01 or 1/120 represents."""
     above, slash, below = text.partition("/")
     value = positive(above)
     return value / positive(below) if slash else value
 
 
 def weights_option() -> Any:
-    """Return the field `weights`."""
+    """Return the option `--weights` as a dataclass field."""
     about = "gain K, critic W or P, or network in place of --law"
     return option(about, "FILE", critic_path)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
-    """Options of the policy: a law and its game, or a gain or a critic in a file."""
+    """Options of the policy: a law with its game, or a file with a gain or a critic."""
 
     law: str = law_option("exact")
     set: Mapping[str, Any] = setting_option(
@@ -124,17 +130,16 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
     @property
     def members(self) -> int | None:
-        """Number of flights, each with its own draw, or None for one flight."""
+        """Number of flights with random differences, or None for a single flight."""
         return self.samples if self.draws is None else self.draws
 
     @property
     def prices(self) -> Sequence[str]:
-        """Names of the options that set weights of the flight's cost."""
+        """Names of the options that are weights of the flight's cost, apart from the policy."""
         return ()
 
     def check_policy(self) -> None:
-        """Raise BadInputError for an unknown law, and for options that have no effect on the
-        policy."""
+        """Raise BadInputError for an option that has no effect with the chosen policy."""
         instead = [name for name in _IN_PLACE if getattr(self, name) is not None]
         for name in instead:
             without_effect = [each for each in _IN_PLACE[name] if each not in self.prices]
@@ -159,9 +164,11 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
             self.refuse(("seed",), f"applies only to a learning law or --turbulence; {nothing}")
 
     def flown_policy(self, linear: LinearModel) -> GainPolicy | FunctionPolicy:
-        """Return the policy about a trim: from a file, exact, or learned on the linear model.
+        """Return the policy about a trim: read from a file, exact, or learned on the linear model.
 
-        A nonlinear policy, such as a network, is saturated at the control limits of the model."""
+        A nonlinear policy, such as a network, is saturated at the control limits of the model.
+        Raises NoSolutionError if learning does not converge.
+        """
         from controller.critic.critic_file import critic_in
         from controller.riccati.gare import solve_game
         from hfa_flight.policies import GainPolicy, function_policy
@@ -186,10 +193,7 @@ class LawOptions(LearningOptions, WeightOptions, ReadingOptions):
 
 
 def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
-    """Return the linear model for the design of a gain.
-
-    Its notes on kinks become notes of the command.
-    """
+    """Return the linear model at a trim. Its notes on kinks are issued as warnings."""
     linear = linearize(model, point)
     for note in linear.kinks:
         warnings.warn(note, stacklevel=2)
@@ -199,11 +203,11 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
 def numbers(
     form: str, count: int, otherwise: tuple[float, ...] = ()
 ) -> Callable[[str], tuple[float, ...]]:
-    """Return a function that converts "1:2:3" to numbers.
+    """Return a function that converts a text such as "1:2:3" to numbers.
 
-    form: form of the text, for the BadInputError
+    form: description of the text for error messages
     count: number of numbers
-    otherwise: default values of the last ones
+    otherwise: default values of the last numbers
     """
 
     def convert(text: str) -> tuple[float, ...]:
@@ -217,19 +221,19 @@ def numbers(
 
 
 def card_option() -> Any:
-    """Return the field `policy`."""
+    """Return the option `--policy` as a dataclass field."""
     about = "policy from a deployment file, sampled and held as deployed"
     return option(about, "DEPLOYMENT.toml", input_file(".toml"))
 
 
 def controller_option() -> Any:
-    """Return the field `controller`."""
+    """Return the option `--controller` as a dataclass field."""
     about = "controller of `hfa design`, or scheduled gains"
     return option(about, "FILE", input_file(*MATRIX_FILES))
 
 
 def actuators_option() -> Any:
-    """Return the field `actuators`."""
+    """Return the option `--actuators` as a dataclass field."""
     about = "add actuators with lag (s), rate limit (deg/s) and order 1 (default) or 2"
     kind = numbers(_ACTUATORS, 3, otherwise=(1.0,))
     return option(about, _ACTUATORS, kind)
@@ -250,13 +254,17 @@ def _about_turbulence(model: Model) -> str:
 
 
 def _length_of(model: Model) -> str:
-    """Return the unit of length of gusts in options."""
+    """Return the unit of length in which options on gusts are given for a model."""
     gusty = in_gusts(model)
     return gusty.unit(UPDRAFT).removesuffix("/s") if UPDRAFT in gusty.disturbances else "ft"
 
 
 def _turbulence(text: str) -> Turbulence:
-    """Return turbulence from a level with altitude and span, or from intensity, scale and span."""
+    """Return the turbulence that a typed text specifies.
+
+    The text is LEVEL with altitude and span, or own with intensity, scale and span. Raises
+    BadInputError if it has another form.
+    """
     word, *typed = text.split(":")
     if not word[:1].isalpha() and len(typed) == 1:  # the form of 0.3
         raise BadInputError(f"is {text!r}; give own:{text}, which moves u, v and w")
@@ -274,40 +282,49 @@ def _turbulence(text: str) -> Turbulence:
 
 
 def linear_state(model: Model, name: str, text: str) -> float:
-    """Return the value typed for a state of the linear model."""
+    """Return the number typed for a state of the linear model."""
     return among(model.linear, model, name, text)
 
 
 def turbulence_option() -> Any:
-    """Return the field `turbulence`."""
+    """Return the option `--turbulence` as a dataclass field."""
     return option(_about_turbulence, _TURBULENCE, _turbulence, rare=True)
 
 
 def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbulence | None:
-    """Return the turbulence, or None without one. A level without an altitude gets that of
-    --hold."""
+    """Return the typed turbulence, with the altitude of --hold if it is a level without an
+    altitude.
+
+    hold: values of --hold by name
+    """
     if typed is None or typed.level not in LEVELS or typed.altitude is not None:
         return typed
     return replace(typed, altitude=hold.get("altitude"))
 
 
 def noise_option(about: str) -> Any:
-    """Return the field `noise`: state of the linear model -> standard deviation of its sensor's
-    noise."""
+    """Return the option `--noise` as a dataclass field.
+
+    It maps a state of the linear model to the standard deviation of its sensor noise.
+
+    about: help text
+    """
     return option(about, "NAME=VALUE", OfModel(linear_state), named=True, rare=True)
 
 
 def gust_option() -> Any:
-    """Return the field `gust`."""
+    """Return the option `--gust` as a dataclass field."""
     return option(_about_gust, _GUST, numbers(_GUST, 3, otherwise=(0.0,)))
 
 
 def gust_at(
     typed: tuple[float, ...] | None, point: OperatingPoint, duration: float
 ) -> OneMinusCosine | None:
-    """Return the gust met at the speed of a trim, or None without one.
+    """Return the gust of the option --gust at the speed of a trim, or None without the option.
 
-    Raises BadInputError if it begins outside the duration, s.
+    typed: length, peak and start of the gust
+
+    Raises BadInputError if the gust begins outside the duration, s.
     """
     if typed is None:
         return None
@@ -329,7 +346,10 @@ def _disturbed(model: Model, name: str, text: str) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioOptions(LawOptions, TrimOptions):
-    """Options of a scenario except for the reference; everything is off by default."""
+    """Options of the scenario of a flight, except for commands.
+
+    By default, nothing disturbs the flight.
+    """
 
     duration: float | None = option(
         "duration of the flight, s; default 20", "S", number, default=20.0
@@ -384,10 +404,10 @@ class ScenarioOptions(LawOptions, TrimOptions):
     )
 
     def scenario(self, point: OperatingPoint) -> Scenario:
-        """Return the scenario of the options about a trim.
+        """Return the scenario that the options specify for a trim.
 
-        The scenario of members includes their random quantities. The tick is 0.01 s, or the longest
-        shorter one of which the delay is a whole number.
+        For several members, it includes the random quantities, not yet drawn. The tick is the
+        longest whole number of ms that divides both 10 ms and the delay.
         """
         duration = self.duration
         delay = self.delay
@@ -419,8 +439,9 @@ class ScenarioOptions(LawOptions, TrimOptions):
         return replace(common, noise=noise, errors=self.error, gust=gust).on(model)
 
     def _gust(self, point: OperatingPoint, happens: Scenario) -> Gust | None:
-        """Return the gust, the turbulence of one flight, or None without either. The turbulence of
-        members is drawn later.
+        """Return the gust, the turbulence of a single flight, or None.
+
+        The turbulence of several members is drawn later.
         """
         if self.gust is not None:
             return gust_at(self.gust, point, happens.duration)
@@ -464,13 +485,14 @@ class FlightOptions(ScenarioOptions):
 
     @property
     def prices(self) -> Sequence[str]:
-        """Return Q and R of the cost of one flight."""
+        """Names of the options that are weights of the cost of a single flight."""
         return ("Q", "R") if self.members is None else ()
 
     def flight(self) -> PlannedFlight:
-        """Return the flight to simulate: trim, policy, scenario and limits.
+        """Return the flight to be simulated.
 
-        The commands are the reference.
+        Commands of states are its reference. Raises BadInputError if the options contradict each
+        other.
         """
         from hfa_flight.policies import open_loop
 
@@ -504,7 +526,7 @@ class FlightOptions(ScenarioOptions):
     def _controller_policy(
         self, model: Model, point: OperatingPoint, steps: CommandSteps
     ) -> tuple[Policy, Any]:
-        """Return the policy of --controller and its reference."""
+        """Return the policy of --controller and the reference that it follows."""
         from hfa_flight.gain_schedule import GainSchedule
         from hfa_flight.scheduled_gains import scheduled_gains
 
@@ -524,7 +546,7 @@ class FlightOptions(ScenarioOptions):
 
 
 class PlannedFlight(NamedTuple):
-    """Flight to be simulated: trim, policy, scenario and limits."""
+    """A flight to be simulated: model, trim, policy, scenario and limits of the states."""
 
     model: Model
     point: OperatingPoint
@@ -534,7 +556,7 @@ class PlannedFlight(NamedTuple):
 
 
 def _steps_of(given: Mapping[str, list[tuple[float, float]]]) -> CommandSteps:
-    """Return the steps of --command at the times of all names."""
+    """Return the steps of --command at the union of the times of all names."""
     times = sorted({time for steps in given.values() for time, _ in steps})
     values = np.zeros((len(times), len(given)))
     for column, steps in enumerate(given.values()):
@@ -550,9 +572,13 @@ def _constant(values: list[float]) -> Waveform:
 def actuators_of(
     model: Model, typed: tuple[float, ...] | None, fault: tuple[float, ...] | None = None
 ) -> ActuatorBank | None:
-    """Return the actuators of the surfaces from --actuators and --fault, or None.
+    """Return the actuators that --actuators and --fault specify, or None without --actuators.
 
-    The surfaces are the inputs in rad or deg.
+    Rate limit and fault apply to the surfaces, which are the inputs in rad or deg. Raises
+    BadInputError if --fault is given alone.
+
+    typed: lag in s, rate limit in deg/s, order
+    fault: factor on the command, bandwidth in rad/s, start in s
     """
     if typed is None:
         if fault is not None:

@@ -1,4 +1,4 @@
-"""Flights of JSBSim aircraft in JSBSim's own integration steps."""
+"""Simulation of JSBSim aircraft with JSBSim's integration steps."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ _WHOLE = 1e-6
 
 
 def refuse_method(model: Model, method: str, step: float | None) -> None:
-    """Raise BadInputError for a method that does not exist, a step of another method, and an
-    aircraft that the method does not fly."""
+    """Raise BadInputError if the method is unknown, does not support the aircraft, or has no step
+    option.
+
+    step: value of --step, or None
+    """
     if method not in METHODS:
         raise BadInputError(f"no method {shortened(method)}; {choice_of(method, METHODS)}")
     if method != JSBSIM and step is not None:
@@ -43,11 +46,11 @@ def refuse_method(model: Model, method: str, step: float | None) -> None:
 
 
 def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
-    """Return the scenario with the steps of a method.
+    """Return the scenario with step and tick for the integration method.
 
-    step: duration of JSBSim's frames, s; default: 1/120
+    step: step of method "jsbsim", s; default: 1/120
 
-    Raises BadInputError for a duration that is not a whole number of frames.
+    Raises BadInputError if the duration is not a whole number of steps.
     """
     if method != JSBSIM:
         return scenario
@@ -63,10 +66,10 @@ def timed_by(method: str, step: float | None, scenario: Scenario) -> Scenario:
 
 
 def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
-    """Return the loop of a JSBSim aircraft, whose plant advances by frames of the scenario's step.
+    """Return the loop of a JSBSim aircraft, in which JSBSim's integration advances the plant.
 
-    Raises BadInputError for a scenario that these frames do not support: actuators, policies with
-    states, gusts, delays, disturbances.
+    Raises BadInputError if the scenario has actuators, a policy with memory, a gust, a delay or a
+    disturbance, which are not supported.
     """
     model: Model = loop.plant.point.model
     make: Callable[[float], Any] = model.equations.jsbsim_steps  # type: ignore[attr-defined]
@@ -85,7 +88,7 @@ def in_own_steps(loop: ClosedLoop) -> CompiledLoop:
 
 
 def _is_disturbed(loop: ClosedLoop) -> bool:
-    """Return whether the disturbance of the states is not 0 at all times."""
+    """Return whether the disturbance of the states is nonzero at some time."""
     disturbance = loop.scenario.disturbance
     if disturbance is None:
         return False
@@ -93,12 +96,12 @@ def _is_disturbed(loop: ClosedLoop) -> bool:
 
 
 class _OwnTick:
-    """Advance of a loop by the frames of a tick."""
+    """Function that advances a JSBSim aircraft by the steps of one tick."""
 
     def __init__(self, loop: CompiledLoop, make: Callable[[float], Any]) -> None:
-        """Create the simulation from `make`.
+        """Create the simulation of the aircraft and the arrays of a tick.
 
-        make: step in s -> stepper of the aircraft, with `begin` and `advance`
+        make: function from the step in s to a stepper with the methods `begin` and `advance`
         """
         plant = loop.loop.plant
         assert isinstance(plant, NonlinearPlant)
@@ -120,7 +123,7 @@ class _OwnTick:
         )
 
     def __call__(self) -> None:
-        """Advance the flight by a tick. The first call begins the flight."""
+        """Advance the flight by one tick. A call at time 0 starts the simulation."""
         now, held = self.inputs
         rows = self.results[0].reshape(self._count, -1)
         observed = self.results[1].reshape(self._count, -1)

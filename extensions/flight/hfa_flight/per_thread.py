@@ -1,4 +1,4 @@
-"""Caches with separate objects for each thread."""
+"""A cache with separate entries for each thread."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ Made = TypeVar("Made")
 
 
 def cached_per_thread(maxsize: int | None) -> Callable[[Callable[..., Made]], Callable[..., Made]]:
-    """Return a `functools.lru_cache` with one cache for each thread.
+    """Return a decorator like `functools.lru_cache` with one cache for each thread.
 
-    It is for a `BoundFunction`, whose calls overwrite its memory. CasADi releases Python's lock
-    while it evaluates, and a cluster worker has several threads by default.
+    It is needed for results such as a `BoundFunction`, whose calls overwrite its memory. CasADi
+    releases the interpreter lock while it evaluates, and a cluster worker has several threads by
+    default.
     """
 
     def decorate(make: Callable[..., Made]) -> Callable[..., Made]:

@@ -1,4 +1,4 @@
-"""Policies in a flight, as CasADi expressions, with their held inputs and their memory."""
+"""Policies of a flight as CasADi expressions, with their held inputs and their memory."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from trim.point.operating_point import OperatingPoint
 
 
 class Measurements(NamedTuple):
-    """Measurements of a policy, as deviations from trim, with sensor noise.
+    """Measured values that a policy receives, as deviations from trim, with sensor noise.
 
     error: (k,), x - x_d of the states of the linear model
     states: (k,), x
-    positions: (m,), of the actuators; (0,) without actuators
-    rates: (m,), of the actuators; (0,) if they have no rates
-    updraft: (1,), of the air, for outputs that depend on it; (0,) in still air
+    positions: (m,), actuator positions; (0,) without actuators
+    rates: (m,), actuator rates; (0,) if the actuators have none
+    updraft: (1,), updraft, for outputs that depend on it; (0,) in still air
     """
 
     error: ca.SX
@@ -40,16 +40,17 @@ class Measurements(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Policy(Reported):
-    """Policy u = control(t, measurements, memory, held), optionally with a memory.
+    """Base class of policies u = control(t, measurements, memory, held).
 
-    memory' = memory_rate(t, measurements, memory, held, applied)
+    A memory is optional: memory' = memory_rate(t, measurements, memory, held, applied).
 
-    name: its name in reports
-    held: (N, h), its held inputs: row k during tick k (zero-order hold), then the last row
-    start: (l,), the memory at the beginning
-    identity: data for JSON that identify it
-    fastest: 1/s, size of its fastest mode, which determines the division of a step
-    is_held: whether its inputs stay from one tick to the next
+    name: name in reports
+    held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
+      last row afterwards
+    start: (l,), initial memory
+    identity: JSON data that identify the policy
+    fastest: magnitude of its fastest mode, 1/s, which determines the number of substeps
+    is_held: whether u is constant during a tick
     """
 
     is_held: ClassVar[bool] = False
@@ -72,41 +73,44 @@ class Policy(Reported):
         held: ca.SX,
         applied: ca.SX,
     ) -> ca.SX:
-        """Return the time derivative of the memory, (l,), or an empty column without memory.
+        """Return the time derivative of the memory, (l,), which is empty without memory.
 
         t: s
-        measurements: at t
+        measurements: measured values at t
         memory: (l,)
-        held: the held inputs
-        applied: u within the limits of the actuators
+        held: held inputs of the tick
+        applied: command u within the limits of the actuators
         """
         return ca.SX(0, 1)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Return the held inputs in a tick, (h,)."""
+        """Return the held inputs of a tick, (h,)."""
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
 
     def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
-        """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, else None.
+        """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, or None.
 
-        measured: (n,), deviations of the states from the trim, with noise."""
+        measured: (n,), deviations of the states from the trim, with noise
+        """
         return None
 
     @property
     def gain(self) -> np.ndarray | None:
-        """K (m, k) of u = -K z near the trim, or None if the policy has memory or changes in
-        time."""
+        """Gain K (m, k) of u = -K z near the trim.
+
+        It is None if the policy has memory, changes with time or has no known gain.
+        """
         return None
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the data for JSON on the policy of a flight of this model."""
+        """Return the JSON data on the policy for the result of a flight."""
         return {"law": self.name}
 
     def tracking_errors(self, flight: Deviations) -> dict[str, dict[str, Any]]:
         """Return commanded output -> `rms_error`, `largest_error` and `unit` over a flight.
 
-        The result is empty unless the policy regulates outputs.
+        It is empty if the policy regulates no outputs.
         """
         return {}
 
@@ -115,7 +119,7 @@ class Policy(Reported):
 class GainPolicy(Policy):
     """Policy u = -K z.
 
-    gains: K (m, k), or one for each tick, (N, m, k). It is stored as (N, m, k).
+    gains: K (m, k), or (N, m, k) with a gain for each tick; stored as (N, m, k)
 
     Raises BadInputError for another shape or a number that is not finite.
     """
@@ -123,7 +127,7 @@ class GainPolicy(Policy):
     gains: np.ndarray
 
     def __post_init__(self) -> None:
-        """Check the gains, and hold their entries column by column."""
+        """Check the gains and store them column by column as held inputs."""
         gains = numbers_in("the gain", self.gains)
         if gains.ndim not in (2, 3) or not gains.size or not np.all(np.isfinite(gains)):
             raise BadInputError(
@@ -140,11 +144,11 @@ class GainPolicy(Policy):
 
     @property
     def gain(self) -> np.ndarray | None:
-        """K (m, k), or None if it changes in time."""
+        """Gain K (m, k), or None if it changes with time."""
         return self.gains[0] if len(self.gains) == 1 else None
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the data, with the gain of the last tick."""
+        """Return name, units of the states and the gain of the last tick."""
         units = list(model.units(model.linear))
         return {"law": self.name, "state_units": units, "K": self.gains[-1]}
 
@@ -153,7 +157,7 @@ class GainPolicy(Policy):
 class FunctionPolicy(Policy):
     """Policy u = sat(π(z), lowest, highest) of a nonlinear critic, such as a network.
 
-    function: π, CasADi Function z (k,) -> u (m,)
+    function: π as a CasADi Function, z (k,) -> u (m,)
     lowest, highest: (m,), limits of the inputs as deviations from trim
     """
 
@@ -162,30 +166,33 @@ class FunctionPolicy(Policy):
     highest: np.ndarray
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return π(z), within the limits."""
+        """Return π(z), clipped to the limits."""
         return self.limited(measurements.error)
 
     @property
     def gain(self) -> np.ndarray:
-        """K (m, k) = -∂π/∂z at z = 0."""
+        """Gain K (m, k) = -∂π/∂z at z = 0."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         slope = ca.Function("slope", [z], [ca.jacobian(self.function(z), z)])
         return -slope(np.zeros(z.numel())).full()
 
     @cached_property
     def limited(self) -> ca.Function:
-        """Function z -> u. It is called and not expanded, because a network is large."""
+        """CasADi Function z -> u. It is never inlined, because a network has many operations."""
         z = ca.SX.sym("z", self.function.numel_in(0))
         return ca.Function("policy", [z], [self.expression(z)], {"never_inline": True})
 
     def expression(self, z: ca.SX) -> ca.SX:
-        """Return the expression of u at z."""
+        """Return u at z as an expression, (m,)."""
         u = ca.fmin(ca.fmax(self.function(z), ca.DM(self.lowest)), ca.DM(self.highest))
         return ca.densify(u)
 
 
 def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> FunctionPolicy:
-    """Return the policy π(z) about a trim, saturated at the control limits of the model."""
+    """Return the policy π(z) about a trim, saturated at the control limits of the model.
+
+    function: π, z (k,) -> u (m,)
+    """
     limits = Limits.of(point.model, tuple(point.model.inputs))
     trim = np.array(point.inputs)
     identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
@@ -195,25 +202,29 @@ def function_policy(name: str, function: ca.Function, point: OperatingPoint) -> 
 
 
 def column_by_column(matrix: np.ndarray) -> np.ndarray:
-    """Return the entries of a matrix in CasADi's order, for held inputs."""
+    """Return the entries of a matrix column by column, which is CasADi's order."""
     return np.asarray(matrix, dtype=float).ravel(order="F")
 
 
 class OpenLoop(Policy):
-    """Policy that applies the held inputs, independent of measurements."""
+    """Policy whose output is its held inputs, independent of measurements."""
 
     is_held = True
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return the held inputs."""
+        """Return the held inputs of the tick."""
         return held
 
 
 def open_loop(commands: CommandSteps, inputs: tuple[str, ...], tick: float, ticks: int) -> OpenLoop:
-    """Return steps of inputs relative to trim, unfiltered.
+    """Return the policy that applies steps of inputs, as deviations from trim, without a filter.
 
-    Each step begins at the first tick at or after its time. Raises BadInputError for a name that is
-    not an input.
+    Each step begins at the first tick at or after its time.
+
+    tick: s
+    ticks: number of ticks
+
+    Raises BadInputError if a name is not an input.
     """
     for name in commands.names:
         refuse_unknown("without a law only inputs are commanded; unknown input", name, inputs)

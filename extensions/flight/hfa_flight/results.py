@@ -1,4 +1,4 @@
-"""Result types of this extension."""
+"""Types of the results that this extension writes to files."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ class MemberSummary(Result):
 
     dynamics: published or newton, or the name of another model.
     plant: nonlinear or linear.
-    law: origin of the gain.
+    law: name of the policy.
     members: number of flights.
     seed: seed of all random numbers.
     duration: s.
     within_limits: number of flights that stayed inside the envelope and the control limits.
     held: number of flights that stayed inside the envelope.
     first_left: time of the first departure, s.
-    left: state -> number of flights that left the envelope by it.
+    left: state -> number of flights in which it left the envelope first.
     exceeded: input -> number of flights in which it exceeded its control limit.
-    limit_cycle: input or state -> number of flights that end in its undamped oscillation.
-    quantiles: the quantiles that are listed.
-    rms_error: quantiles of each state, over the whole flight.
-    peak_error: quantiles of each state.
-    effort: quantiles of each input.
-    peak_deviation: quantiles of each state, in moving air.
-    store: store of the members, null without one.
+    limit_cycle: input or state -> number of flights that end in its limit cycle.
+    quantiles: levels of the quantiles below.
+    rms_error: quantiles of the rms error of each state, over the whole flight.
+    peak_error: quantiles of the largest error of each state.
+    effort: quantiles of the rms deviation of each input.
+    peak_deviation: quantiles of the largest deviation of each state, in moving air.
+    store: path of the store of members, null if there is none.
     warnings: notes on the result.
-    final: quantiles at the end.
-    drawn: parameters of the members' aircraft that were drawn.
+    final: quantiles of each state at the end.
+    drawn: parameters that differ between the members' aircraft.
     """
 
     schema = "hfa.monte-carlo-summary/1"
@@ -64,10 +64,10 @@ class MemberSummary(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MemberAttributes(Result):
-    """The attributes of a store of members.
+    """Attributes of a Zarr store of members.
 
     errors: parameters that are drawn.
-    left: meaning of the numbers in the array `left`.
+    left: name of the state for each number in the array `left`.
     error_states: states whose errors are stored, in order.
     error_units: unit of each error.
     states: names of the states, in order.
@@ -93,7 +93,7 @@ class MemberAttributes(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exported(Result):
-    """Exported files.
+    """Files that `hfa export` wrote.
 
     files: name and size, bytes, of each file.
     """

@@ -1,4 +1,4 @@
-"""Scenario of a flight, and its random quantities."""
+"""Scenario of a flight and the random quantities of its members."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ MOST_STEPS = 10_000_000
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """The random quantities of each member; none by default.
+    """Random quantities of the members of a simulation; by default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value
-    noise: state of the linear model -> standard deviation of its sensor's noise, drawn every tick
-        and held
+    noise: state of the linear model -> standard deviation of its sensor noise, which is drawn every
+      tick and constant during it
     turbulence: `Turbulence`, or None
 
-    Raises BadInputError if a deviation is negative or the turbulence is another object.
-    `Scenario.on` checks the names.
+    Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
+    k), NumPy's `SeedSequence`. Adding one of them does not change the draws of the others.
 
-    The draws of member k = 0, 1, ... are three independent streams from (seed, k), NumPy's
-    `SeedSequence`. Adding one kind of randomness does not change the draws of the others.
+    Raises BadInputError if a deviation is negative or `turbulence` has another type. `Scenario.on`
+    checks the names.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
@@ -56,7 +56,9 @@ class Uncertainty:
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
-        """Raise BadInputError unless every standard deviation is a finite number of at least 0."""
+        """Raise BadInputError if a standard deviation is negative or not finite, or the turbulence
+        has another type.
+        """
         if not isinstance(self.turbulence, Turbulence | None):
             given = shown(self.turbulence)
             raise BadInputError(f"turbulence is {given}; give hfa.Turbulence({given})")
@@ -67,11 +69,12 @@ class Uncertainty:
                 )
 
     def factors(self, seed: int, member: int) -> np.ndarray:
-        """Return the ratios of parameters to nominal, (E,), in the order of `errors`.
+        """Return the drawn ratio of each parameter to its nominal value, (E,), in the order of
+        `errors`.
 
-            exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
+          exp(σ ξ - σ²/2),  ξ ~ N(0, 1),  σ² = ln(1 + s²)
 
-        They are positive, with the exact mean 1 and standard deviation s.
+        The ratios are positive. Their mean is 1 and their standard deviation s.
         """
         sigma = np.sqrt(np.log1p(np.array(list(self.errors.values()), dtype=float) ** 2))
         random = np.random.default_rng(_sequence(seed, member, _ERRORS))
@@ -80,8 +83,9 @@ class Uncertainty:
     def samples(
         self, seed: int, member: int, ticks: int, names: tuple[str, ...]
     ) -> np.ndarray | None:
-        """Return noise N(0, s²) of each tick, (ticks, k), on the states `names`, or None without
-        any.
+        """Return drawn sensor noise N(0, s²), (ticks, k), of the states `names`.
+
+        Returns None if none of these states has noise.
         """
         levels = np.array([self.noise.get(name, 0.0) for name in names])
         if not levels.any():
@@ -91,7 +95,7 @@ class Uncertainty:
 
 
 def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
-    """Return the seed sequence of one kind of randomness of a member."""
+    """Return the seed sequence of one kind of random quantity of a member."""
     return np.random.SeedSequence(seed, spawn_key=(member, kind))
 
 
@@ -99,19 +103,21 @@ def _sequence(seed: int, member: int, kind: int) -> np.random.SeedSequence:
 class Scenario(Reported):
     """Initial condition, reference, disturbances, noise, gusts and timing of a flight.
 
-    Each is off by default.
+    By default, nothing disturbs the flight.
 
     duration: s
-    step: s, of the integration
-    tick: s, a whole number of steps; the held inputs change once a tick
-    initial: (n,), deviation from trim, () for none
-    reference, disturbance, noise: (k,) each, of the states of the linear model; None is 0
-    errors: parameter -> factor on the simulated aircraft, unknown to the design
-    actuators, gust: stages of the loop
-    uncertainty: the random quantities, which `drawn` draws
-    samples: drawn noise, (ticks, k), held in each tick
+    step: integration step, s
+    tick: interval at which the held inputs change, s; a whole number of steps
+    initial: (n,), deviation from trim; () for none
+    reference, disturbance, noise: signals (k,) for the states of the linear model; None is 0
+    errors: parameter -> factor on the parameter of the simulated aircraft; the design does not use
+      it
+    actuators: dynamics of the actuators, or None
+    gust: motion of the air, or None
+    uncertainty: random quantities, not yet drawn
+    samples: drawn noise, (ticks, k), constant during each tick
     air: disturbance of the model -> its waveform, (1,)
-    delay: s, delay of every command, a whole number of ticks
+    delay: delay of every command, s; a whole number of ticks
 
     Raises BadInputError if times are not multiples of each other or are too long, the step is too
     long for the actuators, a factor is not positive, the delay is not a whole number of ticks, or
@@ -139,7 +145,7 @@ class Scenario(Reported):
     delay: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for times that do not fit each other, and for factors and a delay out
+        """Raise BadInputError if times do not match each other, or if a factor or the delay is out
         of range.
         """
         times = {"duration": self.duration, "tick": self.tick, "step": self.step}
@@ -175,25 +181,25 @@ class Scenario(Reported):
 
     @property
     def steps_per_tick(self) -> int:
-        """Number of steps in a tick."""
+        """Number of integration steps in a tick."""
         return round(self.tick / self.step)
 
     @property
     def delayed_ticks(self) -> int:
-        """Number of ticks of the delay."""
+        """Delay of the commands, in ticks."""
         return round(self.delay / self.tick)
 
     @property
     def moving_air(self) -> bool:
-        """True if the air moves: a gust, another disturbance of the model, or turbulence still to
-        be drawn.
+        """True if there is a gust, another disturbance of the model, or turbulence not yet
+        drawn.
         """
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
 
     @property
     def driven_until(self) -> float:
-        """Time at which the last signal, gust or noise ends, s, or inf. The later motion is
-        free.
+        """Time at which the last signal, gust or noise ends, s, or inf. Afterwards, the motion is
+        unforced.
         """
         if self.samples is not None:
             return math.inf
@@ -202,11 +208,11 @@ class Scenario(Reported):
         return max(ends, default=0.0)
 
     def on(self, model: Model) -> Scenario:
-        """Return this scenario for a model, with zeros of the model's sizes for an omitted initial
-        condition or signal.
+        """Return this scenario completed for a model: a missing initial condition or signal becomes
+        zeros.
 
-        Raises BadInputError if it names an unknown parameter, state or disturbance, if it has a
-        gust that needs a disturbance which the model neither declares nor receives from `in_gusts`,
+        Raises BadInputError if the scenario names an unknown parameter, state or disturbance, if
+        its gust needs a disturbance that the model neither declares nor receives from `in_gusts`,
         or if `initial` does not have one number for each state.
         """
         for name in (*self.errors, *self.uncertainty.errors):
@@ -242,9 +248,9 @@ class Scenario(Reported):
         return round(self.duration / self.tick)
 
     def drawn(self, seed: int, member: int, point: OperatingPoint) -> Scenario:
-        """Return a scenario with drawn random quantities, determined by seed and member.
+        """Return the scenario of a member, with its random quantities drawn.
 
-        point: trim at whose speed gusts are met
+        point: trim at whose speed gusts are computed
         """
         uncertain = self.uncertainty
         errors = dict(self.errors)
@@ -264,8 +270,10 @@ class Scenario(Reported):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario for JSON, without its random quantities. A signal without a formula
-        is represented by the name of its class."""
+        """Return the scenario for JSON, without random quantities that are not drawn.
+
+        A signal without a formula is represented by the name of its class.
+        """
         plain = ("duration", "step", "tick", "initial", "errors")
         data = {name: getattr(self, name) for name in plain}
         for name in ("reference", "disturbance", "noise"):
@@ -282,7 +290,7 @@ class Scenario(Reported):
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:
-    """Return the simulated model, with its parameters times the errors of the scenario."""
+    """Return the model with its parameters multiplied by the factors in `scenario.errors`."""
     parameters = {
         name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
     }

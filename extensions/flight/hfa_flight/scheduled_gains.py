@@ -1,4 +1,4 @@
-"""Scheduled gains in flight, along the trims of the commanded scheduling variable."""
+"""Scheduled gains in flight, with the trims of the commanded scheduling variable as reference."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _TRIMS = 41
 
 @dataclass(frozen=True, eq=False)
 class TrimPath(Result):
-    """Reference x_d(t) = X0(r(t)) - X_base and U0(r(t)) - U_base along the trims of a model.
+    """Trims at the commanded scheduling variable r(t), as the reference of a flight.
 
-    r is the commanded scheduling variable.
+    The reference is x_d(t) = X0(r(t)) - X_base, with the inputs U0(r(t)) - U_base.
 
-    base: the initial trim of the flight
+    base: initial trim of the flight, X_base and U_base
     states: X0 over the scheduling variable, linear between trims
     inputs: U0 over the scheduling variable, linear between trims
     commands: r as a deviation from its value at `base`
@@ -55,11 +55,13 @@ class TrimPath(Result):
         return float(self.commands.times[-1])
 
     def commanded(self, t: ca.SX) -> ca.SX:
-        """Return r(t), absolute."""
+        """Return the absolute command r(t)."""
         return self.base.values[self.base.model.schedule] + self.commands.at(t)
 
     def at(self, t: Any) -> ca.SX:
-        """Return x_d(t), (k,); for a state NAME_rate, the rate r'(t) of the scheduling variable."""
+        """Return x_d(t), (k,). The entry for a state NAME_rate of the scheduling variable is
+        r'(t).
+        """
         model = self.base.model
         deviation = table_expression(self.states, self.commanded(t)) - ca.DM(
             np.array(self.base.states)
@@ -82,11 +84,10 @@ class TrimPath(Result):
 class ScheduledGainPolicy(Policy):
     """Policy u = U0(r(t)) - U_base - K(η) z.
 
-    r is the commanded and η the measured scheduling variable, and z = x - x_d of the path.
-
-    The trims follow the commanded value and the gain the measured one. Linearized about a trim, the
-    policy is therefore u = -K z with the K of that trim. U0 of the measured η would add the gain
-    ∂U0/∂η. ∂K/∂η adds nothing, because z is 0 at a trim.
+    r is the commanded and η the measured scheduling variable, and z = x - x_d of the path. The trim
+    inputs depend on r and the gain on η. Linearized about a trim, the policy is therefore u = -K z
+    with the K of that trim. If U0 depended on η, the linearization would contain the additional
+    gain ∂U0/∂η. ∂K/∂η has no effect, because z is 0 at a trim.
     """
 
     schedule: GainSchedule
@@ -102,7 +103,7 @@ class ScheduledGainPolicy(Policy):
         return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the data, with the gains at all breakpoints."""
+        """Return name, units of the states, breakpoints and gains."""
         return {
             "law": self.name,
             "state_units": list(model.units(model.linear)),
@@ -121,13 +122,14 @@ def scheduled_gains(
     """Return the policy of a gain schedule that follows commands of the scheduling variable.
 
     name: name of the policy
-    base: the initial trim of the flight
-    commands: steps of the scheduling variable, as deviations from `base`; empty to stay there
-    condition: scheduling value -> its trim
+    base: initial trim of the flight
+    commands: steps of the scheduling variable, as deviations from `base`; if empty, it remains
+      there
+    condition: function from the scheduling variable to its trim condition
 
-    Raises BadInputError when the model is not scheduled over a state of its linear model, K has
-    more columns than states, another variable is commanded, or the gains do not cover the commands.
-    Raises NoSolutionError where no trim exists.
+    Raises BadInputError if the model is not scheduled over a state of its linear model, K has more
+    columns than states, another variable is commanded, or the gains do not cover the commands.
+    Raises NoSolutionError if a trim does not exist.
     """
     model = schedule.model
     if model.schedule not in model.linear:

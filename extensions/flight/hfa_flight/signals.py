@@ -1,4 +1,4 @@
-"""Known vector functions of time: references, disturbances, noise, filtered commands."""
+"""Vector functions of time: references, disturbances, noise, filtered commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,11 @@ TimeVector = Any
 
 
 class Harmonic(NamedTuple):
-    """Harmonic sine sin(ω t) + cosine cos(ω t), with frequency ω in rad/s and amplitudes (n,)."""
+    """Harmonic signal sine sin(ω t) + cosine cos(ω t).
+
+    frequency: ω, rad/s
+    sine, cosine: amplitudes, (n,)
+    """
 
     frequency: float
     sine: np.ndarray
@@ -37,7 +41,7 @@ class Waveform(Result, Reported):
     slope: (n,), per s
     harmonics: ω_i, sine_i and cosine_i
 
-    Raises BadInputError when the parts differ in length or are not finite.
+    Raises BadInputError if the parts differ in length or are not finite.
     """
 
     constant: np.ndarray
@@ -45,7 +49,7 @@ class Waveform(Result, Reported):
     harmonics: tuple[Harmonic, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for wrong shapes."""
+        """Raise BadInputError if shapes differ or a number is not finite."""
         size = np.shape(self.constant)
         for part in (
             self.constant,
@@ -67,12 +71,12 @@ class Waveform(Result, Reported):
 
     @property
     def until(self) -> float:
-        """Time at which the signal ends, s, or inf for a harmonic."""
+        """Time at which the harmonics end, s: inf with harmonics, 0 without."""
         return math.inf if self.harmonics else 0.0
 
     # NumPy's answer to a number and CasADi's to an expression have no type in common.
     def at(self, t: Any) -> Any:
-        """Return s(t), (n,) for a number and a CasADi column for an expression."""
+        """Return s(t): an array (n,) for a number t, a CasADi column for an expression t."""
         if not isinstance(t, (ca.SX, ca.MX)):
             return self.sampled(np.array([t]))[0]
         value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
@@ -85,7 +89,7 @@ class Waveform(Result, Reported):
         return value
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
-        """Return s at many times, (N, n)."""
+        """Return s at the times (N,), as (N, n)."""
         value = self.constant + np.outer(times, self.slope)
         for h in self.harmonics:
             value = value + np.outer(np.sin(h.frequency * times), h.sine)
@@ -94,23 +98,23 @@ class Waveform(Result, Reported):
 
 
 def zero(size: int) -> Waveform:
-    """Return the waveform that is always 0."""
+    """Return the waveform with `size` channels that is always 0."""
     return Waveform(np.zeros(size), np.zeros(size))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CommandSteps(Reported):
-    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r' with r = r' = 0 at first.
+    """Filtered command steps: r'' = ω² (r_step(t) - r) - 2 ζ ω r', with r = r' = 0 initially.
 
     r(t) = Σ_i (R_i - R_i-1) s(t - t_i), R_-1 = 0, where s(t) is the step response of the filter.
 
-    names: outputs, as deviations from trim
-    times: t_i, (S,), s, increasing, from 0 on
-    values: R, (S, k), in the outputs' units
+    names: commanded outputs; commands are deviations from trim
+    times: t_i, (S,), s, increasing and at least 0
+    values: R, (S, k), in the units of the outputs
     bandwidth: ω, rad/s
     damping: ζ
 
-    Raises BadInputError when a number or a shape is wrong, or a name is given twice.
+    Raises BadInputError if a number or a shape is wrong, or a name occurs twice.
     """
 
     names: tuple[str, ...]
@@ -120,7 +124,7 @@ class CommandSteps(Reported):
     damping: float = COMMAND_FILTER[1]
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for wrong shapes, numbers or names."""
+        """Raise BadInputError if shapes, numbers or names are wrong."""
         if np.shape(self.values) != (len(self.times), len(self.names)) or not np.all(
             np.isfinite(self.values)
         ):
@@ -137,25 +141,28 @@ class CommandSteps(Reported):
             refuse_unless_positive(f"the {name} of the command filter", getattr(self, name))
 
     def at(self, t: Any) -> ca.SX:
-        """Return r(t), (k,), at a CasADi expression."""
+        """Return r(t), (k,), as a CasADi expression."""
         return self._summed(t, lambda late: self._response(late)[0])
 
     def rate(self, t: Any) -> ca.SX:
-        """Return r'(t), (k,)."""
+        """Return r'(t), (k,), as a CasADi expression."""
         return self._summed(t, lambda late: self._response(late)[1])
 
     def end(self, t: Any) -> ca.SX:
-        """Return r_step(t), (k,): the target of the filter."""
+        """Return the unfiltered command r_step(t), (k,), as a CasADi expression."""
         return self._summed(t, lambda late: late >= 0.0)
 
     def sampled(self, times: np.ndarray) -> np.ndarray:
-        """Return r at many times, (N, k)."""
+        """Return r at the times (N,), as (N, k)."""
         t = ca.SX.sym("t")
         function = ca.Function("commands", [t], [self.at(t)]).map(len(times))
         return np.array(function(times[None])).T.reshape(len(times), len(self.names))
 
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
-        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,). The response to a future step is 0."""
+        """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,).
+
+        response: function of the time since a step; it must be 0 for a future step
+        """
         total = ca.SX.zeros(len(self.names))
         jumps = np.diff(self.values, axis=0, prepend=np.zeros((1, len(self.names))))
         for begin, jump in zip(self.times.tolist(), jumps, strict=True):
@@ -163,7 +170,7 @@ class CommandSteps(Reported):
         return total
 
     def _response(self, late: Any) -> tuple[Any, Any]:
-        """Return s and s' at the time τ >= 0 after a step.
+        """Return the step response s and its derivative s' at the time τ >= 0 after a step.
 
         s = 1 - e c - ζω e σ,  s' = ω² e σ,
         e = exp(-ζωτ),  c = cosh(vτ),  σ = sinh(vτ)/v,  v² = ω² (ζ² - 1)
@@ -185,9 +192,9 @@ class CommandSteps(Reported):
 
 @dataclass(frozen=True, eq=False)
 class CommandedStates(Result):
-    """Reference x_d(t), (k,), of a flight: commands of some states, 0 for the others.
+    """Reference x_d(t), (k,), of a flight: commands for some states, 0 for the others.
 
-    filtered: whether the commands are filtered; otherwise they are steps.
+    filtered: whether the commands are filtered; if not, they are steps
     """
 
     json_keys = (

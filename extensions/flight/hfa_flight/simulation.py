@@ -1,4 +1,4 @@
-"""Compilation of a closed loop, and its simulation tick by tick."""
+"""Compilation and simulation of a closed loop, tick by tick."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _MOST_PARTS = 10_000
 
 
 class Tick(Protocol):
-    """Advance of a loop by one tick.
+    """Callable that advances a loop by one tick, in place.
 
-    inputs: [t; y] at its start, and the held inputs.
+    inputs: [t; y] at the start of the tick, and the held inputs.
     results: [t; y] after each step, and the observed values before each step.
     """
 
@@ -44,15 +44,15 @@ class Tick(Protocol):
 
 
 class CompiledLoop:
-    """A loop compiled once and simulated many times.
+    """A closed loop, compiled once and simulated many times.
 
-    flights: expected number of flights, which decides whether machine code pays.
-    tick: the function that advances the loop by a tick; the classical Runge-Kutta method of order 4
-        unless given. The fastest mode of the policy then divides each step into as many parts as it
-        needs.
+    flights: expected number of flights; with enough of them, machine code is compiled.
+    tick: function from this loop to the `Tick` that advances it; by default the classical
+      Runge-Kutta method of order 4. Each step is then divided according to the policy's fastest
+      mode.
 
-    Raises BadInputError when these parts are too many. Source: Hairer, Norsett, Wanner, Solving
-    Ordinary Differential Equations I, Table II.1.2.
+    Raises BadInputError if that mode requires too many substeps. Source: Hairer, Norsett, Wanner,
+    Solving Ordinary Differential Equations I, Table II.1.2.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class CompiledLoop:
         self._tick = self._runge_kutta(flights) if tick is None else tick(self)
 
     def _runge_kutta(self, flights: int) -> Tick:
-        """Return the tick of the Runge-Kutta method."""
+        """Return the tick of the Runge-Kutta method, as machine code if that saves time."""
         scenario = self.loop.scenario
         parts = _parts_of_a_step(self.loop)
         tick = _tick(self.rate, self._observed, scenario.step, scenario.steps_per_tick, parts)
@@ -88,11 +88,13 @@ class CompiledLoop:
         return BoundFunction(machine_code(tick) if steps >= COMPILE_FROM_STEPS else tick)
 
     def observed_at(self, time: float, y: np.ndarray, held: np.ndarray) -> np.ndarray:
-        """Return the observed values at a time: error, inputs, winds, angle through the air."""
+        """Return the observed values at a time: error, inputs, winds and angle of attack through
+        the air.
+        """
         return np.array(self._observed(time, y, held)).ravel()
 
     def inputs_in(self, observed: np.ndarray) -> np.ndarray:
-        """Return the deviation of the inputs, (m,)."""
+        """Return the deviations of the inputs, (m,), from the observed values."""
         return observed[self._ends[0] : self._ends[1]]
 
     def fly(
@@ -105,14 +107,17 @@ class CompiledLoop:
         stop: Callable[[Deviations], np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Deviations:
-        """Return the flight of the loop's scenario, or of one that differs from it only in numbers.
+        """Simulate a flight and return its time history.
 
-        parameters: parameters of the plant
-        policy: replaces the loop's own, from which it differs only in its held inputs
-        ticks: number of ticks; default: those of the scenario
-        stop: rows of a flight -> mask of those that end it, at the end of that tick
+        scenario: used in place of the loop's scenario, from which it may differ only in numbers
+        parameters: parameters of the plant, for an uncertain plant
+        policy: used in place of the loop's policy, from which it may differ only in its held inputs
+        ticks: number of ticks; by default that of the scenario
+        stop: function from rows of a flight to the mask of the rows that end it, at the end of
+          their tick
+        progress: called during the flight
 
-        Raises a NoSolutionError with the time if a number is not finite and there is no `stop`.
+        Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
         """
         loop = self.loop if scenario is None else replace(self.loop, scenario=scenario)
         if policy is not None:
@@ -170,7 +175,7 @@ class CompiledLoop:
     ) -> np.ndarray:
         """Return the mask of the steps begin ... done that end the flight.
 
-        Raises NoSolutionError like `fly`.
+        Without `stop`, raises NoSolutionError if a state is not finite.
         """
         if stop is not None:
             return stop(self._flight(rows, columns, begin, done))
@@ -184,10 +189,9 @@ class CompiledLoop:
         return lost
 
     def _delayed(self, tick: int, time: float, commands: list[np.ndarray]) -> np.ndarray:
-        """Return [time; command before the delay; the next one], between which the loop
-        interpolates.
+        """Return [time; delayed command at the tick; delayed command at the next tick].
 
-        The command is 0, the trim, before the delay has passed.
+        The loop interpolates between both. Until the delay has passed, the command is 0, the trim.
         """
         due = tick - self.loop.scenario.delayed_ticks
         if due < 0:
@@ -195,7 +199,11 @@ class CompiledLoop:
         return np.concatenate([[time], commands[due], commands[due + 1]])
 
     def _flight(self, rows: np.ndarray, columns: np.ndarray, begin: int, end: int) -> Deviations:
-        """Return steps begin ... end - 1 of all y (N, n), and the observed values, as a flight."""
+        """Return the steps begin ... end - 1 as a time history.
+
+        rows: y of all steps
+        columns: observed values of all steps
+        """
         parts = self.loop.parts(rows[begin:end])
         errors, inputs, winds, angle = np.split(columns[begin:end], self._ends, axis=1)
         limited = parts.plant
@@ -208,9 +216,9 @@ class CompiledLoop:
 
 
 def _parts_of_a_step(loop: ClosedLoop) -> int:
-    """Return the number of parts of a step that the fastest mode of the policy requires.
+    """Return the number of substeps that the fastest mode of the policy requires.
 
-    Raises BadInputError when it is too large.
+    Raises BadInputError if it is too large.
     """
     step = loop.scenario.step
     parts = max(1, math.ceil(loop.policy.fastest * step / LONGEST_STEP - 1e-9))
@@ -225,11 +233,12 @@ def _parts_of_a_step(loop: ClosedLoop) -> int:
 def _tick(
     rate: ca.Function, observed: ca.Function, step: float, count: int, parts: int
 ) -> ca.Function:
-    """Return the function ([t; y], held) -> [t; y] after each of the `count` steps of a tick.
+    """Return the function ([t; y], held) -> ([t; y] after each step, observations before each
+    step).
 
-    It also returns the observations at the beginning of each step.
-
-    parts: divisions of a step
+    step: s
+    count: number of steps in a tick
+    parts: number of substeps in a step
     """
     now = ca.SX.sym("now", 1 + rate.numel_in(1))
     held = ca.SX.sym("held", rate.numel_in(2))
@@ -249,7 +258,10 @@ def _tick(
 
 
 def _runge_kutta(rate: ca.Function, now: ca.SX, held: ca.SX, h: float) -> ca.SX:
-    """Return [t; y] after h seconds, by one Runge-Kutta step of order 4 from `now`."""
+    """Return [t; y] after one Runge-Kutta step of order 4 and h seconds.
+
+    now: [t; y] before the step
+    """
     t = now[0]
     y = now[1:]
     k1 = rate(t, y, held)

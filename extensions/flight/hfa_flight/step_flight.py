@@ -1,4 +1,4 @@
-"""Flight of a linear plant in discrete time, x⁺ = (A - B K) x."""
+"""Simulation of a discrete-time linear plant with a gain, x⁺ = (A - B K) x."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _ROWS = 11
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StepFlight(Result, Reported):
-    """A flight of a plant in discrete time.
+    """Simulation of a discrete-time plant.
 
     problem: the plant and its cost
-    policy: the policy
+    policy: name of the policy
     states: (N + 1, n), before each step and after the last
-    inputs: (N, m), of each step
+    inputs: (N, m), at each step
     costs: (N,), αᵏ (x'Qx + 2x'Nu + u'Ru) of each step
-    radius: the spectral radius of A - B K
-    warnings: defaults of the plant that were used
+    radius: spectral radius of A - B K
+    warnings: notes on defaults of the plant that were used
     """
 
     schema = "hfa.step-flight/1"
@@ -48,7 +48,7 @@ class StepFlight(Result, Reported):
 
     @property
     def cost(self) -> float:
-        """Return the discounted cost of all steps."""
+        """Discounted cost of all steps."""
         return float(self.costs.sum())
 
     @property
@@ -57,7 +57,9 @@ class StepFlight(Result, Reported):
         return self.radius < 1.0
 
     def report(self) -> Report:
-        """Return the verdict, the cost and some steps; files have all steps."""
+        """Return the report: verdict, cost and a selection of steps. Its records contain all
+        steps.
+        """
         names = self.problem.step.names
         count = len(self.inputs)
         verdict = "decays" if self.decays else "does NOT decay"
@@ -83,15 +85,15 @@ class StepFlight(Result, Reported):
 def fly_steps(
     problem: DiscreteGame, K: np.ndarray, policy: str, start: np.ndarray, count: int
 ) -> StepFlight:
-    """Return the flight of u = -K x.
+    """Simulate u = -K x on a discrete-time plant and return the states, inputs and costs.
 
-    problem: x⁺ = A x + B u, its costs and its discount
+    problem: x⁺ = A x + B u, its cost and discount
     K: (m, n)
-    policy: name of K
-    start: (n,)
+    policy: name of the policy
+    start: initial state, (n,)
     count: number of steps
 
-    Raises NoSolutionError if the state grows without bound.
+    Raises NoSolutionError if the state exceeds 1e50.
     """
     step = problem.step
     loop = step.A - step.B @ K

@@ -1,4 +1,4 @@
-"""Linear tables as CasADi expressions."""
+"""Piecewise linear tables as CasADi expressions."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from hfa_support.linear_table import LinearTable
 
 
 def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:
-    """Return `table.at(where)` as an expression: a column (k,) of the entries of the array.
+    """Return `table.at(where)` as a CasADi column (k,) of the entries of the array, row by row.
 
-    where: x, one expression
+    where: argument of the table, one expression
     """
     points = table.breakpoints
     rows = table.values.reshape(len(points), -1)

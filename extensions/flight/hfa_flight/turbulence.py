@@ -1,8 +1,8 @@
-"""Turbulence of MIL-F-8785C, Section 3.7: six components, by level and altitude or by intensity.
+"""Turbulence of MIL-F-8785C with six components, given by level and altitude or by intensity.
 
-Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: spectra of Dryden
-and von Karman and of the rates, scale lengths and intensities (Figure 7; at low altitude Figures 10
-and 11). MIL-STD-1797A defines the same spectra with L_v and L_w half as long.
+Source: MIL-F-8785C, *Flying Qualities of Piloted Airplanes*, 1980, Section 3.7: Dryden and
+von Karman spectra, spectra of the angular rates, scale lengths and intensities (Figure 7; at low
+altitude Figures 10 and 11). MIL-STD-1797A defines the same spectra with L_v and L_w half as long.
 """
 
 from __future__ import annotations
@@ -43,8 +43,10 @@ _LENGTH = {"dryden": 1750.0, "karman": 2500.0}
 
 
 class Shape(NamedTuple):
-    """Transfer function Π (1 + z s) / Π (1 + p s), s in units of V/L, by its time constants z and
-    p.
+    """Transfer function Π (1 + z s) / Π (1 + p s), with s in units of V/L.
+
+    zeros: time constants z, in units of L/V
+    poles: time constants p, in units of L/V
     """
 
     zeros: tuple[float, ...]
@@ -74,14 +76,15 @@ FILTERS = {
 class Turbulence:
     """Turbulence with the spectra of MIL-F-8785C.
 
-    level: light, moderate or severe, with the intensities and scales of the specification, or
-        (intensity, scale) of u, v and w, in the model's units.
-    altitude: altitude for a level, in the model's unit of length; default: that of the trim.
+    level: light, moderate or severe, with the intensities and scales of the specification; or
+      (intensity, scale) of u, v and w, in the model's units.
+    altitude: altitude at which a level is evaluated, in the model's unit of length; default: that
+      of the trim.
     span: wing span, in that unit; without it p, q and r are 0.
     spectrum: dryden or karman.
 
-    Raises BadInputError for another level or spectrum, numbers that are not positive, and an
-    altitude given together with an intensity.
+    Raises BadInputError if level or spectrum is unknown, a number is not positive, or both altitude
+    and intensity are given.
 
     >>> import hfa
     >>> hfa.Turbulence("light", 500.0, span=36.0).level
@@ -94,7 +97,7 @@ class Turbulence:
     spectrum: str = "dryden"
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for an unknown level or spectrum, and for wrong numbers."""
+        """Raise BadInputError if level, spectrum or a number is wrong."""
         numbers = {"altitude": self.altitude, "span": self.span}
         if isinstance(self.level, tuple) and len(self.level) == 2:
             numbers["intensity"], numbers["scale"] = self.level
@@ -122,8 +125,8 @@ class Turbulence:
         ticks: number of ticks
         seed: seed of the noise
 
-        Raises BadInputError if no altitude is known, the specification has no such turbulence
-        there, or the equations support no component.
+        Raises BadInputError if the altitude is unknown, if the specification has no turbulence of
+        this level there, or if the model supports no component.
         """
         model = point.model
         feet = _feet(model)
@@ -161,7 +164,10 @@ class Turbulence:
         )
 
     def _altitude(self, point: OperatingPoint) -> float:
-        """Return the altitude, in the unit of the model."""
+        """Return the altitude at which the turbulence is evaluated, in the unit of the model.
+
+        Raises BadInputError if neither the turbulence nor the trim specifies one.
+        """
         if self.altitude is not None:
             return self.altitude
         model = point.model
@@ -180,7 +186,7 @@ class Turbulence:
 def _feet(model: Model) -> float:
     """Return the length of a foot in the model's unit of length.
 
-    Raises BadInputError if its speed is neither in ft/s nor in m/s.
+    Raises BadInputError if the speed is neither in ft/s nor in m/s.
     """
     units = {"ft/s": 1.0, "m/s": si_factor("ft")}
     if "speed" not in model.signals or model.unit("speed") not in units:
@@ -191,7 +197,7 @@ def _feet(model: Model) -> float:
 
 
 class Scales(NamedTuple):
-    """Scale lengths and intensities.
+    """Scale lengths and intensities of turbulence.
 
     lengths: L_u, L_v, L_w, ft
     intensities: of u, v, w, ft/s
@@ -202,10 +208,10 @@ class Scales(NamedTuple):
 
 
 def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales:
-    """Return scale lengths, ft, and intensities, ft/s, of u, v, w at an altitude, ft.
+    """Return scale lengths, ft, and intensities, ft/s, of u, v and w at an altitude in ft.
 
     Between 1000 and 2000 ft both are interpolated linearly. Raises BadInputError below 10 ft, above
-    80,000 ft, and where Figure 7 has no turbulence of the level.
+    80,000 ft, and where Figure 7 defines no turbulence of this level.
     """
     if not _LOWEST <= altitude <= _ALTITUDES[-1]:
         raise BadInputError(
@@ -235,20 +241,20 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
 
 @dataclass(frozen=True)
 class TurbulentAir(Gust):
-    """Turbulence u, v, w, p, q, r of a flight, stationary from the start of the flight.
+    """Turbulence u, v, w, p, q, r of a flight, in its stationary distribution from the start.
 
-    It is filtered white noise, exact at the ticks and linear between them. p is an independent
-    noise behind the filter
+    It is filtered white noise, exact at the ticks and linear between them. p is independent noise
+    through the filter
 
-        σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
+      σ_w sqrt(.8/V) (π/4b)^(1/6) L_w^(-1/3) / (1 + (4b/πV) s).
 
-    q and r follow from the frozen gust along the body:
+    q and r are the gradients of the frozen gust along the body, with the wing span b:
 
-        q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s).
+      q = w (s/V) / (1 + (4b/πV) s),  r = -v (s/V) / (1 + (3b/πV) s).
 
     turbulence: its parameters.
     lengths, intensities: as in `Scales`.
-    altitude: ft, or None for a given intensity.
+    altitude: altitude of the level, ft, or None for a given intensity.
     feet: length of a foot in the model's unit.
     speed: V, ft/s.
     interval: duration of a tick, s.
@@ -272,16 +278,16 @@ class TurbulentAir(Gust):
 
     @property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the model's disturbances that the turbulence drives."""
+        """Names of the model's disturbances that the turbulence sets."""
         return tuple(dict.fromkeys(name for factors in self.taken.values() for name in factors))
 
     @property
     def held_size(self) -> int:  # type: ignore[override]
-        """Number of held inputs: start of the tick, values there and their slopes."""
+        """Number of held inputs: time, values and slopes at the start of a tick."""
         return 1 + 2 * len(self.names)
 
     def held_inputs(self, tick: int) -> np.ndarray:
-        """Return the start of a tick, the values there, and their slopes."""
+        """Return [time; values; slopes] at the start of a tick."""
         now, later = self.values[tick : tick + 2]
         return np.concatenate([[tick * self.interval], now, (later - now) / self.interval])
 
@@ -299,7 +305,9 @@ class TurbulentAir(Gust):
 
     @property
     def factors(self) -> np.ndarray:
-        """Factors (6, k) from components, ft/s and rad/s, to the disturbances of the model."""
+        """Matrix (6, k) from the components, in ft/s and rad/s, to the disturbances of the
+        model.
+        """
         matrix = np.zeros((len(ADDED), len(self.names)))
         for row, name in enumerate(ADDED):
             unit = self.feet if name in "uvw" else 1.0
@@ -308,7 +316,7 @@ class TurbulentAir(Gust):
         return matrix
 
     def text(self, model: Model) -> str:
-        """Return one line of text on the turbulence."""
+        """Return one line on the turbulence: level, components, intensity and scale."""
         unit = "ft" if self.feet == 1.0 else "m"
         numbers = [
             " ".join(f"{value * self.feet:.4g}" for value in dict.fromkeys(values))
@@ -327,7 +335,7 @@ class TurbulentAir(Gust):
         )
 
     def left_out(self, model: Model) -> list[str]:
-        """Return sentences on the components that are omitted, with the reasons."""
+        """Return a sentence for each reason why components are omitted."""
         reasons: dict[str, list[str]] = {}
         for name in ADDED:
             if name in self.taken:
@@ -343,11 +351,12 @@ class TurbulentAir(Gust):
 class AirFilter:
     """Filter x' = A x + B n, (u, v, w, p, q, r) = C x.
 
-    n is white noise of unit one-sided power per rad/s.
+    n is white noise with a one-sided power spectral density of 1 per rad/s.
 
     A: (n, n)
     B: (n, 4)
     C: (6, n)
+    interval: duration of a tick, s
     """
 
     A: np.ndarray
@@ -357,7 +366,7 @@ class AirFilter:
 
     @classmethod
     def of(cls, air: TurbulentAir) -> AirFilter:
-        """Return the filter of a turbulence."""
+        """Return the filter that generates this turbulence."""
         along, across = FILTERS[air.turbulence.spectrum]
         parts = [
             _cascade(
@@ -389,14 +398,14 @@ class AirFilter:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Return the covariance of the stationary states: A P + P A' + π B B' = 0."""
+        """Covariance P of the stationary states, (n, n): A P + P A' + π B B' = 0."""
         from scipy.linalg import solve_continuous_lyapunov
 
         return np.asarray(solve_continuous_lyapunov(self.A, -np.pi * self.B @ self.B.T))
 
     @cached_property
     def step(self) -> tuple[np.ndarray, np.ndarray]:
-        """Φ and a root G of the noise of a tick, x⁺ = Φ x + G ξ.
+        """Transition matrix Φ and noise gain G of a tick, x⁺ = Φ x + G ξ, ξ ~ N(0, I).
 
         Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
         """
@@ -411,12 +420,13 @@ class AirFilter:
 
     @cached_property
     def root(self) -> np.ndarray:
-        """A root of the covariance."""
+        """Matrix G with G G' equal to the covariance."""
         return _root(self.covariance)
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
-        """Return the components at `count` ticks, (count, 6), starting from the stationary
-        distribution.
+        """Return a draw of the components at `count` ticks, (count, 6).
+
+        The initial state is drawn from the stationary distribution.
         """
         random = np.random.default_rng(seed)
         Phi, G = self.step
@@ -433,8 +443,9 @@ _Filter = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
-    """Return A, b, c of noise through first-order sections, the pure lag first.
+    """Return A, b, c of a cascade of first-order sections. The first section has no zero.
 
+    shape: zeros and poles
     tau: L/V, s
     size: gain at s = 0
     """
@@ -456,7 +467,7 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
 
 
 def _together(parts: list[_Filter]) -> _Filter:
-    """Return filters in parallel, each with an independent noise."""
+    """Return one filter of parallel filters, each with independent noise."""
     from scipy.linalg import block_diag
 
     A, B, C = (block_diag(*blocks) for blocks in zip(*parts, strict=True))
@@ -464,7 +475,7 @@ def _together(parts: list[_Filter]) -> _Filter:
 
 
 def _root(covariance: np.ndarray) -> np.ndarray:
-    """Return a root G of a covariance G G', up to rounding."""
+    """Return G with G G' equal to a positive semidefinite covariance, up to rounding."""
     scale = np.sqrt(np.diag(covariance))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

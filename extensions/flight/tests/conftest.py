@@ -1,4 +1,4 @@
-"""Fixtures of the Monte Carlo and of the cases that several test files fly."""
+"""Fixtures shared by the tests of flights."""
 
 from flown_cases import at_15, newton
 from member_plans import plan

@@ -1,5 +1,7 @@
-"""Exported C of aircraft and controllers compiles without warnings, gives equal numbers, has a
-static footprint, and its example loops run.
+"""Exported C code of aircraft and controllers.
+
+It compiles without warnings, computes the same numbers as the product, and uses no dynamic memory.
+Its example loops run.
 """
 
 from __future__ import annotations
@@ -96,7 +98,9 @@ def test_the_policy_and_the_constants(folder: Path, aircraft: Model) -> None:
     "aircraft", ["published", pytest.param("newton", marks=pytest.mark.slow)], indirect=True
 )
 def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
-    """The example loop at 100 Hz flies and has a static footprint."""
+    """The example 100 Hz loop runs. The library calls only math functions and has little static
+    memory.
+    """
     assert list(ran(folder, EXAMPLE, SOURCE))[:2] == ["speed", "alpha"]
     text, data, bss, asked = footprint(folder, SOURCE)
     assert asked <= {
@@ -123,8 +127,8 @@ def test_loop_of_100_hz_flies_and_static_footprint(folder: Path) -> None:
     "name", ["navion.py:NAVION", pytest.param("f16.py:F16", marks=pytest.mark.slow)]
 )
 def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> None:
-    """C of other aircraft, with tables, with or without parameters, gives equal rates at random
-    states and flies.
+    """C code of other aircraft, with tables and with or without parameters, gives the model's rates
+    at 50 random states. The Navion's example loop runs.
     """
     model = load_model(str(EXAMPLES / name))
     point = find_operating_point(model, usual_condition(model))
@@ -149,7 +153,7 @@ def test_another_aircraft_is_ours_too_and_flies(name: str, tmp_path: Path) -> No
 
 
 def test_operation_that_c_does_not_have_is_named() -> None:
-    """An operation that does not exist in C is named."""
+    """The error for an operation without a C equivalent, here erf, names the operation."""
     x = ca.SX.sym("x")
     with pytest.raises(
         BadInputError,
@@ -168,7 +172,8 @@ Z = "vertical_acceleration_short_period"
 def controller(published_aircraft: Model) -> ScheduledController:
     """Return a controller with random matrices.
 
-    It has two inputs, four states, two commands, and three measurements, one of an actuator.
+    It has two inputs, four states, two commands and three measurements, one of them an actuator
+    position.
     """
     random = np.random.default_rng(3)
     shapes = {
@@ -214,8 +219,8 @@ def answered(
 
 
 def flown(controller: ScheduledController, aircraft: Model, point: OperatingPoint) -> ca.Function:
-    """Return the function (t, x, a, memory) -> y, commands, u and memory' of the law that `fly`
-    flies.
+    """Return the function (t, x, a, memory) -> y, commands, u and memory' of the simulated
+    controller.
 
     Both commands are steps.
     """
@@ -267,7 +272,11 @@ def test_it_is_the_flown_controller_at_1000_states(
 
 
 def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: Path) -> None:
-    """Without measurements and limits, filter and states after 10 ms are those of x' = A x."""
+    """Without measurements, limits and commands, a step of 10 ms multiplies the states by exp(0.01
+    A).
+
+    The header states the longest permitted step.
+    """
     from scipy.linalg import expm
 
     dihedral = float(np.radians(8.0))
@@ -286,7 +295,10 @@ def test_a_step_is_the_exponential(controller: ScheduledController, law_folder: 
 
 
 def test_the_footprint_is_static_and_names_are_there(law_folder: Path) -> None:
-    """The footprint is static, and all names are present."""
+    """The controller's C code uses little static memory and calls only math functions.
+
+    Its header contains names, units and the range of the schedule.
+    """
     text, data, bss, asked = footprint(law_folder, LAW_SOURCE)
     assert asked <= {"fmin", "fmax", "ceil", "__stack_chk_fail"}
     assert text < 16_000
@@ -307,7 +319,7 @@ SLOW = ActuatorBank(*(Input(*[each] * 5) for each in (0.2, -50.0, 50.0, 0.002)),
 def flown_states(
     controller: ScheduledController, aircraft: Model, point: OperatingPoint
 ) -> np.ndarray:
-    """Return the states at the same time with a continuous controller."""
+    """Return the absolute states after `SECONDS` of a simulation with the continuous controller."""
     commands = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
     if controller.commands:
         commands = CommandSteps(("dihedral",), np.zeros(1), np.array([[COMMANDED]]))
@@ -330,7 +342,7 @@ def with_memory(aircraft: Model) -> ScheduledController:
 
 
 def without_memory_and_commands(aircraft: Model) -> ScheduledController:
-    """Return a controller without memory and commands. C has no empty arrays."""
+    """Return a controller without memory and commands, for which C would need empty arrays."""
     shapes = {"A": (3, 0, 0), "B": (3, 0, 1), "C": (3, 1, 0), "W": (3, 0, 1)}
     stacks = {name: np.zeros(shape) for name, shape in shapes.items()} | {
         "D": np.full((3, 1, 1), -0.1)
