@@ -125,7 +125,10 @@ def test_flight_that_cycles_is_not_flown_to_end():
 
 
 def test_flight_rests_elsewhere_is_not_flown_to_end(monkeypatch):
-    """A flight that settles at another equilibrium is not simulated to its end."""
+    """A flight that settles at another equilibrium ends early.
+
+    Its outcome is that of the flight without the early end.
+    """
     o = ca.SX.sym("o", 4)
     another = 0.064 * (1.0 + ca.tanh(200.0 * (o[3] - 0.06)))
     raw = ca.vertcat(0.8 * o[3] + 0.6 * o[2] - another, -2.0 * o[0])
@@ -166,7 +169,7 @@ def flown_rows(flight, place, count):
     ],
 )
 def test_window_of_flights_is_samples_of_each_alone(name, delay):
-    """A window of several flights has the samples of each flight alone."""
+    """A window of several flights has the same result as its samples for each flight alone."""
     late = card(name).changed(timing={"dt": 0.02, "delay": delay})
     assessor = Assessor(late.on(aircraft(name)), trims(name)[:1], samples=0)
     flight = assessor.flight()

@@ -1,7 +1,7 @@
-"""Search for one entry of the plant whose change makes the printed answer right.
+"""Search for one entry of the plant that, when changed, makes every printed digit right.
 
-Every text that differs from an entry by one misprint is tried. All such plants are solved together
-to low accuracy, and those with the right digits again with a certificate.
+Every text that differs from an entry by one misprint is tried. All these plants are solved
+together to low accuracy. Those with the right digits are solved again with a certificate.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _MOST = 1e10
 
 @dataclass(frozen=True, eq=False)
 class ChangedEntry(Result):
-    """Entry of the plant and another value of it, with which every printed digit is right.
+    """Entry of the plant with another value for which every printed digit is right.
 
     position: position of the entry
     typed: text of the entry in the file
     lowest: lower end of the interval of such values
     highest: upper end of this interval
-    value: text of the value in the interval that differs from the typed text by one typing mistake
-    slip: the typing mistake
+    value: text of a value in the interval that differs from the typed text by one misprint
+    slip: the misprint
     """
 
     json_keys = "entry typed value lowest highest slip"
@@ -60,11 +60,12 @@ class ChangedEntry(Result):
 
 
 class _Edit(NamedTuple):
-    """Text of an entry with which the rough answer has every printed digit.
+    """Text of an entry for which the approximate answer has every printed digit.
 
-    slip: the typing mistake that turns it into the typed text
+    text: the text
+    slip: misprint that turns it into the typed text
     value: value of the text
-    lowest: lowest near value that does the same, to first order
+    lowest: lowest value near it that has every digit, to first order
     highest: highest such value
     """
 
@@ -76,13 +77,13 @@ class _Edit(NamedTuple):
 
 
 def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list[ChangedEntry]:
-    """Return every interval of one entry that makes all digits right and contains an edit of the
-    text.
+    """Return the intervals of values of one entry that make every printed digit right.
 
-    The entry is one of A, B, E, N, Q, R or gamma. With several intervals the answer does not decide
-    between them. The result is None where the search would take too long (`not_searched`).
+    Each contains a value that differs from the entry's text by one misprint. The entry is one of A,
+    B, E, N, Q, R or gamma. The answer does not decide between several intervals. The result is
+    empty if the search would take too long (`not_searched`).
 
-    progress: called with the number of entries that were searched and of all
+    progress: called with the number of entries searched so far and the total number
     """
     if not_searched(file):
         return []
@@ -97,10 +98,7 @@ def changed_entries(file: PrintedFile, progress: Progress | None = None) -> list
 
 @lru_cache(maxsize=1)
 def not_searched(file: PrintedFile) -> str:
-    """Return the reason why `changed_entries` does not search a plant of this size.
-
-    The result is "" if it does.
-    """
+    """Return the reason why `changed_entries` does not search this plant, or "" if it does."""
     states = len(file.plant.A)
     count = edits_tried(file)
     if count * states**3 <= _MOST:
@@ -117,7 +115,9 @@ def edits_tried(file: PrintedFile) -> int:
 
 
 def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
-    """Yield the entries of the plant with their texts, for Q and R the upper triangle."""
+    """Yield the position and the text of each entry of the plant. For Q and R, only the upper
+    triangle.
+    """
     for name, block in file.typed.items():
         for row, texts in enumerate(block.texts):
             for column, text in enumerate(texts):
@@ -127,7 +127,10 @@ def _positions(file: PrintedFile) -> Iterator[tuple[Position, str]]:
 
 
 def _fitting(file: PrintedFile, position: Position, text: str) -> list[_Edit]:
-    """Return the edits of a text with which the rough answer has every printed digit."""
+    """Return the edits of an entry for which the approximate answer has every printed digit.
+
+    text: typed text of the entry
+    """
     slips = _edits(text)
     values = np.array([float(edit) for edit in slips])
     blocks = file.answer.values()
@@ -161,7 +164,7 @@ def _moves(misfits: np.ndarray, slopes: np.ndarray, allowed: np.ndarray) -> tupl
 
 
 def _by_interval(edits: list[_Edit]) -> list[list[_Edit]]:
-    """Return the edits grouped by overlapping intervals."""
+    """Return the edits in groups whose intervals overlap."""
     groups: list[list[_Edit]] = []
     for edit in sorted(edits, key=lambda edit: edit.lowest):
         if groups and edit.lowest <= max(before.highest for before in groups[-1]):
@@ -176,7 +179,9 @@ def _likeliest(
 ) -> ChangedEntry | None:
     """Return the likeliest edit of an interval that a certified answer confirms, or None.
 
-    Among equals it is the one nearest to the middle.
+    Of several edits with the same misprint, it is the one closest to the middle of the interval.
+
+    text: typed text of the entry
     """
     lowest = min(edit.lowest for edit in edits)
     highest = max(edit.highest for edit in edits)
@@ -194,7 +199,10 @@ def _likeliest(
 
 
 def _edits(text: str) -> dict[str, str]:
-    """Return text -> the typing mistake that turns it into this text, the likeliest of several."""
+    """Return right text -> misprint that turns it into the typed text.
+
+    If several misprints do so, the likeliest is given.
+    """
     match = re.fullmatch(r"([+-]?)([\d.]+)(.*)", text)
     assert match is not None
     sign, digits, exponent = match.groups()
@@ -209,7 +217,7 @@ def _edits(text: str) -> dict[str, str]:
 
 
 def _without_leading_zeros(digits: str) -> str:
-    """Return the text without leading zeros: 0.5 for 00.5 and .5."""
+    """Return the digits without leading zeros, except one before the point: 0.5 for 00.5 and .5."""
     stripped = digits.lstrip("0")
     if not stripped or stripped.startswith("."):
         return f"0{stripped}"
@@ -243,7 +251,7 @@ def _with_neighbours_interchanged(digits: str) -> Iterator[str]:
 
 
 def _with_the_point_elsewhere(digits: str) -> Iterator[str]:
-    """Yield the text with its point anywhere among the digits, or one place beyond them."""
+    """Yield the digits with the point at each position, including one place outside the digits."""
     plain = digits.replace(".", "")
     yield f"0.0{plain}"
     for moved in range(len(plain) + 1):

@@ -48,11 +48,11 @@ class Classified:
     """Class of a printed answer, with the reason.
 
     name: name of the class
-    reason: one line
+    reason: reason, in one line
     comparison: comparison of every entry with the exact answer of the plant as typed
-    P: (n, n), that answer
-    changed: the intervals of one entry of the plant that make all digits right
-    not_searched: why no intervals were searched for, or "" if they were searched for or not needed
+    P: (n, n), P of this exact answer
+    changed: intervals of one entry of the plant for which every printed digit is right
+    not_searched: reason why no intervals were searched, or "" if they were searched or not needed
     """
 
     name: Class
@@ -64,14 +64,14 @@ class Classified:
 
 
 def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
-    """Return the class of a printed answer, the first that its digits allow.
+    """Classify a printed answer. The result is the first class that its digits permit.
 
     progress: passed to `changed_entries`
 
-    Raises NoSolutionError where the plant as typed has no certified answer. Its message names the
-    other time, or entries of the plant one of which, changed, makes the printed answer right.
-    Raises BadInputError where the file does not state the time. Its message names the time that
-    every digit fits.
+    Raises NoSolutionError if the plant as typed has no certified answer. Its message names the
+    other time, or changed entries of the plant, for which the printed answer is right. Raises
+    BadInputError if the file does not state the time. Its message names the time for which every
+    digit is right.
     """
     if not file.has_time:
         missing = 'time is missing; give time = "continuous" or "discrete"'
@@ -103,8 +103,10 @@ def classify(file: PrintedFile, progress: Progress | None = None) -> Classified:
 
 
 def fitting_time(file: PrintedFile) -> str:
-    """Return the question whether the time with which every printed digit is right was meant, or ""
-    without such a time."""
+    """Return a question that proposes the time for which every printed digit is right.
+
+    The result is "" if neither continuous nor discrete time makes every digit right.
+    """
     for time in TIMES:
         plant = replace(file.plant, is_discrete=time == "discrete")
         if "H" in file.answer and not plant.is_discrete:
@@ -121,7 +123,10 @@ def fitting_time(file: PrintedFile) -> str:
 def _by_digits(
     file: PrintedFile, P: np.ndarray, comparison: Comparison
 ) -> tuple[Class, str] | None:
-    """Return the class that follows from the digits alone, or None where a search is needed."""
+    """Return the class and its reason if they follow from the digits alone, or None.
+
+    P: of the exact answer
+    """
     if not comparison.outside.any():
         return "as printed", f"all {len(comparison.printed)} entries"
     if _is_cut_off(comparison):
@@ -142,11 +147,10 @@ def _by_digits(
 
 
 def _stands_out(comparison: Comparison) -> bool:
-    """Return whether the deviation beyond the digits is too large for the noise of a learned
-    answer.
+    """Return whether the wrong entries are too far off for the noise of a learned answer.
 
-    Noise as large in the other entries, absolute or relative, would be visible there: it is beyond
-    `_STANDS_OUT` times the half unit of each of them.
+    They are if noise of this size, absolute or relative, would be visible in all other entries. It
+    is visible above `_STANDS_OUT` half units.
     """
     outside = comparison.outside
     error = np.abs(comparison.printed - comparison.exact)[outside].min()
@@ -159,14 +163,20 @@ def _stands_out(comparison: Comparison) -> bool:
 
 
 def _sizes(comparison: Comparison) -> np.ndarray:
-    """Return |exact|, at least half a unit of its digits."""
+    """Return |exact| of each entry, but at least half a unit of its last digit."""
     return np.maximum(np.abs(comparison.exact), comparison.half_units)
 
 
 def _by_search(
     file: PrintedFile, comparison: Comparison, changed: tuple[ChangedEntry, ...], mistake: str
 ) -> tuple[Class, str] | None:
-    """Return the class where a changed entry or a known mistake explains the answer, else None."""
+    """Return the class and its reason if a changed entry or a known mistake explains the answer.
+
+    The result is None otherwise.
+
+    changed: changed entries of the plant that make every digit right
+    mistake: known mistake, or ""
+    """
     is_evident = _is_evident(file, comparison)
     is_inexact = file.learned or file.plant_rounded
     explanations = [mistake] if mistake else []
@@ -184,9 +194,9 @@ def _by_search(
 
 
 def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress | None) -> str:
-    """Return the reason why the plant as typed has no certified answer.
+    """Return the message for a plant without a certified answer.
 
-    It is the other time, or changed entries, with which every digit is right.
+    It adds the other time, or changed entries, for which every printed digit is right.
     """
     other_time = fitting_time(file)
     if other_time:
@@ -202,11 +212,10 @@ def _explained(failure: NoSolutionError, file: PrintedFile, progress: Progress |
 
 
 def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
-    """Return whether the entries outside their digits are enough to name a changed entry of the
-    plant.
+    """Return whether the wrong entries are sufficient evidence for a changed entry of the plant.
 
     An error of r half units occurs by chance once in r. A learned answer or a rounded plant may
-    explain such errors. In these cases a chance of at most 10 % among all edits tried is accepted.
+    explain such errors. For these, the chance over all edits tried may be at most 10 %.
     """
     evidence = comparison.evidence()
     if evidence[1:].sum() < _EVIDENCE:
@@ -217,7 +226,7 @@ def _is_evident(file: PrintedFile, comparison: Comparison) -> bool:
 
 
 def _by_rounding(used: float) -> tuple[Class, str]:
-    """Return the class of an answer that is right except for rounding.
+    """Return the class and the reason for an answer whose plant was rounded.
 
     used: result of `rounding_used`
     """
@@ -230,7 +239,9 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
     """Return the least s for which changes of the plant's entries explain every printed digit.
 
     The changes are at most s half units, and digits are explained to first order. The result is inf
-    where no changes do.
+    if no changes explain them.
+
+    P: of the exact answer
     """
     from scipy.optimize import linprog
 
@@ -266,7 +277,7 @@ def rounding_used(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> f
 
 
 def _is_cut_off(comparison: Comparison) -> bool:
-    """Return whether every entry outside is less than one unit from the exact one, toward zero."""
+    """Return whether each wrong entry is the exact one with its further digits cut off."""
     outside = comparison.outside
     exact = comparison.exact[outside]
     short = np.sign(exact) * (exact - comparison.printed[outside])
@@ -274,10 +285,11 @@ def _is_cut_off(comparison: Comparison) -> bool:
 
 
 def _asymmetric_block(file: PrintedFile) -> str:
-    """Return the first of P and H whose mirrored entries differ beyond their digits, or "".
+    """Return "P" or "H" if its mirrored entries differ beyond their digits, otherwise "".
 
-    A single wrong entry does not count: two positions must differ. A learned P may be slightly
-    asymmetric."""
+    At least two pairs must differ, so that a single wrong entry does not count. P of a learned
+    answer is not checked, because it may be slightly asymmetric.
+    """
     names = ("H",) if file.learned else ("P", "H")
     for name in names:
         if name in file.answer:
@@ -290,8 +302,12 @@ def _asymmetric_block(file: PrintedFile) -> str:
 
 
 def _wrong_entry(file: PrintedFile, comparison: Comparison, wrong: Position) -> str:
-    """Return an entry outside its tolerance, as printed and exact, the latter two digits finer than
-    the tolerance."""
+    """Return a sentence with the printed and the exact value of a wrong entry.
+
+    The exact value has two digits more than its tolerance.
+
+    wrong: position of the entry; of a mirrored pair, the wrong one is described
+    """
     outside = [comparison.positions[index] for index in np.flatnonzero(comparison.outside)]
     position = next(position for position in outside if position.block == wrong.block)
     index = comparison.positions.index(position)
@@ -306,6 +322,8 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
     """Return the known mistake that explains the printed answer, or "".
 
     A learned answer is explained if the mistake explains most of its error.
+
+    P: of the exact answer
     """
     question = fitting_time(file)
     if question:
@@ -328,7 +346,10 @@ def _known_mistake(file: PrintedFile, P: np.ndarray, comparison: Comparison) -> 
 def _mistaken_answers(
     file: PrintedFile, P: np.ndarray
 ) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Yield mistakes, with the answers that result from them."""
+    """Yield (mistake, answer that results from it) for each known mistake.
+
+    P: of the exact answer
+    """
     exact = answer_of(file.plant, P)
     for name in ("K", "L"):
         if name in file.answer:
@@ -361,7 +382,7 @@ def _mistaken_answers(
 
 
 def _by_size(file: PrintedFile, comparison: Comparison) -> tuple[Class, str]:
-    """Return "close", "cannot tell" or "wrong", by the relative error."""
+    """Return the class "close", "cannot tell" or "wrong" and its reason, by the relative error."""
     error = comparison.relative_error
     size = f"relative error {error:.2g}, worst entry {comparison.errors.max():.3g} half units"
     if error > _FAR:

@@ -1,4 +1,4 @@
-"""Comparison of printed with exact numbers, in half units of the last printed digit."""
+"""Comparison of printed and exact numbers, in half units of the last printed digit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ _SYMMETRIC = ("P", "H")
 
 
 class Position(NamedTuple):
-    """Position of an entry, counted from 0. Mirrored entries have one position."""
+    """Position of an entry.
+
+    block: name of the matrix, such as "A".
+    row, column: counted from 0.
+    """
 
     block: str
     row: int
@@ -33,13 +37,13 @@ class Position(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """All printed entries of an answer and their exact values.
+    """Printed entries of an answer and their exact values.
 
-    positions: (N), positions of the entries
-    printed: (N,)
-    exact: (N,), in the signs of the print
-    half_units: (N,)
-    allowed: (N,), the half unit or the floor, whichever is larger
+    positions: N positions of the entries
+    printed: (N,), printed values
+    exact: (N,), exact values with the sign convention of the print
+    half_units: (N,), half a unit of the last printed digit
+    allowed: (N,), tolerance: the half unit, or a larger minimum for rounding errors
     """
 
     positions: tuple[Position, ...]
@@ -50,36 +54,41 @@ class Comparison:
 
     @property
     def errors(self) -> np.ndarray:
-        """|printed - exact| in allowed units, (N,); at most 1 where the digits are right."""
+        """|printed - exact| relative to the tolerance, (N,). Right digits have at most 1."""
         return np.abs(self.printed - self.exact) / np.maximum(self.allowed, 1e-300)
 
     @property
     def outside(self) -> np.ndarray:
-        """Mask of the entries whose printed value is further from the exact one than allowed,
-        (N,)."""
+        """Mask (N,) of the wrong entries, those with |printed - exact| above the tolerance."""
         return np.abs(self.printed - self.exact) > self.allowed
 
     @property
     def wrong_positions(self) -> list[Position]:
-        """Positions of the entries `outside`, ascending. Mirrored entries count once."""
+        """Positions of the wrong entries in ascending order. Mirrored entries count once."""
         wrong = {_mirrored(self.positions[index]) for index in np.flatnonzero(self.outside)}
         return sorted(wrong)
 
     def relative(self, block: str) -> float:
-        """|printed - exact| / |exact| of a block, Frobenius norms."""
+        """Return |printed - exact| / |exact| of a block in Frobenius norms.
+
+        If the exact block is 0, the result is |printed|.
+        """
         members = np.array([position.block == block for position in self.positions])
         size = float(np.linalg.norm(self.exact[members])) or 1.0
         return float(np.linalg.norm((self.printed - self.exact)[members])) / size
 
     @property
     def relative_error(self) -> float:
-        """The largest relative error of the blocks."""
+        """Largest relative error of the blocks."""
         return max(
             self.relative(block) for block in {position.block for position in self.positions}
         )
 
     def evidence(self) -> np.ndarray:
-        """log₁₀ max(1, r) of every position with its errors r, the largest first."""
+        """Return log₁₀ max(1, r) of the error r at each position, the largest first.
+
+        A mirrored pair counts once, with its larger error.
+        """
         terms: dict[Position, float] = {}
         for position, error in zip(self.positions, self.errors, strict=True):
             upper = _mirrored(position)
@@ -88,12 +97,15 @@ class Comparison:
 
 
 def compare(file: PrintedFile, plant: Plant, P: np.ndarray) -> Comparison:
-    """Return the printed answer compared with that of a plant whose value is x'P x."""
+    """Compare the printed answer with the answer of a plant.
+
+    P: matrix of the plant's value x'P x
+    """
     return compare_answer(file, answer_of(plant, P))
 
 
 def compare_answer(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> Comparison:
-    """Return the comparison of the printed answer with another one."""
+    """Compare the printed answer with another answer, given by block."""
     positions = []
     allowed = []
     for name, block in file.answer.items():
@@ -117,10 +129,9 @@ def change(file: PrintedFile, plant: Plant, P: np.ndarray, position: Position) -
 
 
 def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the entries of the printed blocks in one row, (N,), with the signs of the printed
-    answer.
+    """Return the entries of the printed blocks of an answer, (N,), with the printed signs.
 
-    For a stack of answers each has one row.
+    answer: block -> matrix, or stack of matrices; the result for a stack has one row for each
     """
     rows = []
     for name in file.answer:
@@ -131,7 +142,10 @@ def in_signs(file: PrintedFile, answer: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _mirrored(position: Position) -> Position:
-    """Return the position in the upper triangle where the block is symmetric."""
+    """Return the mirrored position in the upper triangle for an entry below the diagonal of P or H.
+
+    Other positions are returned unchanged.
+    """
     if position.block in _SYMMETRIC and position.row > position.column:
         return Position(position.block, position.column, position.row)
     return position

@@ -25,18 +25,20 @@ _SETTLED = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """Plant x' = A x + B u + E w or x⁺ = A x + B u + E w, with the cost x'Qx + 2x'Nu + u'Ru -
-    γ²w'w.
+    """Linear plant with a quadratic cost, as typed.
+
+    x' = A x + B u + E w or x⁺ = A x + B u + E w
+    cost x'Qx + 2x'Nu + u'Ru - γ²w'w
 
     A: (n, n)
     B: (n, m)
-    E: (n, k); k = 0 where there is no disturbance
+    E: (n, k); k = 0 without a disturbance
     N: (n, m)
     Q: (n, n)
     R: (m, m)
-    gamma: inf where there is no disturbance
+    gamma: γ, inf without a disturbance
     is_discrete: whether time is discrete
-    discount: α, of one step
+    discount: factor α on the cost of each further step, in discrete time
     """
 
     A: np.ndarray
@@ -71,7 +73,10 @@ class Plant:
         return weights
 
     def game(self) -> Game | DiscreteGame:
-        """Return the game as a value of `controller.game`, in continuous time in v = u + R⁻¹N'x."""
+        """Return the plant as a game of `controller.game`.
+
+        In continuous time, its input is v = u + R⁻¹N'x, which removes N.
+        """
         E = self.E
         if not E.shape[1]:
             E = np.zeros((len(self.A), 1))
@@ -82,7 +87,10 @@ class Plant:
         return replace(game, A=self.A - self.B @ feed, Q=self.Q - self.N @ feed)
 
     def with_entry(self, name: str, row: int, column: int, value: float) -> Plant:
-        """Return the plant with another value of an entry, and of its mirror in Q and R."""
+        """Return the plant with one entry changed.
+
+        In Q and R the mirrored entry is changed too.
+        """
         if name == "gamma":
             return replace(self, gamma=value)
         matrix = getattr(self, name).copy()
@@ -93,7 +101,12 @@ class Plant:
         return replace(self, **changes)
 
     def stacked(self, name: str, row: int, column: int, values: np.ndarray) -> Plant:
-        """Return plants with these values (N,) of an entry. Every matrix is (N, ...)."""
+        """Return a stack of plants, one for each value of an entry.
+
+        Every matrix is (N, ...). In Q and R the mirrored entry is changed too.
+
+        values: (N,)
+        """
         fields: dict[str, Any] = {}
         for key in "ABENQR":
             matrix = getattr(self, key)
@@ -108,7 +121,7 @@ class Plant:
 
 
 def certified_value(plant: Plant) -> np.ndarray:
-    """Return P, (n, n), by two derivations.
+    """Return P (n, n) of the value x'P x, computed by two derivations that must agree.
 
     Raises NoSolutionError if no solution exists.
     """
@@ -119,14 +132,14 @@ def certified_value(plant: Plant) -> np.ndarray:
 
 
 def rough_values(plants: Plant) -> np.ndarray:
-    """Return P of a stack of plants, (N, n, n), untested.
+    """Return P (N, n, n) of a stack of plants, without a check.
 
-    Without a solution it is arbitrary or nan. With M = (I + S P)⁻¹ each pass
+    For a plant without a solution, P is arbitrary or nan. With M = (I + S P)⁻¹, each pass
 
         A <- A M A,  S <- S + A M S A',  P <- P + A'P M A
 
-    doubles the horizon. A plant in continuous time is one in discrete time by Cayley's
-    transformation. Source: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788; in
+    doubles the horizon. A plant in continuous time is converted to discrete time by the Cayley
+    transformation. Sources: Chu, Fan, Lin and Wang, Int. J. Control 77 (2004), 767-788; in
     continuous time Chu, Fan and Lin, Linear Algebra and its Applications 396 (2005), 55-80.
     """
     G = plants.G
@@ -158,7 +171,7 @@ def rough_values(plants: Plant) -> np.ndarray:
 
 
 def _inverses(matrices: np.ndarray) -> np.ndarray:
-    """Return the inverse of each matrix, nan where it is singular."""
+    """Return the inverse of each matrix of a stack, nan for a singular matrix."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
@@ -167,7 +180,7 @@ def _inverses(matrices: np.ndarray) -> np.ndarray:
 
 
 def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
-    """Return [K; -L], (m + k, n), of u = -K x and w = L x."""
+    """Return [K; -L], (m + k, n), of the policies u = -K x and w = L x for the value x'P x."""
     G = plant.G
     if plant.is_discrete:
         weights = plant.W + plant.discount * G.mT @ P @ G
@@ -176,8 +189,9 @@ def policies(plant: Plant, P: np.ndarray) -> np.ndarray:
 
 
 def answer_of(plant: Plant, P: np.ndarray) -> dict[str, np.ndarray]:
-    """Return P, K, L, W and, in discrete time, H of the value x'P x, stacked for a stack of
-    plants.
+    """Return P, K, L, W and, in discrete time, H of the value x'P x, by name.
+
+    For a stack of plants, each is a stack.
     """
     gains = policies(plant, P)
     m = plant.R.shape[-1]
@@ -201,10 +215,14 @@ def weights_of(P: np.ndarray) -> np.ndarray:
 def answer_change(
     plant: Plant, P: np.ndarray, name: str, row: int, column: int
 ) -> Mapping[str, np.ndarray]:
-    """Return the derivatives of `answer_of` with respect to an entry of the plant, together with
-    its mirror in Q and R.
+    """Return the derivatives of `answer_of` with respect to an entry of the plant.
 
-    The policies are stationary, so that dP solves Lyapunov's equation of the closed loop."""
+    In Q and R, the mirrored entry changes too. The cost is stationary with respect to the policies,
+    so dP solves the Lyapunov equation of the closed loop.
+
+    P: of the plant's answer
+    name, row, column: the entry
+    """
     zero = replace(
         plant, **{key: np.zeros_like(getattr(plant, key)) for key in "ABENQR"}, gamma=0.0
     )

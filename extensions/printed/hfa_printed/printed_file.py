@@ -1,6 +1,6 @@
-"""File of a printed answer.
+"""Reader of files with a printed answer.
 
-The plant and the answer are read as text, with half a unit of the last digit of each number.
+Plant and answer are read as text. Each number has a tolerance of half a unit of its last digit.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _FIRST_LINE = re.compile(rf"\s*({_FACTOR.pattern})\s*\*\s*\n")
 class Block:
     """Printed matrix.
 
-    texts: rows of numbers as typed, each with a common factor as its exponent
+    texts: rows of numbers as typed, including the exponent of a common factor
     values: (rows, columns)
     half_units: (rows, columns), half a unit of the last digit, or 0 for a formula
     """
@@ -62,25 +62,25 @@ class Block:
 
     @property
     def roundings(self) -> np.ndarray:
-        """Half units of the entries of a plant, (rows, columns), 0 for integers."""
+        """Half units of the entries, (rows, columns), 0 for numbers without decimals."""
         with_decimals = np.array([["." in text for text in row] for row in self.texts])
         return np.where(with_decimals, self.half_units, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class PrintedFile:
-    """A plant and its printed answer.
+    """Plant and its printed answer.
 
     title: title of the file
-    source: where the answer is printed, or "" if not stated
+    source: place where the answer is printed, or ""
     note: notes for the reader, or ""
     plant: the plant as typed
-    typed: the blocks of the plant
-    answer: the printed blocks of P, K, L, W, H
-    signs: block -> factor from the exact K or L to the convention of the print
+    typed: name -> block of the plant
+    answer: name -> printed block of P, K, L, W and H
+    signs: block -> factor from the exact K or L to the printed sign convention
     learned: whether the answer results from learning or an iteration
-    plant_rounded: whether the plant is printed with fewer digits than those used for the answer
-    assumption: the interpretation of an incomplete plant, or "" where it is complete
+    plant_rounded: whether the plant is printed with fewer digits than were used for the answer
+    assumption: assumption on an incomplete plant, or "" if the plant is complete
     has_time: whether the file states continuous or discrete time; otherwise continuous time is
         assumed
     """
@@ -99,10 +99,10 @@ class PrintedFile:
 
 
 def load_printed(path: Path) -> PrintedFile:
-    """Return the printed answer of a TOML file.
+    """Read a printed answer from a TOML file.
 
-    Raises BadInputError for a text that is not a number, a shape that does not fit, and missing
-    entries. Its message names the block and the row.
+    Raises BadInputError for text that is not a number, for a wrong shape and for missing entries.
+    Its message names the block and the row.
     """
     try:
         content = read_toml(path)
@@ -116,13 +116,15 @@ def load_printed(path: Path) -> PrintedFile:
 def read_block(
     name: str, text: Any, parameters: Mapping[str, float] | None = None, exponent: int = 0
 ) -> Block:
-    r"""Return the numbers in a text.
+    r"""Read the numbers in a text.
 
     Spaces, commas and & separate numbers. Line breaks, ; and \\ end rows. The first line may be a
-    common factor, "1.0e+04 *".
+    common factor, "1.0e+04 *". "diag 1 2" is a diagonal matrix.
 
-    parameters: name -> value, of the names in formulas such as m*g/l
-    exponent: exponent of the power of ten that multiplies all numbers
+    parameters: name -> value, for formulas such as m*g/l
+    exponent: exponent of a power of ten that multiplies all numbers
+
+    Raises BadInputError for text that is not a matrix of numbers.
     """
     if isinstance(text, int) and not isinstance(text, bool):
         text = str(text)
@@ -165,9 +167,10 @@ def read_block(
 
 
 def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[str]]:
-    """Return the texts times a power of ten.
+    """Return the numbers times a power of ten, as text.
 
-    A 0 without decimals has the precision of the others.
+    A 0 without decimals has as many decimals as the most precise number. Raises BadInputError for a
+    number with an exponent and for a formula.
     """
     decimals = max(len(word.partition(".")[2]) for row in rows for word in row)
     multiplied = []
@@ -184,9 +187,9 @@ def _multiplied(name: str, rows: list[list[str]], exponent: int) -> list[list[st
 
 
 def _value_of(text: str, parameters: Mapping[str, float]) -> float:
-    """Return the value of a formula of named numbers, such as "m*g/l".
+    """Return the value of a formula with named numbers, such as "m*g/l".
 
-    Raises a BadInputError of one line for anything else, and for a value that is not finite.
+    Raises BadInputError for other text, and for a value that is not finite.
     """
     symbols = {name: ca.SX(value) for name, value in parameters.items()}
     try:
@@ -202,7 +205,10 @@ def _value_of(text: str, parameters: Mapping[str, float]) -> float:
 
 
 def _number(word: str, parameters: Mapping[str, float]) -> tuple[float, float]:
-    """Return value and half unit of a typed number, or of a formula, which is exact."""
+    """Return value and half unit of a number, or of a formula, whose half unit is 0.
+
+    Raises BadInputError for other text and for overflow.
+    """
     match = _DECIMAL.fullmatch(word)
     if match is None:
         lacks_space = not re.search(r"[*/(A-Za-z]", _DECIMAL.sub("", word))  # 0.1-0.2
@@ -276,9 +282,9 @@ def _table(content: dict[str, Any], name: str, keys: tuple[str, ...]) -> dict[st
 
 
 def _parameters(content: dict[str, Any]) -> dict[str, float]:
-    """Return the values of the table [parameters].
+    """Return name -> value of the table [parameters].
 
-    Each is a number or a formula of the preceding ones.
+    Each value is a number, or a formula of the preceding names.
     """
     if "parameters" not in content:
         return {}
@@ -294,7 +300,10 @@ def _parameters(content: dict[str, Any]) -> dict[str, float]:
 
 
 def _exponent(scale: Any) -> int:
-    """Return the exponent of the power of ten that multiplies all printed numbers."""
+    """Return the exponent of a scale, a power of ten such as "1.0e+04" that multiplies all numbers.
+
+    Raises BadInputError for another scale.
+    """
     match = _FACTOR.fullmatch(str(scale))
     if match is None:
         raise BadInputError(f'scale is {shown(scale)}; give a power of ten such as "1.0e+04"')
@@ -318,7 +327,7 @@ def _scalar(name: str, block: Block) -> float:
 
 
 def _completed(typed: dict[str, Block], parameters: Mapping[str, float]) -> str:
-    """Complete a single number for Q or R to a diagonal, and return a note on it."""
+    """Replace a single number for Q or R by a diagonal matrix, and return a note on it or ""."""
     readings = []
     for name, size in (("Q", len(typed["A"].values)), ("R", typed["B"].values.shape[1])):
         block = typed[name]
@@ -361,7 +370,10 @@ def _plant(typed: dict[str, Block], *, is_discrete: bool, discount: float) -> Pl
 
 
 def _check_shape(name: str, block: Block, rows: int, columns: int) -> None:
-    """Raise BadInputError that names the first row of a wrong length."""
+    """Raise BadInputError if a block is not rows x columns.
+
+    The message names the first row of a wrong length.
+    """
     actual_rows, actual_columns = block.values.shape
     if (actual_rows, actual_columns) == (rows, columns):
         return

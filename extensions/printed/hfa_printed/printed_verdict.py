@@ -31,12 +31,12 @@ _ENTRIES = 12
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PrintedVerdict(Result, Reported):
-    """Conclusions from the digits of a printed answer.
+    """Verdict on a printed answer.
 
-    file: the judged answer
-    classified: its class, the comparison and the search
-    cost_lost: upper bound of the cost above the optimum, percent, for an answer that is close; else
-        nan
+    file: the printed answer
+    classified: its class, the comparison and the result of the search
+    cost_lost: upper bound on the cost above the optimum, percent, of an answer that is close; nan
+        for other classes
     limit_cost: largest cost above the optimum, percent, with which a close answer passes
     """
 
@@ -55,29 +55,25 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def ok(self) -> bool:
-        """True if the answer is as printed, cut off, or close with a cost within the limit (exit
-        code 0).
-        """
+        """True if the answer is as printed, cut off, or close with a cost within the limit."""
         if self.classified.name == "close":
             return self.limit_cost is not None and self.cost_lost <= self.limit_cost
         return self.classified.name in ("as printed", "cut off")
 
     @property
     def weights_from(self) -> Mapping[str, str]:
-        """Q, R, delta -> printed, or default where the file has no gamma."""
+        """Q, R and delta -> "printed", or "default" for delta if the file contains no gamma."""
         delta = "printed" if "gamma" in self.file.typed else "default"
         return {"Q": "printed", "R": "printed", "delta": delta}
 
     @property
     def entries(self) -> list[dict[str, Any]]:
-        """Block, row and column (from 1), printed, exact, half_unit and half_units_off of each
-        entry.
-        """
+        """Block, row, column (from 1), printed, exact, half_unit and half_units_off of each entry."""
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 
     def report(self) -> Report:
-        """Return the report: the class, then the entries with the largest errors."""
+        """Return the report: class and reason, then the entries with the largest errors."""
         comparison = self.classified.comparison
         line = f"{self.classified.name}: {self.classified.reason}"
         if not math.isnan(self.cost_lost):
@@ -114,11 +110,11 @@ _COLUMNS = ("block", "row", "column", "printed", "exact", "half_unit", "half_uni
 
 
 def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdict:
-    """Return the verdict on the printed answer of a TOML file.
+    """Check the printed answer in a TOML file.
 
-    progress: called with the number of entries of the plant that were searched and of all
+    progress: called with the number of entries of the plant searched so far and the total number
 
-    Raises BadInputError for a file that cannot be read. Raises NoSolutionError where the plant as
+    Raises BadInputError for a file that cannot be read. Raises NoSolutionError if the plant as
     typed has no certified answer.
     """
     file = load_printed(path)
@@ -131,7 +127,7 @@ def check_printed(path: Path, progress: Progress | None = None) -> PrintedVerdic
 
 
 def _cost_lost(file: PrintedFile) -> float:
-    """Return an upper bound of the cost of the printed policy above the optimum, percent."""
+    """Return an upper bound on the cost of the printed policy above the optimum, percent."""
     game = file.plant.game()
     K = _printed_gain(file)
     if isinstance(game, DiscreteGame):
@@ -141,7 +137,7 @@ def _cost_lost(file: PrintedFile) -> float:
 
 
 def _printed_gain(file: PrintedFile) -> np.ndarray:
-    """Return K of u = -K x as printed, or as implied by P, W or H."""
+    """Return K (m, n) of the policy u = -K x, as printed or as P, W or H imply it."""
     n, m = file.plant.B.shape
     if "K" in file.answer:
         return file.signs["K"] * file.answer["K"].values
@@ -160,7 +156,10 @@ def _printed_gain(file: PrintedFile) -> np.ndarray:
 
 
 def _rows(comparison: Comparison) -> list[tuple[Any, ...]]:
-    """Return block, row and column from 1, printed, exact, half unit, and error in half units."""
+    """Return block, row and column (from 1), printed, exact, half unit and error of each entry.
+
+    The error is in half units.
+    """
     rows = []
     for index, position in enumerate(comparison.positions):
         rows.append(

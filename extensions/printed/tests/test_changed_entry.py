@@ -1,5 +1,6 @@
-"""Misprints planted in plants are named. Right, learned and doubly wrong plants have no named
-entry.
+"""Search for misprints in plants.
+
+Planted misprints are named. For right, learned and doubly wrong plants, no entry is named.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ ANOTHER_PLANT = "the answer belongs to another plant"
 
 @pytest.fixture
 def judged(tmp_path) -> Callable[[str], tuple[str, str]]:
-    """Return the class of a file and its reason, or the error for a plant without an answer."""
+    """Return a function from the text of a file to its class and the reason.
+
+    For a plant without an answer it returns "no solution" and the error.
+    """
 
     def judge(text: str) -> tuple[str, str]:
         path = tmp_path / "printed.toml"

@@ -1,4 +1,4 @@
-"""`hfa printed`: the class of an answer, its exit code, and one line for bad input."""
+"""`hfa printed`: class of an answer, exit code, and errors in one line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hfa.main import BAD_INPUT, DONE, FAILED
 
 
 def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
-    """A printed answer has its class and exit code."""
+    """A right answer has exit code 0. A wrong entry is named, with exit code 1."""
     file = tmp_path / "printed.toml"
     right = (
         'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
@@ -31,9 +31,7 @@ def test_printed_answer_has_its_class_and_exit_code(tmp_path: Path) -> None:
 
 
 def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
-    """The search over all entries shows its progress on a terminal, and an error replaces that
-    line.
-    """
+    """The search shows its progress on a terminal. An error replaces the line of progress."""
     file = tmp_path / "printed.toml"
     other = (
         'time = "continuous"\n[plant]\nA = "0 1; 0 0"\nB = "0; 1"\nQ = "1 0; 0 2"\nR = "1"\n'
@@ -51,7 +49,7 @@ def test_search_shows_on_terminal_how_far_it_is(tmp_path: Path) -> None:
 
 
 def test_bad_input_of_printed_answer_is_one_line(tmp_path: Path) -> None:
-    """Bad input is refused in one line."""
+    """Wrong numbers and unknown options are refused in one line."""
     file = tmp_path / "printed.toml"
     file.write_text('time = "continuous"\n[plant]\nA = "0 1; 0 x"\n[printed]\nK = "1 2"\n')
     assert_refused(hfa("printed", str(file)), BAD_INPUT, "A, row 2: 'x' is unknown")
@@ -78,10 +76,10 @@ def test_nesting_and_long_numbers_are_one_line(tmp_path: Path, text: str) -> Non
 
 
 def test_a_plant_too_large_is_judged_without_search(tmp_path: Path) -> None:
-    """A plant with 60 states is judged without a search for a misprint.
+    """A plant with 60 states is checked without a search for a misprint.
 
     The states decay at rates 1 to 60, each with an input and K_i = 1 / (rate + sqrt(rate^2 + 1)).
-    The printed gain belongs to other rates of the first two.
+    The printed gain belongs to other rates of the first two states.
     """
     rates = np.arange(1.0, 61.0)
     gains = 1.0 / (rates + np.sqrt(rates**2 + 1.0))

@@ -1,6 +1,4 @@
-"""Printed answers: each class, planted errors, and right answers, which are never reported as
-wrong.
-"""
+"""Classes of printed answers. Planted errors are found, and right answers are not called wrong."""
 
 from __future__ import annotations
 
@@ -114,7 +112,7 @@ K = "{K}"
 
 @pytest.fixture
 def verdict_of(tmp_path):
-    """Return the verdict on the text of a file."""
+    """Return a function from the text of a file to its verdict."""
 
     def check(text):
         path = tmp_path / "printed.toml"
@@ -125,12 +123,12 @@ def verdict_of(tmp_path):
 
 
 def printed(matrix, decimals):
-    """Return a matrix as text with this number of decimals."""
+    """Return a matrix as text with a number of decimals."""
     return "; ".join(" ".join(f"{value:.{decimals}f}" for value in row) for row in matrix)
 
 
 def small_case(decimals=5):
-    """Return SMALL with its right answer."""
+    """Return the file SMALL with its right answer, with a number of decimals."""
     plant = Plant(
         A=np.array([[-1.0189, 0.9051], [0.8223, -1.0774]]),
         B=np.array([[0.3127], [1.4586]]),
@@ -192,14 +190,14 @@ def test_one_entry_of_the_answer(verdict_of):
 
 
 def test_a_mirrored_pair_is_one_entry_of_answer(verdict_of):
-    """A symmetric pair counts as one entry of the answer."""
+    """A wrong symmetric pair counts as one wrong entry of the answer."""
     verdict = verdict_of(DIESEL.replace("97.3265", "97.3256"))
     assert verdict.classified.name == "one entry of the answer"
 
 
 @pytest.mark.parametrize("decimals", [2, 4, 8, 15])
 def test_right_answer_as_printed_at_any_number_digits(verdict_of, decimals):
-    """A right answer is called as printed with any number of digits."""
+    """A right answer is "as printed" for any number of digits."""
     assert verdict_of(small_case(decimals)).classified.name == "as printed"
 
 
@@ -224,9 +222,7 @@ def test_rounding_of_the_plant_decides_nothing(verdict_of):
 
 
 def test_slip_after_which_no_answer_exists_is_named(verdict_of):
-    """A misprint after which no answer exists is named. If gamma and an E of one column cannot be
-    distinguished, both are named.
-    """
+    """A misprint in gamma after which no answer exists is named in the error."""
     plant = Plant(
         A=np.array([[-1.0, 0.9], [0.8, -1.1]]),
         B=np.array([[0.0], [1.0]]),
@@ -262,7 +258,10 @@ def test_an_answer_of_nothing_cannot_be_told(verdict_of):
 
 
 def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
-    """The opposite sign of a gain is recognized as a known mistake."""
+    """A gain with the opposite sign is recognized as a known mistake.
+
+    If the file declares u = K x, the answer is "as printed".
+    """
     text = small_case()
     gain = read_block("K", re.search(r'K = "(.*)"', text)[1])
     opposite = re.sub(r'K = ".*"', f'K = "{printed(-gain.values, 5)}"', text)
@@ -274,7 +273,7 @@ def test_the_opposite_sign_of_gain_is_known_mistake(verdict_of):
 
 
 def test_missing_factor_on_products_is_known_under_noise(verdict_of):
-    """A missing factor on products is recognized under noise."""
+    """A missing factor 2 in W is recognized in spite of noise."""
     text = small_case()
     P = read_block("P", re.search(r'P = "(.*)"', text)[1]).values
     weights = P[np.triu_indices(2)] * [1.003, 0.998, 1.001]
@@ -335,7 +334,7 @@ def test_formulas_of_parameters_and_a_common_factor():
 
 
 def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
-    """A plant given by parameters, and a scaled answer, are called as printed."""
+    """A right answer is "as printed" if parameters or a common factor are used."""
     text = small_case()
     parametrized = text.replace("[plant]", '[parameters]\na = "0.8223"\n[plant]').replace(
         "0.8223 -1.0774", "a -1.0774"
@@ -347,7 +346,10 @@ def test_plant_of_parameters_and_scaled_answer_as_printed(verdict_of):
 
 
 def test_time_that_every_digit_fits_is_asked_for(verdict_of):
-    """If every digit fits the other kind of time, a question suggests it."""
+    """A question proposes the time for which every digit is right.
+
+    If no time is given and none fits, the error asks for it.
+    """
     question = 'every printed digit fits time = "continuous"; did you mean that?'
     text = small_case()
     verdict = verdict_of(text.replace('"continuous"', '"discrete"'))
@@ -390,7 +392,7 @@ def test_bad_input_names_the_block_and_the_row(tmp_path, old, new, message):
 
 
 def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
-    """Return the conclusion from the digits of each case, or "" without one."""
+    """Return the class of each file that follows from its digits alone, or ""."""
     classes = []
     for text in files:
         path = folder / "right.toml"
@@ -403,8 +405,10 @@ def quick_classes(folder: Path, files: Iterator[str]) -> list[str]:
 
 
 def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
-    """Return right tables: learned ones with noise of 1e-6 to 1e-3, or of plants rounded to 3
-    digits.
+    """Yield right files of one kind.
+
+    They are learned answers with noise of 1e-6 to 1e-3, or answers of plants that are printed with
+    3 digits.
     """
     rng = np.random.default_rng(seed)
     for index in range(count):
@@ -430,16 +434,12 @@ def right_files(kind: str, count: int, seed: int) -> Iterator[str]:
     ],
 )
 def test_right_table_is_not_accused_of_one_entry(tmp_path: Path, kind: str, count: int) -> None:
-    """Noise or a rounded plant that moves one entry beyond its digits is not reported as a wrong
-    entry.
-    """
+    """Noise or a rounded plant is not reported as one wrong entry of the answer."""
     assert "one entry of the answer" not in quick_classes(tmp_path, right_files(kind, count, 5))
 
 
 def test_one_wrong_entry_of_learned_table_is_named(tmp_path: Path) -> None:
-    """A learned entry with a missing digit, whose error exceeds the noise of the others, is
-    named.
-    """
+    """A wrong entry of a learned answer is named if its error exceeds the noise of the others."""
     rng = np.random.default_rng(5)
     named = 0
     for index in range(20):

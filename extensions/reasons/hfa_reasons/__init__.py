@@ -1,1 +1,1 @@
-"""Reasons why a critic is wrong: the mistake, or the other game, that explains its numbers."""
+"""Reasons why a critic is wrong: the mistake, or another game, that explains its numbers."""

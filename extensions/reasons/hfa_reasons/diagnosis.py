@@ -1,10 +1,11 @@
-"""Identification of the mistake in a wrong critic, where its numbers reveal one.
+"""Search for the mistake in a wrong critic.
 
-A mistake is named only when the critic without it, or the answer of the other game, is nearly
-exact: only a small part of the error may be left (`_EXACT`). Otherwise a usual mistake may leave a
-larger part, as in a critic that was learned from noisy data (`_WITH_NOISE`). A network is judged by
-its derivatives at the origin and by the quadratic V and linear u nearest to it over the box.
-Neither is exact, so that a part may be left too (`_OF_NETWORKS`).
+Reversing the right mistake makes the critic almost exact. A mistake, or another game to which
+the critic may belong, is named only if a small part of the error remains (`_EXACT`). For a
+common mistake a larger part may remain, as in a critic learned from noisy data (`_WITH_NOISE`).
+A network is compared by its derivatives at the origin, and by the quadratic V and the linear u
+closest to it over the box. Neither represents it exactly, so part of the error may remain
+(`_OF_NETWORKS`).
 """
 
 from __future__ import annotations
@@ -68,15 +69,17 @@ _PER_DEGREE = 180.0 / math.pi
 
 
 class Demands(NamedTuple):
-    """Threshold that a cause must reach to be named.
+    """Thresholds for naming a mistake.
 
-    left: fitted numbers (`Hypothesis.fitted`) -> the part of the error that may be left. Noise in
-        tens of entries cannot be explained by a few numbers.
-    least: error below which `_EXACT` is required.
-    entry: largest distance of an entry from its value under the hypothesis (`View.entry_errors`). A
-        norm depends on the few largest entries alone.
-    share: least number of entries, as a part of the informative ones. Entries that hardly count in
-        the box of a network have no correct digit where it is noisy.
+    left: number of fitted parameters (`Hypothesis.fitted`) -> permitted remaining part of the
+    error.
+        A few parameters cannot explain noise in tens of entries.
+    least: error below which `_EXACT` applies.
+    entry: largest error of an entry under the hypothesis (`View.entry_errors`). A norm would depend
+        only on the largest entries.
+    share: fraction of the informative entries that must satisfy `entry`. In a noisy network,
+    entries
+        with little effect in the box have no correct digit.
     """
 
     left: Mapping[str, float]
@@ -95,11 +98,11 @@ _CLEAR = 1.0 / 3.0
 
 
 class Cause(NamedTuple):
-    """A mistake that explains an error.
+    """Mistake that explains an error.
 
-    share: the part of the error that is left, relative to the largest permitted part.
-    error: the remainder, relative to the exact matrix.
-    says: text of the mistake, or "" without one.
+    share: remaining part of the error, relative to the permitted part.
+    error: remaining error, relative to the exact matrix.
+    says: text of the mistake, or "" if there is none.
     """
 
     share: float
@@ -111,13 +114,14 @@ _NO_CAUSE = Cause(math.inf, math.inf, "")
 
 
 def error_of(view: View, matrix: np.ndarray) -> float:
-    """Return |matrix - exact| / |exact|, weighted, in Frobenius norms."""
+    """Return |matrix - exact| / |exact| with the view's weights, in Frobenius norms."""
     return relative_error(matrix * view.weights, view.exact * view.weights)
 
 
 def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cause:
-    """Return the hypothesis that explains most of the error, the first of those that are about as
-    good.
+    """Return the hypothesis that explains most of the error.
+
+    If several are about as good, it is the first of them. Its text is "" if none explains enough.
     """
     before = min(error_of(view, view.judged), 1.0)
     if before <= ROUNDING:
@@ -140,9 +144,7 @@ def named(view: View, hypotheses: Iterable[Hypothesis], demands: Demands) -> Cau
 
 
 def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
-    """Return whether the entries, and not only their norm, are near the values of the
-    hypothesis.
-    """
+    """Return whether enough single entries are close to their values under a hypothesis."""
     errors = view.entry_errors(hypothesis)
     right = np.count_nonzero(errors <= demands.entry)
     return bool(right >= demands.share * len(errors))
@@ -151,7 +153,7 @@ def is_confirmed(view: View, hypothesis: Hypothesis, demands: Demands) -> bool:
 def named_with_noise(view: View, hypotheses: Sequence[Hypothesis]) -> str:
     """Return the hypothesis that explains most of the error, with the remaining error, or "".
 
-    Noise may be relative to every entry, or relative to the largest one.
+    Noise may be relative to each entry or to the largest entry.
     """
     for weighted in (view.relative(), view):
         cause = named(weighted, hypotheses, _WITH_NOISE)
@@ -168,14 +170,14 @@ def diagnose(
     nearby: Nearby | None = None,
     box: np.ndarray | None = None,
 ) -> str:
-    """Return one sentence that names the mistake in a critic, or "" when none is recognized.
+    """Return a sentence that names the mistake in a critic, or "" if none is recognized.
 
     game: the game to be solved
     exact: its exact solution
     critic: P and K, K alone, or a network
-    limit: limit of the errors
+    limit: largest relative error that passes
     nearby: other games to which the critic may belong
-    box: (n,), half widths of the box of states, for a network
+    box: (n,), half-widths of the box of states, for a network
     """
     others = _Others(game, nearby or Nearby())
     if critic.network and box is not None:

@@ -17,7 +17,7 @@ from hfa_printed.printed_verdict import check_printed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PrintedRequest(OutputOptions):
-    """A printed answer to be judged."""
+    """Request of `hfa printed`."""
 
     file: Path = option(
         "file with the printed plant and P, K, L, W or H (docs/critics.md)",
@@ -33,7 +33,7 @@ class PrintedRequest(OutputOptions):
     )
 
     def origin(self) -> Mapping[str, Any]:
-        """Return "", because the file contains the plant."""
+        """Return {}, because the file contains the plant."""
         return {}
 
 

@@ -1,6 +1,4 @@
-"""Files of printed answers for random plants: right ones, ones with planted misprints, and learned
-ones.
-"""
+"""Files of printed answers for random plants: right, with planted misprints, and learned."""
 
 from __future__ import annotations
 
@@ -16,7 +14,12 @@ SLIPS = ("sign", "interchanged", "dropped", "added", "changed", "point")
 
 
 class Slip(NamedTuple):
-    """A misprint: its entry, such as "A21", the right text and the printed one."""
+    """Misprint.
+
+    entry: the entry, such as "A21".
+    right: right text.
+    typed: printed text.
+    """
 
     entry: str
     right: str
@@ -24,10 +27,12 @@ class Slip(NamedTuple):
 
 
 class PrintedSample(NamedTuple):
-    """A plant and its exact answer.
+    """Plant and its exact answer.
 
     texts: the plant as printed
-    decimals: number of decimals of the answer
+    is_discrete: whether time is discrete
+    answer: name -> exact block
+    decimals: number of decimals of the printed answer
     """
 
     texts: Texts
@@ -36,7 +41,10 @@ class PrintedSample(NamedTuple):
     decimals: int
 
     def file(self, *, learned: bool = False) -> str:
-        """Return the text of the sample's file."""
+        """Return the file as text.
+
+        learned: whether the file states that the answer was learned
+        """
         rows = {name: "; ".join(map(" ".join, block)) for name, block in self.texts.items()}
         plant = "\n".join(f'{name} = "{row}"' for name, row in rows.items())
         printed = "\n".join(
@@ -48,7 +56,10 @@ class PrintedSample(NamedTuple):
         return f'time = "{time}"\n{flag}[plant]\n{plant}\n[printed]\n{printed}\n'
 
     def noisy(self, size: float, rng: np.random.Generator) -> PrintedSample:
-        """Return the sample with relative noise in each entry of the answer. P stays symmetric."""
+        """Return the sample with relative noise in each entry of the answer. P remains symmetric.
+
+        size: standard deviation of the noise
+        """
         answer = {}
         for name, matrix in self.answer.items():
             noise = rng.standard_normal(matrix.shape)
@@ -58,7 +69,7 @@ class PrintedSample(NamedTuple):
         return self._replace(answer=answer)
 
     def with_slip(self, kind: str, rng: np.random.Generator) -> tuple[PrintedSample, Slip]:
-        """Return the sample with a misprint in an entry of A, B or E that is not 0."""
+        """Return the sample with a misprint in a random entry of A, B or E, and the misprint."""
         while True:
             name = str(rng.choice([name for name in ("A", "B", "E") if name in self.texts]))
             block = self.texts[name]
@@ -74,9 +85,11 @@ class PrintedSample(NamedTuple):
 
 
 def printed_sample(index: int, rng: np.random.Generator) -> PrintedSample:
-    """Return an LQR or a game in turn, with 2 to 4 states, in continuous or discrete time.
+    """Return a random LQR problem or game, with 2 to 4 states, in continuous or discrete time.
 
-    The plant has 4 to 6 digits, and its answer (P, K, or both) 3 to 6 decimals.
+    The plant has 4 to 6 digits. Its answer, P or K or both, has 3 to 6 decimals.
+
+    index: determines the type of problem
     """
     is_discrete = index % 2 == 1
     while True:
@@ -124,7 +137,7 @@ def _plant(texts: Texts, is_discrete: bool) -> Plant:
 
 
 def _slipped(text: str, kind: str, rng: np.random.Generator) -> str | None:
-    """Return the text with a misprint of its digits, or None if that is not a number."""
+    """Return the text with a misprint in its digits, or None if the misprint is not possible."""
     sign = "-" if text.startswith("-") else ""
     digits = text.removeprefix("-")
     first = next(index for index, digit in enumerate(digits) if digit in "123456789")
