@@ -1,1 +1,1 @@
-"""Printed answers: numbers in a paper or a manual, compared with the exact solution of their plant."""
+"""Printed answers: numbers in a paper or manual, compared with their plant's exact solution."""

@@ -68,7 +68,7 @@ class PrintedVerdict(Result, Reported):
 
     @property
     def entries(self) -> list[dict[str, Any]]:
-        """Block, row, column (from 1), printed, exact, half_unit and half_units_off of each entry."""
+        """Block, row, column (from 1), printed, exact, half_unit, half_units_off of each entry."""
         rows = _rows(self.classified.comparison)
         return [dict(zip(_COLUMNS, row, strict=True)) for row in rows]
 

@@ -71,9 +71,8 @@ _PER_DEGREE = 180.0 / math.pi
 class Demands(NamedTuple):
     """Thresholds for naming a mistake.
 
-    left: number of fitted parameters (`Hypothesis.fitted`) -> permitted remaining part of the
-    error.
-        A few parameters cannot explain noise in tens of entries.
+    left: `Hypothesis.fitted` -> permitted remaining part of the error. It is small if numbers were
+        fitted: a few numbers cannot explain noise in tens of entries.
     least: error below which `_EXACT` applies.
     entry: largest error of an entry under the hypothesis (`View.entry_errors`). A norm would depend
         only on the largest entries.
@@ -211,13 +210,13 @@ def diagnose_discrete(
 ) -> str:
     """Return the mistake in a critic in discrete time, or the other problem that it solves, or "".
 
-    game: the game in continuous time; for a plant that is declared discrete its matrices are
-        regarded as continuous
+    game: the game in continuous time; for a plant that is declared discrete, its matrices are
+        interpreted as continuous
     exact: exact solution of the problem in discrete time
     critic: P and K, K alone, or a network
-    continuous: sentences about the answer of the game
-    others: sentences about its answer -> a problem in discrete time
-    box: (n,), half widths of the box of states, of a network
+    continuous: end of the sentence if the critic solves `game`
+    others: end of the sentence -> other problem in discrete time
+    box: (n,), half-widths of the box of states, for a network
     """
 
     def problems(view: View) -> Iterator[Hypothesis]:
@@ -238,16 +237,16 @@ def diagnose_discrete(
 
 
 class _Others:
-    """Other games, constructed once where they are needed."""
+    """Other games to which a critic may belong. They are constructed only if needed."""
 
     def __init__(self, game: Game, nearby: Nearby) -> None:
         self.game = game
         self._families = lru_cache(lambda: families(game, nearby))
 
     def of_polynomial(self, view: View) -> Iterator[Hypothesis]:
-        """Yield the answers of other games.
+        """Yield hypotheses that the critic solves another game, for a critic given by P or K.
 
-        For a critic near the LQR's, another game must explain its difference from the LQR's.
+        If the critic is close to the LQR, another game must explain its difference from the LQR.
         """
         allowed = math.inf
         lqr = [family for family in self._families() if family.is_lqr]
@@ -269,16 +268,17 @@ class _Others:
                 yield is_answer(view, answer, says)
 
     def of_network(self, view: View) -> Iterator[Hypothesis]:
-        """Yield the solutions of other games."""
+        """Yield hypotheses that the critic solves another game, for a critic that is a network."""
         yield from answers(view, self._families(), _OF_NETWORKS.left[""])
 
 
 def _of_view(
     view: View, usual: Sequence[Hypothesis], other_games: Iterable[Hypothesis] = ()
 ) -> str:
-    """Return the best explanation, or "".
+    """Return the best explanation of the error in a matrix, or "".
 
-    Usual mistakes are tried first, then other games, which take longer, then mistakes with noise.
+    Common mistakes are tried first, then other games, which take longer. Common mistakes with noise
+    are tried last.
     """
     cause = named(view, usual, _EXACT)
     if not cause.says:
@@ -287,7 +287,7 @@ def _of_view(
 
 
 def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
-    """Return mistakes visible in a matrix, and for P those of its weights."""
+    """Return the common mistakes of a matrix, including mistakes of the weights for P."""
     hypotheses = list(of_matrix(game, view))
     if view.kind == "P" and critic.weights is not None and critic.basis is not None:
         hypotheses += of_weights(critic.weights, view.exact, critic.basis)
@@ -295,8 +295,10 @@ def _usual(game: Game, view: View, critic: Critic) -> list[Hypothesis]:
 
 
 def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[View | None, View]:
-    """Return P, or None where not given, and K of a critic in balanced units, with the exact
-    ones."""
+    """Return the views of P, or None if the critic has no P, and of K, in balanced units.
+
+    P, K: the exact matrices
+    """
     units = NormalForm.of(game).units
     inputs = np.outer(np.sqrt(np.diag(game.R)), units)
     value = None
@@ -306,7 +308,13 @@ def _views(game: Game, critic: Critic, P: np.ndarray, K: np.ndarray) -> tuple[Vi
 
 
 def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Return 1 / √P_ii of the exact P, (n,), or the unit of a state without cost."""
+    """Return units in which the states contribute equally to the value, 1 / √P_ii, (n,).
+
+    For a state with almost no cost, the given unit is returned.
+
+    P: exact P
+    units: units of the states, (n,)
+    """
     diagonal = np.diag(P)
     costs = diagonal * units**2
     known = costs > SMALL * costs.max()
@@ -314,7 +322,7 @@ def alike(P: np.ndarray, units: np.ndarray) -> np.ndarray:
 
 
 def _rounded(gain: View) -> str:
-    """Return the reason if P is right but the K that follows from it is not, else ""."""
+    """Return the sentence for a P that is right within the limit although its K is not."""
     return (
         f"P is right within the limit; the K that follows from it, R⁻¹B'P, is off by "
         f"{error_of(gain, gain.judged):.2g}: it needs more digits of P"
@@ -322,7 +330,10 @@ def _rounded(gain: View) -> str:
 
 
 def _beyond_quadratic(critic: Critic) -> str:
-    """Return the reason if the quadratic weights are right but further weights are not, else ""."""
+    """Return a sentence on a further weight that is not 0, or "" if all of them are 0.
+
+    On a linear plant, only the weights of quadratic functions may differ from 0.
+    """
     if critic.weights is None or critic.basis is None:
         return ""
     beyond = critic.basis.quadratic_size
@@ -336,7 +347,10 @@ def _beyond_quadratic(critic: Critic) -> str:
 
 
 def _another_root(game: Game, P: np.ndarray) -> str:
-    """Return the reason if P solves the Riccati equation but does not stabilize, else ""."""
+    """Return a sentence if P is another root of the Riccati equation, otherwise "".
+
+    Such a P solves the equation but does not stabilize.
+    """
     form = NormalForm.of(game)
     abscissa = spectrum(game.A - game.S @ P).abscissa
     residual = float(form.relative_residual(form.of_value(P)))
@@ -358,9 +372,9 @@ def _of_network(
     box: np.ndarray,
     others: Callable[[View], Iterator[Hypothesis]],
 ) -> str:
-    """Return the mistake that explains most, of the network at the origin or over the box.
+    """Return the mistake that explains most of a network's error, at the origin or over the box.
 
-    others: view -> the answers of other games.
+    others: view -> hypotheses that the critic solves another game
     """
     own_policy = "policy" in critic.network and not critic.implies_policy
     at_origin = _network_views(exact, Answer(critic.P, critic.K), critic, box)
@@ -399,7 +413,7 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield the causes by which the network is right if it is read otherwise."""
+    """Yield the explanations that the network was read wrongly, for each of the critic's variants."""
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
@@ -415,7 +429,10 @@ def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> I
 
 
 def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray) -> list[View]:
-    """Return P, if given, and K of a network with the exact ones, weighted by sizes in the box."""
+    """Return the views of P, if given, and of K, weighted by the half-widths of the box.
+
+    answer: P and K that represent the network
+    """
 
     def by_row(matrix: np.ndarray) -> np.ndarray:
         sizes = np.linalg.norm(matrix * box, axis=1, keepdims=True)
@@ -431,9 +448,10 @@ def _network_views(exact: Exact, answer: Answer, critic: Critic, box: np.ndarray
 
 
 def nearest_linear(game: Game, critic: Critic, box: np.ndarray) -> Answer:
-    """Return the quadratic V and the linear u nearest to a network over the box, by least squares.
+    """Return the quadratic V and the linear u closest to a network over the box.
 
-    The fit has no constant terms and, for V, no linear terms.
+    They are fitted by least squares at random states of the box. Constant terms, and linear terms
+    of V, are fitted too and then omitted. P is None if the network is a policy.
     """
     n = len(box)
     z = np.random.default_rng(2).uniform(-1.0, 1.0, (_SAMPLES, n))

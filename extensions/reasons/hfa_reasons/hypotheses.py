@@ -1,7 +1,7 @@
-"""Common mistakes in critics, each in words and with the critic that would result without it.
+"""Hypotheses on common mistakes in critics.
 
-Each is a guess from the critic's own numbers. Only the comparison with the exact answer makes it a
-cause (`diagnosis`).
+Each consists of a sentence and the critic with the mistake reversed. Only the comparison with
+the exact answer (`diagnosis`) decides whether it is named.
 """
 
 from __future__ import annotations
@@ -33,14 +33,13 @@ _FACTORS = {"has the wrong sign": -1.0, "is half the exact one": 2.0, "is twice 
 
 
 class Hypothesis(NamedTuple):
-    """A mistake that a critic may have.
+    """Mistake that a critic may have.
 
-    says: a sentence that names the mistake.
-    undo: P (n, n) or K (m, n) without it.
-    fitted: numbers fitted to the critic: "" for none, "factor" for one of all entries, "scales" for
-        one of each state or input. A hypothesis with fitted numbers must explain more of the error.
-    answer: exact P or K of another game, or None for a hypothesis of the exact matrix with a
-        mistake.
+    says: sentence that names the mistake.
+    undo: P (n, n) or K (m, n) with the mistake reversed.
+    fitted: numbers fitted to the critic: "" for none, "factor" for one number, "scales" for one
+        number for each state or input. With fitted numbers, it must explain more of the error.
+    answer: exact P or K of another game, or None if the mistake is not another game.
     """
 
     says: str
@@ -50,14 +49,13 @@ class Hypothesis(NamedTuple):
 
 
 class View(NamedTuple):
-    """A matrix of the critic with the exact one.
+    """Matrix of a critic and the exact matrix.
 
     kind: "P" or "K".
     judged: (k, n), matrix of the critic.
-    exact: (k, n).
-    weights: (k, n), of the entries in an error.
-    units: (n,), of the states, in which each contributes about equally to the exact value: 1 /
-        √P_ii.
+    exact: (k, n), exact matrix.
+    weights: (k, n), weights of the entries in an error.
+    units: (n,), units in which the states contribute about equally to the value, 1 / √P_ii.
     """
 
     kind: str
@@ -68,20 +66,20 @@ class View(NamedTuple):
 
     @property
     def noun(self) -> str:
-        """What the matrix is: a solution or a gain."""
+        """Noun for the matrix: "solution" or "gain"."""
         return "solution" if self.kind == "P" else "gain"
 
     @property
     def known(self) -> int:
-        """Number of values that the critic has to match."""
+        """Number of independent nonzero entries of the exact matrix."""
         return int(np.count_nonzero(np.triu(self.exact) if self.kind == "P" else self.exact))
 
     def entry_errors(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Return the distance of each entry from its value under a hypothesis, (entries,).
+        """Return the error of each entry under a hypothesis, (entries,), in comparable units.
 
-        The distances are in comparable units. The critic without the mistake is compared with the
-        exact one. A critic that is regarded as the answer of another game is compared with that
-        answer, in its sizes. Entries that are small in both are omitted.
+        The critic with the mistake reversed is compared with the exact matrix. If the hypothesis is
+        another game, the critic is compared with the answer of that game. Entries that are small in
+        both matrices are omitted.
         """
         tested = hypothesis.undo
         right = self.exact
@@ -102,23 +100,25 @@ class View(NamedTuple):
         return np.asarray(np.where(np.isnan(errors), np.inf, errors)[told])
 
     def relative(self) -> View:
-        """Return the view with every entry relative to its exact value. Entries below a small part
-        of the largest one are relative to that part.
+        """Return the view with errors relative to each exact entry.
+
+        An entry below a small fraction of the largest is replaced by that fraction.
         """
         sizes = np.abs(self.exact * self.weights)
         least = _SMALL * sizes.max() or 1.0
         return self._replace(weights=self.weights / np.maximum(sizes, least))
 
     def transposed(self) -> View:
-        """Return the transposed view."""
+        """Return the view with transposed matrices."""
         return self._replace(judged=self.judged.T, exact=self.exact.T, weights=self.weights.T)
 
 
 def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[Hypothesis]:
-    """Yield mistakes of weights: order, missing factor 2, half the cost, or two exchanged.
+    """Yield mistakes of weights: order, missing factor 2, half the cost, or two exchanged weights.
 
     weights: (M,)
-    exact: P, (n, n)
+    exact: exact P, (n, n)
+    psi: functions that the weights multiply
     """
     row, column = np.triu_indices(psi.states)
     quadratic = weights[: psi.quadratic_size]
@@ -156,8 +156,8 @@ def of_weights(weights: np.ndarray, exact: np.ndarray, psi: Basis) -> Iterator[H
 def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
     """Yield mistakes of a matrix: sign, factor, order, units of states and inputs, a wrong entry.
 
-    For P they include a missing triangle and the factor 2 off the diagonal. For K they include a
-    missing R⁻¹ and the order of its entries.
+    For P, also a missing triangle, and off-diagonal entries that are twice too large. For K, also a
+    missing R⁻¹ and entries stored column by column.
     """
     if view.kind == "P":
         says = "P is not symmetric: the value z'Pz depends on (P + P')/2 alone"
@@ -184,7 +184,11 @@ def of_matrix(game: Game, view: View) -> Iterator[Hypothesis]:
 
 
 def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
-    """Yield hypotheses: all entries times one number."""
+    """Yield hypotheses that all entries are multiplied by one factor.
+
+    noun: "value" or "gain"
+    meant: definition of the right matrix, for the sentence
+    """
     for mistake, factor in _FACTORS.items():
         yield Hypothesis(f"the {noun} {mistake}: {meant}", factor * view.judged)
     weights = view.weights**2
@@ -200,16 +204,16 @@ def _factors(view: View, noun: str, meant: str) -> Iterator[Hypothesis]:
 
 
 def _nearest_power_of_ten(ratio: float) -> int:
-    """Return k where the ratio is about 10^k, or 0 where it is not positive."""
+    """Return k for a ratio of about 10^k, or 0 if it is not positive and finite."""
     if not (math.isfinite(ratio) and ratio > 0.0):
         return 0
     return round(math.log10(ratio))
 
 
 def _one_entry(view: View) -> Iterator[Hypothesis]:
-    """Yield a wrong sign or decimal point of the entry with the largest error.
+    """Yield the hypothesis of a wrong sign or decimal point in the entry with the largest error.
 
-    For P its mirror image is changed too.
+    In P, the mirrored entry is corrected too.
     """
     if view.known < 1 + REDUNDANT:
         return
@@ -236,9 +240,10 @@ def _one_entry(view: View) -> Iterator[Hypothesis]:
 
 
 def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Yield mistakes of rows (inputs, slopes or states): order, signs, degrees and scales.
+    """Yield mistakes of rows: order, signs, degrees and scales.
 
-    degree: factor of a row whose quantity is in degrees.
+    noun: noun for a row: "input", "slope" or "state"
+    degree: factor of a row whose quantity is in degrees
     """
     size = len(view.judged)
     with np.errstate(all="ignore"):
@@ -253,15 +258,17 @@ def of_rows(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
 
 
 def of_columns(view: View, noun: str, degree: float) -> Iterator[Hypothesis]:
-    """Yield mistakes of the columns of a matrix."""
+    """Yield mistakes of columns: order, signs, degrees and scales. The arguments are as in
+    `of_rows`.
+    """
     for mistake in of_rows(view.transposed(), noun, degree):
         yield mistake._replace(undo=mistake.undo.T)
 
 
 def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
-    """Yield mistakes of the states in rows and columns of a symmetric matrix.
+    """Yield mistakes of the states in a symmetric matrix: order, signs, degrees and scales.
 
-    They are order, signs, degrees and scales.
+    noun: noun for a row and column, "state"
     """
     size = len(view.judged)
     with np.errstate(all="ignore"):
@@ -277,10 +284,9 @@ def of_sides(view: View, noun: str) -> Iterator[Hypothesis]:
 
 
 def _symmetric_factors(view: View) -> np.ndarray:
-    """Return t, (n,), with given_ij ≈ t_i t_j exact_ij.
+    """Return factors t (n,) of the states, with judged_ij ≈ t_i t_j exact_ij.
 
-    The fit begins with the diagonal. Then each t_i is fitted by least squares with the others
-    fixed.
+    They begin with the diagonals. Each is then fitted repeatedly by least squares.
     """
     P = view.exact
     signs = np.sign(view.judged * P)[int(np.argmax(np.diag(P)))]
@@ -299,9 +305,12 @@ def _symmetric_factors(view: View) -> np.ndarray:
 def _scales(
     view: View, noun: str, factors: np.ndarray, degree: float
 ) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Yield signs, degrees and scales implied by the factors of states or inputs.
+    """Yield signs, degrees and scales that the factors of states or inputs imply.
 
-    Each is the text of the mistake, the divisors of the states or inputs, and the fitted numbers.
+    Each is (sentence, divisors of the states or inputs, `Hypothesis.fitted`).
+
+    factors: factor of each state or input
+    degree: factor of a quantity in degrees
     """
     flipped = factors < 0.0
     with np.errstate(all="ignore"):
@@ -319,7 +328,7 @@ def _scales(
 
 
 def _listed(noun: str, where: np.ndarray) -> str:
-    """Return numbers in words: "state 2", "states 2, 3 and 5"."""
+    """Return the numbers of a mask as text, such as "state 2" or "states 2, 3 and 5"."""
     *numbers, last = (str(index + 1) for index in np.flatnonzero(where))
     return f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
 
@@ -329,7 +338,7 @@ def _order_says(noun: str, order: Sequence[int] | np.ndarray) -> str:
 
 
 def _best_order(away: np.ndarray) -> np.ndarray:
-    """Return the order (n,) with the least sum of away[i, order[i]]."""
+    """Return the order (n,) for which the sum of away[i, order[i]] is smallest."""
     from scipy.optimize import linear_sum_assignment
 
     return np.asarray(linear_sum_assignment(np.nan_to_num(away, nan=1e300, posinf=1e300))[1])

@@ -1,8 +1,8 @@
-"""Search for another game that a critic solves: other delta, Q, R, discount, step or scheduling
-value.
+"""Search for another game that a critic solves.
 
-Along one parameter a search finds the game whose answer is nearest. Diagonal Q and R follow from P,
-because the Riccati equation is linear in them. The game is then solved, and only its answer counts.
+It may have another delta, Q, R, discount, time step or scheduling value. For one parameter, the
+search finds the game whose answer is closest. Diagonal Q and R follow from P, because the Riccati
+equation is linear in Q and R⁻¹. The game is then solved, and its answer is compared.
 """
 
 from __future__ import annotations
@@ -47,21 +47,25 @@ _SAME_WEIGHT = 1e-3
 
 
 class Answer(NamedTuple):
-    """Solution P (n, n), None where only a gain is known, and K (m, n)."""
+    """Solution of a game.
+
+    P: (n, n), or None if only the gain is known.
+    K: (m, n).
+    """
 
     P: np.ndarray | None
     K: np.ndarray
 
 
 class Family(NamedTuple):
-    """Games along one parameter x.
+    """Games with one parameter x.
 
     says: (noun, x) -> description of the game.
-    answer: x -> the answer. Raises NoSolutionError where no answer exists.
-    starts: initial x of a search, or none for one game alone.
+    answer: x -> solution of the game. Raises NoSolutionError if none exists.
+    starts: initial values of a search for x; empty for a single game.
     is_lqr: whether it is the game without disturbance.
-    plausible: the least and the largest x that are usual on this plant, or None for any between the
-        starts or as far beyond them.
+    plausible: least and largest x that are plausible for the plant, or None for the interval of
+        `starts`, extended by its length on both sides.
     """
 
     says: Callable[[str, float], str]
@@ -79,10 +83,10 @@ class Family(NamedTuple):
 
 
 def families(game: Game, nearby: Nearby) -> list[Family]:
-    """Return the families of other games: LQR, named games, and games along one parameter.
+    """Return the families of other games: LQR, named games, and games with one parameter.
 
-    The parameters are delta, scheduling value, Q, R and discount. In discrete time A and B are
-    regarded as those of a step, or sampled.
+    The parameters are delta, scheduling value, scales of Q and R, and discount. In discrete time,
+    A and B are taken as those of a step, or are sampled.
     """
     lqr = game.with_delta(math.inf)
     is_game = math.isfinite(game.delta)
@@ -125,7 +129,7 @@ def families(game: Game, nearby: Nearby) -> list[Family]:
 
 
 def _lqr(game: Game, lqr: Game) -> Family:
-    """Return the game without disturbance."""
+    """Return the family that consists of the game without disturbance, `lqr`."""
     without = f"(delta = inf), not the game's at delta = {game.delta:.6g}"
     return Family(
         lambda noun, _: f"this is the LQR {noun} {without}", lambda _: solved(lqr), is_lqr=True
@@ -139,7 +143,9 @@ def _another(
 ) -> Family:
     """Return a family of games in continuous time.
 
-    says: text of the difference at x
+    says: x -> description of the difference
+    game_at: x -> game
+    starts: initial values of a search for x; empty for a single game
     """
     return Family(
         lambda noun, x: f"this is the {noun} of another game, {says(x)}",
@@ -149,14 +155,15 @@ def _another(
 
 
 def _named(description: str, game: Game) -> Family:
-    """Yield one other game."""
+    """Return the family that consists of one game."""
     return _another(lambda _: description, lambda _: game)
 
 
 def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family:
-    """Return the family of games along a positive parameter exp(x).
+    """Return the family of games with the positive parameter exp(x).
 
-    Its value is printed between `what` and `unit`.
+    what, unit: text before and after the value of the parameter
+    game_at: exp(x) -> game
     """
     return _another(
         lambda x: f"{what} {math.exp(x):.4g} {unit}",
@@ -166,9 +173,9 @@ def _along_log(what: str, unit: str, game_at: Callable[[float], Game]) -> Family
 
 
 def fastest_rate(game: Game) -> float:
-    """Return the largest |eigenvalue| of A and of A - B K, rad/s.
+    """Return the largest |eigenvalue| of A and of A - B K, rad/s, or 1 if all are 0.
 
-    Faster modes justify no discount or time step.
+    It limits the plausible discounts and time steps.
     """
     loops = [game.A]
     with contextlib.suppress(NoSolutionError):
@@ -177,8 +184,14 @@ def fastest_rate(game: Game) -> float:
 
 
 def _in_steps(whose: str, game: Game, rate: float) -> Iterator[Family]:
-    """Yield games in discrete time along the step exp(x) s: held inputs, whole cost, or Euler's
-    rule."""
+    """Yield families of games in discrete time, with a step of exp(x) s.
+
+    The first holds the inputs. The second also has a cost that is not multiplied by the step. The
+    third uses Euler's rule.
+
+    whose: description of the game
+    rate: fastest rate of the plant, rad/s, which limits the step
+    """
     starts = tuple(math.log(time) for time in _TIMES)
     plausible = (math.log(_SHORTEST_STEP / rate), math.log(_LONGEST_STEP / rate))
     held_at = lru_cache(maxsize=None)(partial(held, game))  # the first two seek the same steps
@@ -199,14 +212,14 @@ def _stepped(whose: str, how: str, answer: Callable[[float], Answer]) -> Family:
 
 
 def solved(game: Game) -> Answer:
-    """Return the solution of a game, neither refined nor certified."""
+    """Return the solution of a game, without refinement or certificate."""
     form = NormalForm.of(game)
     P = form.value(unrefined(form))
     return Answer(P, game.gain(P))
 
 
 def discounted(game: Game, rate: float) -> Game:
-    """Return the game whose P is that of ∫ e^(-rate t) (z'Qz + u'Ru - δ² d'd) dt.
+    """Return the game whose P belongs to the cost ∫ e^(-rate t) (z'Qz + u'Ru - δ² d'd) dt.
 
     rate: 1/s
     """
@@ -214,18 +227,28 @@ def discounted(game: Game, rate: float) -> Game:
 
 
 def held(game: Game, step: float) -> Answer:
-    """Return the solution with u and d held over each step, s."""
+    """Return the solution with u and d held over each step.
+
+    step: s
+    """
     return Answer(*quick_discrete(sampled(game, step)))
 
 
 def of_whole_cost(answer: Answer, step: float) -> Answer:
-    """Return the solution of a game whose cost is not multiplied by the length of the step."""
+    """Convert a solution to that of a cost which is not multiplied by the step.
+
+    step: s
+    """
     assert answer.P is not None
     return Answer(answer.P / step, answer.K)
 
 
 def euler(game: Game, step: float) -> Answer:
-    """Return the solution for x⁺ = x + (A x + B u + E d) step, with the cost times the step, s."""
+    """Return the solution for x⁺ = x + (A x + B u + E d) step, with the cost multiplied by the
+    step.
+
+    step: s
+    """
     A = np.eye(len(game.A)) + step * game.A
     of_step = Game(
         A, step * game.B, step * game.E, step * game.Q, step * game.R, math.sqrt(step) * game.delta
@@ -234,16 +257,16 @@ def euler(game: Game, step: float) -> Answer:
 
 
 def is_answer(view: View, answer: Answer, says: str) -> Hypothesis:
-    """Return the hypothesis that the critic solves another problem."""
+    """Return the hypothesis that the critic solves the problem with this answer."""
     matrix = answer.P if view.kind == "P" else answer.K
     assert matrix is not None
     return Hypothesis(says, view.judged - matrix + view.exact, answer=matrix)
 
 
 def answers(view: View, candidates: list[Family], explained: float) -> Iterator[Hypothesis]:
-    """Yield the game of each family whose answer is nearest.
+    """Yield, for each family, the hypothesis of the game whose answer is closest to the critic.
 
-    explained: value to which a search must reduce the difference
+    explained: part of the difference that a search may leave
     """
     few = view.known <= REDUNDANT  # a few numbers fit many games
     for family in candidates:
@@ -256,12 +279,13 @@ def answers(view: View, candidates: list[Family], explained: float) -> Iterator[
 
 
 def other_weights(game: Game, P: np.ndarray) -> Iterator[tuple[str, Answer]]:
-    """Yield (name, solution) for games with another diagonal Q or R whose value may be P.
+    """Yield (sentence, solution) for games with another diagonal Q or R whose value may be P.
 
-    game: game whose diagonal weights are varied; a Q or R that is not diagonal is kept
+    The Riccati equation A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is
+    linear in q and 1/r, and is solved for them by least squares.
+
+    game: game whose weights are varied; a Q or R that is not diagonal is kept
     P: (n, n)
-
-    A'P + P A + Σ q_i e_i e_i' - P (Σ b_j b_j' / r_j - δ⁻² E E') P = 0 is linear in q and 1/r.
     """
     if not P.any():
         return
@@ -288,7 +312,10 @@ def _is_diagonal(matrix: np.ndarray) -> bool:
 
 
 def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
-    """Return the least-squares x of Σ x_i terms_i + constant = 0, or None for too few equations."""
+    """Return the least-squares solution x of Σ x_i terms_i + constant = 0.
+
+    The result is None if there are too few equations.
+    """
     upper = np.triu_indices(len(constant))
     matrix = np.array([term[upper] for term in terms]).T
     if len(matrix) < matrix.shape[1] + REDUNDANT:
@@ -299,7 +326,12 @@ def _fitted(terms: list[np.ndarray], constant: np.ndarray) -> np.ndarray | None:
 def _with_weights(
     game: Game, name: str, noun: str, diagonal: np.ndarray
 ) -> Iterator[tuple[str, Answer]]:
-    """Yield the answer with this diagonal of "Q" or "R"."""
+    """Yield the sentence and the solution for a game with this diagonal of "Q" or "R".
+
+    Nothing is yielded if no solution exists.
+
+    noun: "state" or "input"
+    """
     weights = np.diag(getattr(game, name))
     changed = np.flatnonzero(np.abs(diagonal - weights) > _SAME_WEIGHT * np.abs(weights))
     says = f"with {name} = diag({', '.join(f'{entry:.4g}' for entry in diagonal)})"
@@ -313,10 +345,12 @@ def _with_weights(
 
 
 def _nearest(view: View, family: Family, explained: float) -> float | None:
-    """Return the parameter at which the solution differs least, by least squares.
+    """Return the parameter of a family for which the difference is smallest, by least squares.
 
-    It lies between the starts or as far beyond them. The result is None when the difference does
-    not decrease to `_REACHED` of the best start's.
+    It is within the limits of the family. The result is None if the difference does not decrease to
+    `_REACHED` of its value at the best initial value.
+
+    explained: part of the difference that the search may leave
     """
     from scipy.optimize import least_squares
 

@@ -1,4 +1,4 @@
-"""Each planted mistake is named, and random errors are not."""
+"""Search for mistakes in critics. Planted mistakes are named, random errors are not."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def named(
 
 
 def wrong(game: Game, candidate: Critic) -> bool:
-    """Return whether the errors refuse a critic.
+    """Return whether the errors of a critic exceed their limits.
 
-    `test_critic_check.py` and `test_network_search.py` test the verdict that follows.
+    `test_critic_check.py` and `test_network_search.py` test the resulting verdict.
     """
     return not all(check.ok for check in critic_errors(game, candidate, solved(game), LIMIT))
 
@@ -92,7 +92,7 @@ def test_a_planted_mistake_is_refused_and_named(game: Game, mistake: str) -> Non
     ],
 )
 def test_mistake_is_not_recognized_is_refused_without_cause(game: Game, mistake: str) -> None:
-    """A mistake that is not recognized is refused without a cause."""
+    """A critic with an unknown mistake fails, and no mistake is named."""
     candidate = candidate_of(game, *UNNAMED[mistake])
     assert wrong(game, candidate)
     assert named(game, candidate) == ""
@@ -135,10 +135,11 @@ RIGHT = (("W", lambda game: weights_of(value(game)), ""), ("P", value, ""), ("K"
 
 
 def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
-    """Return how many noisy tables of random games with this mistake, or "" for none, are given its
-    words.
+    """Return how many noisy critics of random games are diagnosed correctly.
 
-    Games of which a noisy table cannot be judged are skipped.
+    mistake: planted mistake, or "" for noise alone, for which no mistake may be named
+    size: standard deviation of the relative noise
+    games: number of games
     """
     rng = np.random.default_rng(seed)
     count = 0
@@ -163,14 +164,14 @@ def named_under_noise(mistake: str, size: float, games: int, seed: int) -> int:
     ],
 )
 def test_mistake_under_noise_of_1_percent_is_named(mistake: str) -> None:
-    """A mistake is named under noise of 1 %."""
+    """A mistake is named in spite of noise of 1 %."""
     assert named_under_noise(mistake, 0.01, 3, 0) == 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mistake", OF_ANY_GAME)
 def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
-    """A mistake under noise of 1 % is named in 95 of 100 tables."""
+    """A mistake is named in at least 95 of 100 critics with noise of 1 %."""
     assert named_under_noise(mistake, 0.01, 100, 1) >= 95
 
 
@@ -179,7 +180,7 @@ def test_mistake_under_noise_1_percent_named_95_100(mistake: str) -> None:
     "size", [0.01, *(pytest.param(size, marks=SLOW) for size in (0.003, 0.04))]
 )
 def test_noise_alone_gets_no_cause_in_99_100(size: float, games: int) -> None:
-    """Noise alone has no cause in 99 of 100 tables."""
+    """For noise alone, no mistake is named in at least 99 % of the critics."""
     assert named_under_noise("", size, games, 2) >= 0.99 * games
 
 
@@ -213,7 +214,10 @@ def test_random_errors_gain_beside_value_get_no_cause(game: Game) -> None:
 def test_critic_of_another_angle_is_named_with_angle(
     kind: str, dynamics: str, degrees: float, other: float
 ) -> None:
-    """A critic of another dihedral angle is named with that angle."""
+    """A critic for another dihedral angle is named with this angle.
+
+    Without the aircraft, it cannot be recognized.
+    """
     game = game_at(degrees, dynamics)
     theirs = game_at(other, dynamics)
     candidate = candidate_of(game, kind, lambda _: value(theirs) if kind == "P" else gain(theirs))
@@ -223,15 +227,16 @@ def test_critic_of_another_angle_is_named_with_angle(
 
 
 def test_noisy_gain_not_taken_for_of_another_angle(game: Game) -> None:
-    """A noisy gain is not mistaken for that of another angle."""
+    """A noisy gain is not taken for the gain at another dihedral angle."""
     noise = np.random.default_rng(2).standard_normal(gain(game).shape)
     assert named(game, from_gain(game, gain(game) * (1.0 + 0.01 * noise)), game_at) == ""
 
 
 @pytest.mark.parametrize("degrees", [5, pytest.param(15, marks=SLOW)])
 def test_a_critic_of_the_printed_matrices_is_named(game: Game, degrees: int) -> None:
-    """A critic of the printed matrices is named, although only their rounding makes the
-    difference.
+    """A critic that solves the printed matrices is recognized.
+
+    They differ from the game's only by rounding.
     """
     printed = game_models()[f"published-{degrees}"]
     for candidate in (from_value(game, value(printed)), from_gain(game, gain(printed))):
@@ -250,7 +255,7 @@ def test_a_weight_beyond_the_quadratic_ones_is_named(game: Game) -> None:
 
 
 def test_a_transposed_gain_of_square_plant_is_named() -> None:
-    """A transposed gain of a square plant is named."""
+    """A transposed gain is recognized for a plant with as many inputs as states."""
     game = Game(
         [[-1.0, 0.4], [0.1, -2.0]], np.eye(2), np.eye(2), np.eye(2), np.diag([1.0, 3.0]), 5.0
     )
@@ -264,7 +269,7 @@ def test_one_number_is_not_taken_for_another_game() -> None:
 
 
 def test_three_numbers_enough_tell_another_game_two_not() -> None:
-    """Three numbers suffice to recognize another game, and two do not."""
+    """Another delta is recognized from the three numbers of P, and not from the two of K."""
     candidate = SMALL.with_delta(4.0)
     assert "this is the solution of another game, at delta = 4" in named(
         SMALL, from_value(SMALL, value(candidate))
@@ -289,7 +294,13 @@ NETWORK = ("--set", "activation=tanh", "--set", f"scale={SCALE}")
 def layers(
     name: str, out: Any = 1.0, states: Any = slice(None), outputs: Any = slice(None)
 ) -> dict[str, Any]:
-    """Return the state dict with scaled outputs, and with states and outputs in another order."""
+    """Return the state dict of a trained network, changed.
+
+    name: name of the network
+    out: factor on the outputs
+    states: order of the states
+    outputs: order of the outputs
+    """
     with np.load(TRAINED / f"{name}.npz") as stored:
         reasons = dict(stored)
     first, *_, weight, bias = reasons
@@ -362,7 +373,7 @@ RARE = ("discrete time", "another angle", "no input scaling, dV/dz", "ReLU for t
     ],
 )
 def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistake: str) -> None:
-    """A mistake planted in a trained network is refused and named."""
+    """A mistake planted in a trained network fails and is named."""
     changes, how, words = MISTAKES[mistake]
     path = network_files.torch_file("critic.pt", layers(**changes))
     candidate = networks.from_network(
@@ -376,7 +387,10 @@ def test_mistake_planted_in_trained_network_refused_and_named(game: Game, mistak
     "name", ["policy", *(pytest.param(name, marks=SLOW) for name in ("V", "gradient"))]
 )
 def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None:
-    """The reports of the right networks name no cause, except where V hides it."""
+    """For the networks as trained, no mistake is named.
+
+    For the network of V, the reason is that a small error of V causes a large error of the policy.
+    """
     candidate = networks.from_network(
         game,
         network_files.torch_file("critic.pt", layers(name)),
@@ -392,7 +406,12 @@ def test_right_networks_no_cause_but_what_v_hides(game: Game, name: str) -> None
 def random_value(
     rng: np.random.Generator, hidden: int, gain: float, is_square: bool
 ) -> ca.Function:
-    """Return V of an untrained network: torch's initial weights times a gain."""
+    """Return V of an untrained network with two hidden layers.
+
+    hidden: width of the hidden layers
+    gain: factor on torch's initial weights
+    is_square: whether V is the square of the output
+    """
     z = ca.SX.sym("z", 6)
     h = z
     for width in (hidden, hidden, 1):
@@ -406,8 +425,9 @@ def random_value(
 
 @pytest.mark.parametrize("draws", [1, pytest.param(100, marks=SLOW)])
 def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) -> None:
-    """An untrained network has no cause, although single entries would fit a factor, a discount of
-    1e5 1/s, or a decimal slip.
+    """For an untrained network, no mistake is named.
+
+    A few of its entries would fit a factor, a discount of 1e5 1/s or a wrong decimal point.
     """
     rng = np.random.default_rng(4)
     reasons = []
@@ -418,8 +438,9 @@ def test_a_network_that_learned_nothing_gets_no_cause(game: Game, draws: int) ->
 
 
 def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
-    """A named discount or step is plausible for the rates of the plant, because P = Q / beta fits a
-    large discount beta of any size.
+    """A discount is named only if it is plausible for the rates of the plant.
+
+    P = Q / beta would fit any large discount beta.
     """
     assert named(game, from_value(game, game.Q / 5e4)) == ""
     slow = discounted(game, 0.3)
@@ -429,7 +450,10 @@ def test_discount_and_step_plausible_beside_rates_of_plant(game: Game) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["V", "policy", "gradient"])
 def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
-    """A new training gives the stored weights up to rounding, and a network of 64-64 is judged."""
+    """Training the stored networks again gives errors of equal size.
+
+    A network with hidden layers of 64 is also checked.
+    """
     again = fit(game, name, points=1500, steps=800)
     with np.load(TRAINED / f"{name}.npz") as kept:
         assert {key: entry.shape for key, entry in again.items()} == {
@@ -452,8 +476,9 @@ def test_network_made_again_and_one_64_64_judged(game: Game, name: str) -> None:
     ("name", "points"), [("V", 4), *(pytest.param(x, 8, marks=SLOW) for x in ("V", "policy"))]
 )
 def test_the_search_finds_what_a_grid_finds(game: Game, name: str, points: int) -> None:
-    """The search finds at least the errors of V and of the policy on a grid of four or eight values
-    of each state.
+    """The search finds errors at least as large as those on a grid of states.
+
+    points: number of values for each state
     """
     exact = solved(game)
     b = BOX

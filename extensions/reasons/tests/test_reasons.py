@@ -1,4 +1,4 @@
-"""The reason of a verdict: its place in the report, in any units, for every part of a file."""
+"""Reason of a verdict: its position in the report, for each entry of a file and any units."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ def test_the_reason_is_a_line_of_the_report(game: Game) -> None:
 
 
 def test_value_eight_digits_right_gain_said_need_more() -> None:
-    """The report states that a value right to eight digits is not exact enough for its gain.
+    """The report states that a P with eight right digits is not accurate enough for its gain.
 
-    The input moves both states equally, which costs almost nothing, and K = B'P is a difference.
+    The input moves both states equally, which costs almost nothing. K = B'P is therefore a small
+    difference.
     """
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])

@@ -1,1 +1,1 @@
-"""Results of many rows: stores of Zarr, and the processes that fill them."""
+"""Results of many rows: Zarr stores, and the processes that fill them."""

@@ -1,4 +1,4 @@
-"""Results in memory as datasets of xarray."""
+"""Results in memory as xarray datasets."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 
 def dataset(result: Any) -> xarray.Dataset:
-    """Return an operating point, a linear model or a sweep as an `xarray.Dataset`.
+    """Return an operating point, a linear model or a sweep as an `xarray.Dataset` with names and
+    units.
 
-    It has names and units. Raises BadInputError without xarray, and for another result.
+    Raises BadInputError if xarray is missing, or for another result.
     """
     try:
         import xarray  # noqa: F401
@@ -35,7 +36,7 @@ def dataset(result: Any) -> xarray.Dataset:
 
 
 def _of_point(point: OperatingPoint) -> xarray.Dataset:
-    """Return every state, input and output by name, with its unit."""
+    """Return the dataset of an operating point: each state, input and output with its unit."""
     import xarray
 
     values = {
@@ -45,8 +46,10 @@ def _of_point(point: OperatingPoint) -> xarray.Dataset:
 
 
 def _of_linear(model: LinearModel) -> xarray.Dataset:
-    """Return an xarray Dataset with A, B, C, D and the offsets X0, U0 and Y0, with names and
-    units."""
+    """Return the dataset of a linear model: A, B, C, D and the offsets X0, U0 and Y0.
+
+    It contains names and units.
+    """
     import xarray
 
     states = ("state", list(model.states), {"units": list(model.state_units)})
@@ -73,9 +76,9 @@ def _of_linear(model: LinearModel) -> xarray.Dataset:
 
 
 def _of_sweep(swept: Sweep) -> xarray.Dataset:
-    """Return a dataset of states, inputs, A, B and eigenvalues, with names, units and reasons.
+    """Return the dataset of a sweep: states, inputs, A, B, eigenvalues and reasons.
 
-    Its axes are those of the grid, or the points of a list.
+    It contains names and units. Its axes are those of the grid, or "point" for a list.
     """
     import xarray
 

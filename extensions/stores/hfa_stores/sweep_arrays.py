@@ -11,11 +11,11 @@ from hfa_aircraft.model import Model
 
 
 class SweepArray(NamedTuple):
-    """Declaration of an array over the points of a sweep.
+    """Array over the points of a sweep.
 
-    axes: its axes besides those of the points
-    units: unit of all entries, or the name of the coordinate with the unit of each
-    meaning: in words
+    axes: axes in addition to those of the points
+    units: unit of all entries, or the coordinate that contains the unit of each entry
+    meaning: description
     """
 
     axes: tuple[str, ...]
@@ -24,7 +24,9 @@ class SweepArray(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Return the attributes of the CF conventions, with `units_of` where units differ."""
+        """Attributes by the CF conventions; `units_of` replaces `units` if the entries' units
+        differ.
+        """
         kind = "units" if self.units == "1/s" else "units_of"
         return {"long_name": self.meaning, kind: self.units}
 
@@ -39,7 +41,7 @@ ARRAYS = {
 
 
 def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the coordinates of the axes for xarray: (axis, names) and (axis, units).
+    """Return the coordinates of the axes for xarray: names and units along each axis.
 
     rates: names of the states whose rates are the rows of A and B.
     """
@@ -58,5 +60,5 @@ def labels_of(model: Model, rates: tuple[str, ...]) -> dict[str, tuple[str, np.n
 
 
 def _words(words: Iterable[str]) -> np.ndarray:
-    """Return words of any length in the form that Zarr stores."""
+    """Return words as an array of objects, which Zarr stores with any length."""
     return np.array([*words], dtype=object)

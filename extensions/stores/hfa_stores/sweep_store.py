@@ -1,4 +1,4 @@
-"""A sweep that exceeds memory: its points in a Zarr store, with names and units."""
+"""Sweeps that exceed memory: points in a Zarr store, with names and units."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _POINT = "point"
 
 @dataclass(frozen=True, eq=False)
 class SweepAttributes(StatesAndInputs, Result):
-    """The attributes of a store of a sweep.
+    """Attributes of the store of a sweep.
 
     plan: the swept variables and values.
     """
@@ -50,22 +50,22 @@ class SweepAttributes(StatesAndInputs, Result):
 
     @property
     def model(self) -> Model:
-        """Name of the model."""
+        """The aircraft of the sweep."""
         return self.plan.model
 
     @property
     def status(self) -> tuple[str, ...]:
-        """Meaning of the numbers of status."""
+        """Meaning of each number in the array `status`."""
         return tuple(map(str, STATUS))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredSweep(Result, Reported):
-    """Contents of a store.
+    """Summary of the store of a sweep.
 
     plan: the swept variables and values.
     store: path of the store.
-    counts: points by status, "missing" for those not computed yet.
+    counts: status -> number of points; "missing" counts points that are not computed yet.
     warnings: limits of the result.
     """
 
@@ -82,7 +82,7 @@ class StoredSweep(Result, Reported):
     warnings: Sequence[str]
 
     def report(self) -> Report:
-        """Return the number of points with each status."""
+        """Return the report with the number of points of each status."""
         rows = [(status, str(count)) for status, count in self.counts.items()]
         return Report(
             title=f"Sweep over {', '.join(self.plan.variables)}, {self.plan.model.title}: "
@@ -101,9 +101,9 @@ RESULTS = (
 
 
 def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
-    """Return every point of the plan in the store at `path`, as `xarray.Dataset`.
+    """Compute a sweep in the store at `path`, and return the store as `xarray.Dataset`.
 
-    The options are those of `fill_store`.
+    options: keyword arguments of `fill_store`
     """
     job = RowJob("sweep", _POINT, _template(plan), run_points, plan.task)
     return fill_store(job, path, **options)
@@ -118,7 +118,10 @@ def reported_sweep(
     provenance: Mapping[str, Any],
     progress: Progress,
 ) -> Report:
-    """Return the report on `stream_sweep`, the part "sweep.store.zarr" of `hfa sweep`."""
+    """Compute a sweep in a store and return its report.
+
+    It is the part "sweep.store.zarr" of the command `hfa sweep`.
+    """
     dataset = stream_sweep(
         plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress
     )
@@ -167,11 +170,9 @@ def _template(plan: SweepPlan) -> Any:
 
 
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
-    """Return the number of points by status, and how many lie at a kink.
+    """Return the summary of a store: points by status, and the number of points at a kink.
 
-    The status "missing" is that of points not computed yet.
-
-    dataset: result of `stream_sweep` for the plan, from the store at `path`
+    dataset: the store at `path`, from `stream_sweep`
     """
     totals = np.zeros(len(STATUS) + 1, dtype=int)
     kinks = 0

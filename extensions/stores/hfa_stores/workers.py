@@ -1,4 +1,4 @@
-"""Workers for independent tasks: this process, child processes, or a Dask cluster."""
+"""Executors of independent tasks: this process, child processes, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -39,14 +39,13 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 @contextmanager
 def open_workers(workers: int | str = 1) -> Iterator[Run]:
-    """Return an executor of tasks until the block ends.
+    """Context manager that provides an executor of tasks.
 
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
         tcp://host:port
 
-    Raises BadInputError when the number is not positive, Dask is not installed or the scheduler
-    does not answer. Running tasks raises NoSolutionError when a worker dies or the cluster gives up
-    a task.
+    Raises BadInputError if the number is not positive, Dask is not installed, or the scheduler does
+    not respond. A task raises NoSolutionError if a worker dies or the cluster abandons the task.
     """
     if isinstance(workers, str):
         with _cluster(workers) as run:
@@ -68,7 +67,11 @@ def _run_here(function: Callable[..., Any], tasks: Tasks) -> Iterator[tuple[int,
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run the tasks in a pool, with at most `in_flight` of them submitted at a time."""
+    """Run tasks in a pool and yield (key, result) of each as it finishes.
+
+    in_flight: largest number of submitted tasks
+    tasks: (key, arguments of `function`) of each task
+    """
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
 
@@ -86,10 +89,10 @@ def _run_in(
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """Executor of `count` child processes, each served by a thread of this process through a pipe.
+    """Executor with `count` child processes, each connected to a thread of this process by a pipe.
 
-    `ProcessPoolExecutor` is unsuitable. It cannot kill its workers, and its semaphores are reported
-    as leaked when this process is ended by a signal.
+    `ProcessPoolExecutor` is not suitable. It cannot kill its workers, and its semaphores are
+    reported as leaked if a signal ends this process.
     """
     import multiprocessing
 
@@ -134,10 +137,10 @@ def _processes(count: int) -> Iterator[Run]:
 
 @contextmanager
 def _signals_blocked() -> Iterator[None]:
-    """Block signals in this thread until the block ends.
+    """Block SIGINT, SIGTERM and SIGHUP in this thread until the block ends.
 
-    A process that starts in the block inherits this permanently. A terminal sends Ctrl-C to every
-    process of a run, and only the parent process must respond.
+    A process that is started in the block inherits the blocked signals permanently. Ctrl-C in a
+    terminal reaches every process, and only the parent process must respond.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -155,9 +158,9 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _serve(connection: Any) -> None:
-    """Answer each (function, arguments) with (result, None) or (None, error).
+    """Evaluate each received (function, arguments), and send (result, None) or (None, error).
 
-    The process ends when its parent process is gone, for whatever reason.
+    The process ends when its parent process ends for any reason.
     """
     import multiprocessing
 
@@ -182,7 +185,10 @@ def _serve(connection: Any) -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Executor of the Dask cluster whose scheduler has this address."""
+    """Executor of the Dask cluster whose scheduler has this address.
+
+    Raises BadInputError if Dask is missing, the scheduler does not respond or it has no workers.
+    """
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError

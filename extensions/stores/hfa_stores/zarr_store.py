@@ -1,12 +1,13 @@
-"""Results of many rows in a Zarr store, of which any process computes a chunk.
+"""Results of many rows in a Zarr store. Any process can compute a chunk of rows.
 
-xarray describes the store. A chunk is complete when every array has it and its checksum is written.
-Zarr writes a chunk completely or not at all. A run that is killed loses only the chunks in work. A
-CRC-32C in each chunk shows every reader whether its bytes changed. The checksum covers the request,
-the array, the chunk's number and its values, so that --resume accepts no chunk of another store.
+xarray describes the store. A chunk is complete when all arrays contain it and its checksum is
+written. Zarr writes a chunk completely or not at all, so a run that is killed loses only the
+chunks that are being computed. A CRC-32C in each chunk lets every reader detect changed bytes.
+The checksum covers the request, the array, the chunk's number and its values, so --resume accepts
+no chunk of another store.
 
-A store may come from a stranger. Before --resume opens it, its metadata are compared as JSON with
-those of a new store of the same request.
+A store may come from an untrusted source. Before --resume opens it, its metadata are compared as
+JSON with the metadata of a new store for the same request.
 """
 
 from __future__ import annotations
@@ -36,10 +37,11 @@ _OF_ONE_RUN = ("toolchain", "provenance")
 
 @dataclass(frozen=True)
 class OfAStore(Result):
-    """Attributes common to all stores, apart from those of rows.
+    """Attributes common to all stores, in addition to those of the rows.
 
     toolchain: version that wrote the store.
-    coordinates: arrays that are coordinates, as in the CF conventions."""
+    coordinates: arrays that are coordinates, as in the CF conventions.
+    """
 
     toolchain: str
     coordinates: str | None = None
@@ -53,14 +55,14 @@ _METADATA = "zarr.json"
 
 
 class RowJob(NamedTuple):
-    """A job of N rows, which processes compute independently of each other.
+    """Computation of N rows, in independent chunks.
 
-    what: the kind of job in messages, as in "another sweep".
+    what: kind of the job for messages, as in "another sweep".
     row: name of the axis of rows, the first axis of each array.
-    template: `xarray.Dataset` of the arrays (`array_of_rows`), and of the names and units on their
-        other axes. Its attributes contain everything that determines the results.
-    function: (*arguments) -> arrays by name, of which the store keeps those of the template. It is
-        a function of a module, so that workers can import it.
+    template: `xarray.Dataset` of the arrays (`array_of_rows`), with names and units on the other
+        axes. Its attributes contain everything that determines the results.
+    function: (*arguments) -> arrays by name; the store keeps those of the template. Workers must be
+        able to import the function.
     arguments: (start, stop) -> arguments of the function for rows start .. stop - 1.
     """
 
@@ -72,12 +74,12 @@ class RowJob(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Number N of rows."""
+        """Number of rows, N."""
         return int(self.template.sizes[self.row])
 
     @property
     def chunk(self) -> int:
-        """Number of rows of a chunk. The last chunk may have fewer."""
+        """Number of rows in a chunk. The last chunk may have fewer."""
         return int(self.template.chunksizes[self.row][0])
 
     @property
@@ -93,11 +95,11 @@ class RowJob(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """SHA-256 of everything that determines the results."""
+        """SHA-256 of the attributes that determine the results."""
         return hashlib.sha256(_deciding(self.template.attrs).encode()).hexdigest()
 
     def rows_of(self, number: int) -> slice:
-        """Return the rows of a chunk."""
+        """Return the rows of the chunk with this number."""
         first = number * self.chunk
         return slice(first, min(first + self.chunk, self.rows))
 
@@ -111,10 +113,10 @@ def array_of_rows(
 ) -> Any:
     """Return a lazy `xarray.Variable` for the template of a job.
 
-    axes, shape: of the array, with the axis of the rows first.
-    fill: value and type of entries not computed yet.
-    chunk: number of rows of a chunk.
-    attributes: units and meaning.
+    axes, shape: of the array; the axis of rows is the first.
+    fill: value and type of entries that are not computed yet.
+    chunk: number of rows in a chunk.
+    attributes: units and description.
     """
     _require_xarray()
     import dask.array
@@ -134,15 +136,18 @@ def fill_store(
     provenance: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Any:
-    """Compute every row that the store at `path` lacks, and return the store as `xarray.Dataset`.
+    """Compute each row that is missing in the store at `path`, and return the store.
 
-    workers: as for `open_workers`; the results do not depend on it.
-    resume: whether to continue an interrupted job and compute damaged chunks again. Otherwise the
-        store must be new.
-    provenance: provenance of a new store, JSON data.
-    progress: called with (chunks done, chunks in all), first at the start.
+    The store is returned as `xarray.Dataset`.
 
-    Raises BadInputError when the store exists, or is not one of this job and version.
+    workers: as in `open_workers`; the results do not depend on it.
+    resume: whether to continue an interrupted job and recompute damaged chunks; otherwise the store
+        must not exist.
+    provenance: provenance of a new store, as JSON data.
+    progress: called with (chunks done, total chunks), first at the start.
+
+    Raises BadInputError if the store exists (without `resume`), or if it belongs to another job or
+    version.
     """
     store = path.resolve()
     chunks = job.chunks
@@ -170,7 +175,7 @@ def fill_store(
 
 
 def open_store(path: Path) -> Any:
-    """Return a store as `xarray.Dataset`, whose arrays are read when they are used."""
+    """Open a store as `xarray.Dataset`. Its arrays are read when they are used."""
     _require_xarray()
     import xarray
 
@@ -178,10 +183,10 @@ def open_store(path: Path) -> Any:
 
 
 class Place(NamedTuple):
-    """Place of a chunk.
+    """Destination of a chunk.
 
-    number: index of the chunk.
-    path: path of the store, or None where the rows are returned instead.
+    number: number of the chunk.
+    path: path of the store, or None if the rows are returned instead of written.
     identity: identity of the job.
     """
 
@@ -191,7 +196,7 @@ class Place(NamedTuple):
 
 
 def _task(job: RowJob, place: Place) -> tuple[Any, ...]:
-    """Return the arguments of `_compute_chunk`."""
+    """Return the arguments of `_compute_chunk` for a chunk."""
     rows = job.rows_of(place.number)
     return place, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
 
@@ -203,9 +208,12 @@ def _compute_chunk(
     function: Callable[..., Mapping[str, Any]],
     arguments: tuple[Any, ...],
 ) -> Mapping[str, Any] | None:
-    """Compute the rows of a chunk in a worker process and write them to their place.
+    """Compute the rows of a chunk in a worker and write them into the store.
 
-    Without a path the rows are returned.
+    Without a path in `place`, the rows are returned by name instead.
+
+    rows: rows of the chunk
+    names: names of the arrays to keep
     """
     computed = function(*arguments)
     results = {name: computed[name] for name in names}
@@ -216,7 +224,7 @@ def _compute_chunk(
 
 
 def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
-    """Write the rows of one chunk, then their checksums.
+    """Write the rows of a chunk, then its checksums.
 
     Other processes may write other chunks at the same time.
     """
@@ -232,8 +240,7 @@ def _write(place: Place, rows: slice, results: Mapping[str, Any]) -> None:
 
 
 def _zarr() -> ModuleType:
-    """Import Zarr without its settings in the environment, which would change the format of a
-    store."""
+    """Import Zarr without its environment variables, which could change the format of a store."""
     for name in [name for name in os.environ if name.startswith("ZARR_")]:
         del os.environ[name]
     import zarr
@@ -246,9 +253,9 @@ def _opened(path: Path | None, mode: Literal["r", "r+"]) -> Any:
 
 
 def _checksum(place: Place, name: str, values: np.ndarray) -> int:
-    """Return the first 8 bytes of a SHA-256.
+    """Return the first 8 bytes of a SHA-256 as an integer.
 
-    It covers the job, the array's name, the chunk's number and its values, little-endian.
+    It covers the job, the array's name, the chunk's number and its values in little-endian order.
     """
     subject = [place.identity, name, place.number, values.dtype.name, values.shape]
     digest = hashlib.sha256(json.dumps(subject).encode())
@@ -257,9 +264,10 @@ def _checksum(place: Place, name: str, values: np.ndarray) -> int:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Create a store without results. Raises BadInputError if the path exists.
+    """Create a store without results.
 
-    The store is created under a temporary name and renamed, so that it appears completely.
+    It is created under a temporary name and renamed, so that it is never visible incomplete. Raises
+    BadInputError if the path exists.
     """
     taken = BadInputError(f"{path} exists; continue it with --resume, or choose another name")
     if path.exists():
@@ -276,8 +284,8 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
     """Write the store of a job without results: metadata, names and units.
 
     Zarr creates the store in memory, and this thread writes its files. A signal that ends the
-    process stops this thread, but not the threads of Zarr, which would create a removed folder
-    again.
+    process stops this thread. It would not stop the threads of Zarr, which could create a removed
+    folder again.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
@@ -307,9 +315,10 @@ def _write_template(path: Path, job: RowJob, provenance: Mapping[str, Any] | Non
 
 
 def _refuse_another(path: Path, job: RowJob) -> None:
-    """Raise BadInputError unless the store at `path` is of this job and of this version.
+    """Raise BadInputError unless the store at `path` belongs to this job and this version.
 
-    Its metadata are read as JSON. No array is opened before they match those of a new store.
+    Its metadata are read as JSON. An array is opened only after the metadata agree with those of a
+    new store.
     """
     _require_xarray()
     with temporary_folder() as folder:
@@ -350,9 +359,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
 
 def _deciding(attributes: Mapping[str, Any]) -> str:
-    """Return the attributes that determine the results, as JSON. The order of the variables
-    matters.
-    """
+    """Return the attributes that determine the results, as JSON in their order."""
     compared = {
         key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
     }
@@ -360,10 +367,10 @@ def _deciding(attributes: Mapping[str, Any]) -> str:
 
 
 def _metadata(store: Path) -> dict[str, Any]:
-    """Return the metadata of each array and, as ".", of the group, as JSON without entries of a
-    single run.
+    """Return name -> metadata of each array, and "." -> metadata of the group, as JSON data.
 
-    Raises OSError, BadInputError, LookupError or TypeError where they cannot be read.
+    Entries that depend on the run are removed. Raises OSError, BadInputError, LookupError or
+    TypeError if the metadata cannot be read.
     """
     found = {}
     for folder in [store, *(entry for entry in store.iterdir() if entry.name != _METADATA)]:
@@ -377,10 +384,10 @@ def _metadata(store: Path) -> dict[str, Any]:
 
 
 def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the first deviation of a store from the request, or "" without one.
+    """Return the first file that differs from the request's store, or "" if there is none.
 
-    It is a file that describes the store, a file that does not belong to it, or a link, which may
-    lead anywhere.
+    It is a file with other metadata, a file that does not belong to the store, or a symbolic link,
+    which could lead anywhere.
     """
     for folder in (path, *(path / name for name in expected if name != ".")):
         allowed = {_METADATA, *expected} if folder == path else {_METADATA, "c"}
@@ -398,9 +405,9 @@ def _first_difference(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(path: Path, row: str) -> dict[str, list[Any]]:
-    """Return the names and units in a store.
+    """Return the names and units in a store, by array.
 
-    They are the arrays whose first axis is not that of rows or chunks.
+    These arrays have another first axis than rows or chunks.
     """
     stored = open_store(path)
     return {
@@ -418,7 +425,7 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that some array lacks, or that are damaged.
+    """Return the numbers of the chunks that are missing in an array or are damaged.
 
     A warning states the number of damaged chunks.
     """
@@ -441,7 +448,7 @@ def _missing_chunks(path: Path, job: RowJob) -> list[int]:
 
 
 def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
-    """Return whether every array's chunk has the checksum that was written with it."""
+    """Return whether each array's chunk has the checksum that was written with it."""
     rows = job.rows_of(place.number)
     try:
         stored = group[_CHECKSUM][place.number].tolist()
@@ -452,7 +459,7 @@ def _is_intact(group: Any, job: RowJob, place: Place) -> bool:
 
 
 def _is_written(folder: Path, array: Any, number: int) -> bool:
-    """Return whether the chunk of this number is stored for an array."""
+    """Return whether an array's chunk with this number is stored."""
     indices = (number, *(0 for _ in array.shape[1:]))
     return (folder / array.metadata.encode_chunk_key(indices)).is_file()
 

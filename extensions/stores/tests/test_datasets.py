@@ -1,4 +1,4 @@
-"""Results as datasets of xarray."""
+"""Results as xarray datasets."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ pytest.importorskip("xarray")
 
 
 def test_a_sweep_is_an_xarray_dataset() -> None:
-    """A sweep becomes a dataset over the axes of its grid, or over the points of a list, with A and
-    B by name.
+    """A sweep becomes a dataset over the axes of its grid, or over the points of a list.
+
+    A and B are selected by names of states and inputs.
     """
     axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
     grid = hfa.sweep(F16, axes)
@@ -29,7 +30,7 @@ def test_a_sweep_is_an_xarray_dataset() -> None:
 
 
 def test_points_and_linear_models_are_datasets() -> None:
-    """Values of a point and of a linear model are selected by name, with units."""
+    """Entries of an operating point and of a linear model are selected by name, and have units."""
     model = hfa.aircraft()
     point = hfa.trim(model)
     linear = point.linearize()
@@ -43,7 +44,7 @@ def test_points_and_linear_models_are_datasets() -> None:
 
 
 def test_a_missing_xarray_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error on a missing xarray has the command that installs it."""
+    """The error for a missing xarray contains the command that installs it."""
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(hfa.BadInputError, match="pip install xarray"):
         hfa.trim(hfa.aircraft()).to_xarray()

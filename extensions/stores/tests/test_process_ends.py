@@ -1,4 +1,4 @@
-"""A sweep into a store that is ended by Ctrl-C, SIGTERM, SIGHUP or kill -9, and resumed."""
+"""Sweeps into a store, ended by Ctrl-C, SIGTERM, SIGHUP or SIGKILL, and resumed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SLOW = pytest.mark.slow
 def test_run_ended_leaves_no_worker_no_temporary_folder(
     tmp_path: Path, number: signal.Signals, code: int, said: str | None
 ) -> None:
-    """A run that is ended leaves no worker and no temporary folder."""
+    """A run that a signal ends leaves no worker process and no temporary folder."""
     ended = leaves_nothing(tmp_path, LONG, number)
     assert ended.code == code
     assert said is None or ended.err == said
@@ -39,5 +39,5 @@ def test_run_ended_leaves_no_worker_no_temporary_folder(
 @proc
 @pytest.mark.slow
 def test_ended_at_random_moments_continued_comes_same_bits(tmp_path: Path) -> None:
-    """A run that is ended at random moments and continued has the same bits."""
+    """A run that is ended at random moments and resumed gives identical bits."""
     comes_to_the_same_bits(tmp_path, THREE_CHUNKS)

@@ -1,4 +1,4 @@
-"""Stores in meters."""
+"""Stores in metric units."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from units_of_outputs import assert_store_in_metres
 
 
 def test_a_store_in_metres_is_store_in_feet(tmp_path: Path) -> None:
-    """A store in meters has the converted numbers of a store in feet."""
+    """A store in metric units contains the converted numbers of a store in English units."""
     assert_store_in_metres("sweep", "--dihedral", "5,15", name="states", folder=tmp_path)

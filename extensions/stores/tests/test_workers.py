@@ -1,5 +1,6 @@
-"""Processes and clusters that run tasks return every result, raise errors unchanged, and leave no
-process.
+"""Executors of tasks: processes and clusters.
+
+They return every result, raise errors unchanged, and leave no process.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def _die(value: int) -> int:
 
 
 def _gone() -> bool:
-    """Return whether no child process is left within five seconds."""
+    """Wait up to five seconds for all child processes to end, and return whether they did."""
     end = time.monotonic() + 5.0
     while multiprocessing.active_children() and time.monotonic() < end:
         time.sleep(0.02)
@@ -43,7 +44,7 @@ def test_every_task_has_its_result(count: int) -> None:
 
 
 def test_error_of_task_raised_and_no_worker_left() -> None:
-    """An error in a task is raised, and no worker is left."""
+    """An error in a task is raised, and no worker process is left."""
     with open_workers(2) as run, pytest.raises(NoSolutionError, match="no root of -3"):
         list(run(_square, ((key, (-key,)) for key in (0, 3))))
     assert _gone()
@@ -57,7 +58,7 @@ def test_a_job_that_is_left_leaves_no_worker() -> None:
 
 
 def test_worker_that_dies_ends_job_in_one_line() -> None:
-    """A worker that dies ends the job in one line."""
+    """The death of a worker is reported in one line that proposes --resume."""
     with (
         pytest.raises(NoSolutionError, match=r"a worker died; .*continue with --resume"),
         open_workers(2) as run,
@@ -67,7 +68,7 @@ def test_worker_that_dies_ends_job_in_one_line() -> None:
 
 
 def test_no_worker_starts_without_free_file_handles() -> None:
-    """If no more files may be open, no worker is started."""
+    """If no file handle is free, no worker is started, and the error proposes fewer workers."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     next_descriptor = os.dup(0)
@@ -83,7 +84,7 @@ def test_no_worker_starts_without_free_file_handles() -> None:
 
 @pytest.mark.slow
 def test_task_kills_workers_of_cluster_is_one_line() -> None:
-    """A task that kills the workers of a cluster ends the job in one line."""
+    """A task that kills the workers of a cluster causes an error in one line."""
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
     # The cluster gives up after one lost worker, not four.

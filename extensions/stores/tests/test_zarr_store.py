@@ -1,5 +1,7 @@
-"""A job in a store has the same bits wherever it runs, loses nothing when killed, and accepts no
-damaged numbers.
+"""Jobs in a store.
+
+The bits do not depend on the workers. A killed run loses only chunks in progress. Damaged chunks
+are not accepted.
 """
 
 from __future__ import annotations
@@ -30,8 +32,9 @@ NAN = float("nan")
 
 
 def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """A job whose `empty` has only fill values, and whose `pole` is nan+0j in chunk 1, as without a
-    trim.
+    """Return the arrays of a job for rows start .. stop - 1.
+
+    `empty` contains only fill values. `pole` is nan+0j in chunk 1, as for a point without a trim.
     """
     count = np.arange(start, stop, dtype=float)
     pole = count * (1 + 2j)
@@ -45,7 +48,10 @@ def numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 
 
 def slow_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
-    """A job of which only the first chunk is done before a kill, also on a loaded machine."""
+    """Return the arrays of `numbers` after a delay.
+
+    The delay is long for all chunks but the first, so that a kill comes before they are done.
+    """
     time.sleep(0.05 if start == 0 else 3.0)
     return numbers(start, stop)
 
@@ -65,7 +71,7 @@ def row_job(seed: int = 0, unit: str = "ft", function: Callable[..., Any] = numb
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return every file of a store, except those that a kill left unfinished."""
+    """Return name -> bytes of each file in a store, except files that a kill left unfinished."""
     files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
@@ -79,12 +85,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def path(made: Path, tmp_path: Path) -> Path:
-    """Return a finished store that a test may damage."""
+    """Return a copy of a finished store, which a test may damage."""
     return shutil.copytree(made, tmp_path / "a.zarr")
 
 
 def resumed(path: Path, **options: Any) -> list[tuple[float, float]]:
-    """Return (chunks done, chunks) as reported by a run that continues the store."""
+    """Resume a store, and return the reported progress as (chunks done, total chunks)."""
     told: list[tuple[float, float]] = []
     fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now), **options)
     return told
@@ -101,8 +107,9 @@ def test_what_was_computed_read_with_names_and_units(made: Path) -> None:
 
 
 def test_two_processes_write_bytes_one_resume_changes_none(made: Path, tmp_path: Path) -> None:
-    """Two processes write the bytes of one, and a resumed run changes none, even if a chunk has
-    nan+0j.
+    """Two processes write the same bytes as one, and resuming a complete store changes nothing.
+
+    One chunk contains nan+0j.
     """
     fill_store(row_job(), tmp_path / "two.zarr", workers=2)
     assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
@@ -146,7 +153,7 @@ if __name__ == "__main__":
 
 
 def test_kill_loses_chunks_in_work_and_no_more(made: Path, tmp_path: Path) -> None:
-    """A kill loses only the chunks that are being computed."""
+    """A killed run loses only the chunks that were being computed."""
     (tmp_path / "killed.py").write_text(KILLED)
     words = [sys.executable, "killed.py", str(Path(__file__).parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -183,7 +190,7 @@ def _flip(file: Path) -> None:
 def test_a_damaged_chunk_is_computed_again(
     made: Path, path: Path, file: str, damage: Callable[[Path], None], noticed: bool
 ) -> None:
-    """A damaged chunk is computed again, as is a deleted one."""
+    """A damaged or deleted chunk is computed again."""
     damage(path / file)
     if noticed:
         with pytest.raises(ValueError, match=r"\w"):
@@ -208,7 +215,7 @@ def test_other_names_and_units_are_refused(path: Path, file: str) -> None:
 
 
 def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_path: Path) -> None:
-    """Another job neither overwrites nor continues a store."""
+    """A store is not overwritten, and not continued by another job or version."""
     with pytest.raises(BadInputError, match="exists; continue it with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="belongs to another test"):
@@ -232,8 +239,9 @@ def test_store_neither_overwritten_nor_continued_by_another_job(path: Path, tmp_
 def test_store_appears_whole_and_takes_no_folder_beside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A store appears complete, and a neighbouring folder such as .a.zarr.my-backup-202612 is not
-    removed.
+    """A store is never visible incomplete.
+
+    If the disk is full, nothing is left, and a similarly named folder of the user is not removed.
     """
     import xarray
 
@@ -253,8 +261,9 @@ def test_store_appears_whole_and_takes_no_folder_beside(
 
 
 def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
-    """One thread writes an unfinished store, so that no thread recreates its temporary folder after
-    a signal.
+    """An unfinished store is written by a single thread.
+
+    Other threads could create its temporary folder again after a signal.
     """
     writers: dict[str, set[str]] = {"open": set(), "os.mkdir": set()}
     is_watched = True
@@ -276,7 +285,11 @@ def test_one_thread_writes_an_unfinished_store(tmp_path: Path) -> None:
 
 
 def change_metadata(path: Path, file: str, *changes: tuple[tuple[str | int, ...], Any]) -> None:
-    """Write other values into the JSON that describes a store or an array."""
+    """Change values in the JSON metadata of a store or an array.
+
+    file: name of the JSON file in the store
+    changes: (keys that lead to the value, new value)
+    """
     content = json.loads((path / file).read_text())
     for keys, value in changes:
         holder = content
@@ -310,8 +323,9 @@ OTHER_METADATA: dict[str, tuple[tuple[str | int, ...], Any]] = {
     ],
 )
 def test_another_description_of_an_array_is_refused(path: Path, what: str) -> None:
-    """A changed description of an array is refused, such as byte order "big", which would misread
-    every number.
+    """Changed metadata of an array are refused.
+
+    An example is the byte order "big", with which every number would be read wrongly.
     """
     change_metadata(path, "square/zarr.json", OTHER_METADATA[what])
     with pytest.raises(BadInputError, match="damaged or has another origin"):
@@ -319,7 +333,7 @@ def test_another_description_of_an_array_is_refused(path: Path, what: str) -> No
 
 
 def of_format_2(path: Path, job: RowJob) -> None:
-    """Write a store of Zarr's format 2 with pickled chunks and the job's attributes."""
+    """Write a store in Zarr's format 2 with pickled chunks and the job's attributes."""
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
     attributes = {**job.template.attrs, "toolchain": zarr_store.VERSION}
@@ -340,7 +354,7 @@ def of_format_2(path: Path, job: RowJob) -> None:
 
 
 class Runs:
-    """An object that makes a folder when it is unpickled."""
+    """Object that creates a folder when it is unpickled."""
 
     def __reduce__(self) -> tuple[Any, tuple[str]]:
         return os.mkdir, ("code-was-run",)
@@ -352,7 +366,7 @@ RUNS = pickle.dumps(Runs())
 def test_nothing_in_store_of_another_format_is_run(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing in a store of another format is run."""
+    """A store in another format is refused, and its pickles are not loaded."""
     monkeypatch.chdir(tmp_path)
     theirs = tmp_path / "theirs.zarr"
     of_format_2(theirs, row_job())
@@ -391,7 +405,10 @@ def test_a_link_out_of_a_store_is_refused(path: Path, tmp_path: Path) -> None:
 def test_chunk_is_of_something_else_is_computed_again(
     made: Path, path: Path, tmp_path: Path, what: str
 ) -> None:
-    """A chunk that belongs elsewhere, with a right CRC-32C, is computed again."""
+    """A chunk from elsewhere, with a right CRC-32C, is computed again.
+
+    It comes from another job, chunk or array.
+    """
     other = tmp_path / "other.zarr"
     if what == "another job":
         fill_store(row_job(seed=1, function=other_numbers), other)
@@ -414,8 +431,9 @@ def other_numbers(start: int, stop: int) -> Mapping[str, np.ndarray]:
 
 
 def refusal(path: Path) -> str:
-    """Return the reason why the store is not continued. A store that is continued must be
-    complete.
+    """Return the message with which resuming a store is refused, or "".
+
+    If it is resumed, the store must be complete.
     """
     try:
         assert resumed(path) == []
@@ -428,8 +446,10 @@ def refusal(path: Path) -> str:
     "count", [5, pytest.param(500, marks=[pytest.mark.slow])], ids=["some", "many"]
 )
 def test_random_changes_of_metadata_refused_in_one_line(made: Path, path: Path, count: int) -> None:
-    """Random changes of any descriptive file are refused in one line: a changed byte, a missing
-    part, or other JSON.
+    """Stores with random changes in a metadata file are refused in one line.
+
+    A byte is changed, a part is deleted, or other JSON is written. At least 80 % are refused, and
+    no result changes.
     """
     random = np.random.default_rng(8)
     files = sorted(made.rglob("zarr.json"))

@@ -1,4 +1,4 @@
-"""Critics with one planted mistake each, and the words that must name it."""
+"""Critics with one planted mistake each, and the words that must name the mistake."""
 
 from __future__ import annotations
 
@@ -30,7 +30,10 @@ def changed(matrix: np.ndarray, factor: float, *places: tuple[int, int]) -> np.n
 
 
 def in_order(game: Game, order: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the exact weights, sorted by order(row, column) of their products."""
+    """Return the exact weights in another order.
+
+    order: (row, column) of each weight -> indices
+    """
     row, column = np.triu_indices(len(game.A))
     return weights_of(value(game))[order(row, column)]
 
@@ -46,9 +49,7 @@ def without_the_factor(game: Game) -> np.ndarray:
 
 
 def recorded_policy(game: Game) -> np.ndarray:
-    """Return the value of the policies of another P, as learned from a stack with frozen
-    policies.
-    """
+    """Return the value of policies that belong to another P, as learned with fixed policies."""
     return value_of_policies(
         game, solve_continuous_are(game.A, game.B, 1000.0 * np.eye(len(game.A)), game.R)
     )
@@ -59,7 +60,10 @@ def lqr(game: Game) -> np.ndarray:
 
 
 def turned(game: Game, degrees: np.ndarray) -> np.ndarray:
-    """Return P with some states in degrees."""
+    """Return the exact P with some states in degrees.
+
+    degrees: mask of these states
+    """
     units = np.where(degrees, DEGREE, 1.0)
     return value(game) * np.outer(units, units)
 
@@ -346,7 +350,7 @@ UNNAMED: dict[str, tuple[str, Plant]] = {
 
 
 def exchanged(size: int) -> np.ndarray:
-    """Return the order 2, 1, 3, ..."""
+    """Return the order that exchanges the first two of `size` entries, counted from 0."""
     order = np.arange(size)
     order[:2] = [1, 0]
     return order
@@ -414,7 +418,7 @@ OF_ANY_GAME: dict[str, tuple[str, Plant, str]] = {
 
 
 def random_game(rng: np.random.Generator) -> Game:
-    """Return a game of 3 to 6 states and 1 to 3 inputs that has a value."""
+    """Return a random game with 3 to 6 states and 1 to 3 inputs that has a solution."""
     while True:
         n = int(rng.integers(3, 7))
         m = int(rng.integers(1, 4))
@@ -432,7 +436,11 @@ def random_game(rng: np.random.Generator) -> Game:
 
 
 def noisy(kind: str, right: np.ndarray, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Return a table of a kind with relative noise in each entry. P stays symmetric."""
+    """Return a matrix with relative noise in each entry. P remains symmetric.
+
+    kind: "P" or another kind
+    size: standard deviation of the noise
+    """
     noise = rng.standard_normal(right.shape)
     if kind == "P":
         noise = np.triu(noise) + np.triu(noise, 1).T
