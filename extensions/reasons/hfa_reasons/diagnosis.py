@@ -413,7 +413,7 @@ def _of_network(
 
 
 def _of_variants(game: Game, exact: Exact, critic: Critic, box: np.ndarray) -> Iterator[Cause]:
-    """Yield the explanations that the network was read wrongly, for each of the critic's variants."""
+    """Yield the explanations that a network was read wrongly, for each variant of the critic."""
     views = [
         _network_views(exact, Answer(critic.P, critic.K), critic, box)[0],
         _network_views(exact, nearest_linear(game, critic, box), critic, box)[0],
