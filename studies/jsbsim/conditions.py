@@ -65,7 +65,7 @@ def _trimmed(
 
 
 def _residual(name: str, held: Mapping[str, float], free: tuple[str, ...]) -> float:
-    """Return the largest acceleration that JSBSim computes at a trim, in its units.
+    """Return the largest acceleration that JSBSim computes at a trim, ft/s² or rad/s².
 
     The result is 0 for an exact steady flight.
 

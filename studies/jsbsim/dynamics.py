@@ -1,9 +1,10 @@
-"""A and B, thrust and responses of aircraft of all kinds, compared with JSBSim.
+"""A and B, thrust and responses of JSBSim aircraft, compared with JSBSim.
 
-A and B are compared with differences of JSBSim's accelerations, thrust at five throttles, and the
-response to a pulse of the elevator in 10 s. `python -m studies.jsbsim.dynamics [NAME ...]` prints a
-line for each aircraft. Propellers and governors are in equilibrium at each state, in JSBSim and
-here, so that A and B are those of the other states.
+A and B are compared with finite differences of JSBSim's accelerations. Thrust is compared at five
+throttle settings. The response to an elevator pulse is compared after 10 s. The command
+`python -m studies.jsbsim.dynamics [NAME ...]` prints a line for each aircraft. Propellers and
+governors are in equilibrium at each state in both programs, so that A and B contain only the other
+states.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ _FLIGHT = 10.0
 
 
 def main(names: Sequence[str]) -> int:
-    """Print the lines of the named aircraft, or of all without names."""
+    """Print a line for each named aircraft, or for all aircraft if no name is given. Return 0."""
     for name in names or _CONDITIONS:
         model, point = trimmed(name)
         agree, entries, worst = slopes(name, model, point)
@@ -66,8 +67,9 @@ def main(names: Sequence[str]) -> int:
 
 
 def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
-    """Return an aircraft of JSBSim with these parameters, and its trim at its airspeed and
-    altitude.
+    """Return a JSBSim aircraft and its trim at the airspeed and altitude of the study.
+
+    parameters: changed parameters of the aircraft
     """
     kcas, altitude = _CONDITIONS[name]
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
@@ -77,17 +79,19 @@ def trimmed(name: str, **parameters: float) -> tuple[Model, OperatingPoint]:
 
 
 def _at(name: str, model: Model, state: Mapping[str, float], inputs: Mapping[str, float]) -> Any:
-    """Return the request to JSBSim at a state and inputs."""
+    """Return the request to JSBSim for a state with inputs.
+
+    name: name of the aircraft in JSBSim
+    """
     point = {"state": dict(state), "commands": dict(inputs), "held": positions(model, inputs)}
     return {"aircraft": name, "point": point}
 
 
 def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, str]:
-    """Return the number of entries of A and B that agree, the number of all entries, and the worst
-    one.
+    """Compare A and B with central differences of JSBSim's accelerations.
 
-    Entries agree with central differences of JSBSim's accelerations to 1e-6 (of 1, or of the
-    entry).
+    Return (number of entries that agree, number of entries, text on the worst entry). Entries agree
+    if they differ by less than 1e-6, relative to the entry if it is larger than 1.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -117,7 +121,7 @@ def slopes(name: str, model: Model, point: OperatingPoint) -> tuple[int, int, st
 
 
 def _step(model: Model, name: str) -> float:
-    """Return steps of states and inputs in differences: 1e-2 ft/s, 1e-4 rad, 1e-3 of 1."""
+    """Return the step of a state or input for differences: 1e-2 ft/s, 1e-4 rad or 1e-3."""
     if name == "speed":
         return 10.0 * _STEP
     if model.unit(name) == "1":
@@ -126,7 +130,7 @@ def _step(model: Model, name: str) -> float:
 
 
 def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
-    """Return columns of A and B with propellers and governors in equilibrium."""
+    """Return name -> column of A or B, with propellers and governors in equilibrium."""
     linear = linearize(model, point, full=True)
     names = list(model.states)
     engines = [i for i, name in enumerate(names) if name.startswith(("rpm", "blade"))]
@@ -143,7 +147,9 @@ def of_rest(model: Model, point: OperatingPoint) -> dict[str, np.ndarray]:
 
 
 def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return rates of speed, alpha, beta and of the rotation from JSBSim's accelerations."""
+    """Return the derivatives of speed, alpha, beta and angular velocity, (6,), from JSBSim's
+    response.
+    """
     speed, alpha, beta = (state[name] for name in ("speed", "alpha", "beta"))
     along = np.array(
         [
@@ -161,8 +167,11 @@ def _rates(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarra
 
 
 def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
-    """Return the largest difference of the thrust from JSBSim's at five throttles, relative to 1 lb
-    or to JSBSim's thrust.
+    """Return the largest difference between the thrust of the model and of JSBSim at five
+    throttles.
+
+    It is relative to JSBSim's thrust, or to 1 lb if this is larger. It is 0 for an aircraft without
+    a throttle.
     """
     if "throttle" not in model.inputs:
         return 0.0
@@ -182,10 +191,12 @@ def thrust_miss(name: str, model: Model, point: OperatingPoint) -> float:
 
 
 def flight_miss(name: str, model: Model, point: OperatingPoint) -> str:
-    """Return the largest difference from JSBSim of a state's response to the pulse, and the state.
+    """Return the largest difference from JSBSim in the response to an elevator pulse, with the
+    state.
 
-    It is taken at the end of the flight, relative to the response or 10 % of a usual size. Flights
-    with and without the pulse are compared, because JSBSim's earth is round.
+    The difference at the end of the flight is relative to the change of the state, or to 10 % of
+    its nominal value if this is larger. The response is the difference of flights with and without
+    the pulse, which cancels the effect of JSBSim's round earth.
     """
     state = point.states._asdict()
     inputs = point.inputs._asdict()
@@ -211,7 +222,7 @@ def _flown(
     inputs: Mapping[str, float],
     pulse: Mapping[str, float],
 ) -> dict[str, float]:
-    """Return the states after the flight, by the classical method of fourth order."""
+    """Simulate the flight by the classical Runge-Kutta method and return state -> final value."""
     step = 0.005
     x = np.array([state[name] for name in model.states])
 

@@ -1,8 +1,9 @@
-"""Flights of 30 s from random states, compared with JSBSim's at three of its steps.
+"""Flights of 30 s from random states, compared with JSBSim at three of its time steps.
 
-The throttle and the stick are stepped. Lags of engines and filters are states of our flights.
-`python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md, one line for each
-aircraft. JSBSim flies over a sphere so large that it is flat, without rotation.
+Throttle, elevator, aileron and rudder are moved in steps. Lags of engines and filters are states of
+the model. The command `python -m studies.jsbsim.flights [NAME ...]` prints the table of README.md,
+with one row for each aircraft. JSBSim's earth is replaced by a sphere without rotation that is
+large enough to be flat.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ _COMPARED = ("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "r
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line for each named aircraft, or for all without names. `--states N` draws N states
-    of each.
+    """Print a row for each named aircraft, or for all aircraft if no name is given. Return 0.
+
+    `--states N` sets the number of random states for each aircraft.
     """
     words = list(names)
     count = 13
@@ -70,11 +72,14 @@ def main(names: Sequence[str]) -> int:
 
 
 def line(name: str, count: int, seed: int = 2) -> str:
-    """Return the row of an aircraft.
+    """Return the table row of one aircraft.
 
-    It has medians over random states of the largest difference from JSBSim at each of its steps, in
-    usual sizes of the states, and the ratios of these. At the shortest step it also has the
-    difference of engines that follow their throttles at once.
+    The row contains the largest difference from JSBSim at each time step, in nominal values of the
+    states, and the ratios of these differences. The last cell is the difference at the shortest
+    step for a model in which engines follow their throttles without lag. All numbers are medians
+    over random states.
+
+    count: number of random states
     """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     at_once, _ = trimmed(f"jsbsim:{name}?filters=states")
@@ -100,7 +105,7 @@ def line(name: str, count: int, seed: int = 2) -> str:
 def trimmed(name: str) -> tuple[Model, OperatingPoint]:
     """Return an aircraft over a flat earth and its trim.
 
-    The trim is that of `CONDITIONS`, or the first level one of the study.
+    The trim is at the condition in `CONDITIONS`, or at the first level trim in the study's results.
     """
     model = read_model(name).with_parameters(gravity=GRAVITY)
     held = _condition(name.removeprefix("jsbsim:").partition("?")[0])
@@ -109,9 +114,9 @@ def trimmed(name: str) -> tuple[Model, OperatingPoint]:
 
 
 def _condition(name: str) -> dict[str, float]:
-    """Return the values that a trim of an aircraft imposes.
+    """Return name -> value imposed on the trim of an aircraft.
 
-    Raises BadInputError where the aircraft has no condition.
+    Raises BadInputError if the study has no level trim of this aircraft.
     """
     if name in CONDITIONS:
         return dict(zip(("kcas", "altitude"), CONDITIONS[name], strict=True))
@@ -123,9 +128,9 @@ def _condition(name: str) -> dict[str, float]:
 
 
 def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
-    """Return flights from states about a trim, in the form that `answered` accepts.
+    """Return random flights near a trim, as requests for `answered`.
 
-    Each has three steps of the throttle and pulses of elevator, aileron and rudder.
+    Each flight has three steps of the throttle and pulses of elevator, aileron and rudder.
     """
     rng = np.random.default_rng(seed)
     state = point.states._asdict()
@@ -156,7 +161,12 @@ def drawn(point: OperatingPoint, count: int, seed: int) -> list[dict[str, Any]]:
 
 
 def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any]) -> float:
-    """Return the largest difference of a state at a full second, in its usual size."""
+    """Return the largest difference of a compared state from JSBSim, in its nominal value.
+
+    The states are compared once per second.
+
+    answer: JSBSim's response
+    """
     ours = flown(model, flight, answer["start"])
     worst = 0.0
     for name in _COMPARED:
@@ -167,8 +177,11 @@ def difference(model: Model, flight: Mapping[str, Any], answer: Mapping[str, Any
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Return our states (seconds, n) at each full second, by the classical method of fourth
-    order.
+    """Simulate a flight by the classical Runge-Kutta method and return the states each second.
+
+    start: JSBSim's states at the start of the flight
+
+    The result has the shape (seconds, n).
     """
     x = _settled(model, flight, start)
     step = _second(model)
@@ -185,7 +198,10 @@ def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -
 
 
 def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Return JSBSim's state when the flight begins, with filters in equilibrium."""
+    """Return the initial state (n,), equal to JSBSim's, with the other states in equilibrium.
+
+    start: JSBSim's states at the start of the flight
+    """
     u = [flight["commands"][name] for name in model.inputs]
     names = list(model.states)
     x = np.array([start.get(name, 0.0) for name in names])
@@ -204,7 +220,10 @@ def _settled(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]
 
 
 def _second(model: Model) -> ca.Function:
-    """Return the function (x, u) -> x after a second."""
+    """Return the function (x, u) -> states after each of the steps of one second.
+
+    u has a column for each step.
+    """
     x = ca.SX.sym("x", len(model.states))
     u = ca.SX.sym("u", len(model.inputs))
     p = [signal.start for signal in model.parameters.values()]

@@ -1,8 +1,9 @@
-"""Flights in frames of ours, `hfa fly --method jsbsim`, compared with JSBSim over its own earth.
+"""Simulations of `hfa fly --method jsbsim`, compared with JSBSim over its rotating, flattened
+earth.
 
-`python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each line has the
-largest difference of a state at a full second, in its usual size. The flights take 30 s, with steps
-of the throttle and pulses of elevator, aileron and rudder.
+`python -m studies.jsbsim.frames [NAME ...]` prints the table of docs/jsbsim.md. Each row contains
+the largest difference of a state at a full second, in the nominal value of the state. The flights
+last 30 s, with steps of the throttle and pulses of elevator, aileron and rudder.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _SEED = 3
 
 
 def main(names: Sequence[str]) -> int:
-    """Print a line for each named aircraft, or for all without names."""
+    """Print a row for each named aircraft, or for all aircraft if no name is given. Return 0."""
     print("| aircraft | flights | largest difference | state |")
     print("| --- | --- | --- | --- |")
     for name in names or CONDITIONS:
@@ -33,15 +34,19 @@ def main(names: Sequence[str]) -> int:
 
 
 def line(name: str, count: int) -> str:
-    """Return the row of an aircraft."""
+    """Return the table row of one aircraft, compared in `count` random flights."""
     worst, state = largest(name, count)
     return f"| {name} | {count} | {worst:.0e} | {state} |"
 
 
 def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
-    """Return the largest difference of a state at a full second of these flights, and the state.
+    """Return (largest difference from JSBSim in random flights, name of the state).
 
-    The difference is in the usual size of the state.
+    The states are compared once per second. The difference is in the nominal value of the state.
+    Raises RuntimeError if JSBSim reports an error.
+
+    count: number of flights
+    seconds: duration of each flight
     """
     model, point = trimmed(f"jsbsim:{name}")
     flights = drawn(point, count, _SEED)
@@ -66,7 +71,10 @@ def largest(name: str, count: int, seconds: int = 30) -> tuple[float, str]:
 
 
 def flown(model: Model, flight: Mapping[str, Any], start: Mapping[str, float]) -> np.ndarray:
-    """Return our states (seconds, n) at each full second, from JSBSim's settled state."""
+    """Simulate a flight in JSBSim's frames and return the states each second, (seconds, n).
+
+    start: JSBSim's states at the start of the flight
+    """
     equations: Any = model.equations
     frames = equations.jsbsim_steps(_STEP)
     commands = dict(flight["commands"])

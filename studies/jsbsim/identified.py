@@ -1,13 +1,13 @@
-"""Linear models identified from flights of JSBSim with sensor noise, compared with its
+"""Linear models identified from JSBSim flights with sensor noise, compared with JSBSim's
 linearization.
 
-`python -m studies.jsbsim.identified [COUNT]` prints the table of README.md: COUNT identifications
-of each aircraft, by default 24. The packages jsbsim and hfa-identify are needed.
+`python -m studies.jsbsim.identified [COUNT]` prints the table of README.md, with COUNT
+identifications of each aircraft (default 24). It requires the packages jsbsim and hfa-identify.
 
-Each flight is a 3-2-1-1 of the elevator from the trim. It is flown with both signs, because terms
-quadratic in the motion are equal in both and so do not change the slopes. The amplitudes were
-chosen at other trims. From 0.1 on, the 737's pitching moment proportional to alpha² is visible,
-because drag and lift act 59 in above the center of gravity.
+Each flight is a 3-2-1-1 elevator input from the trim. It is simulated with both signs. Terms
+quadratic in the motion are equal for both signs and therefore do not change the slopes. The
+amplitudes were chosen at other trims. From an amplitude of 0.1 on, the 737's pitching moment
+proportional to alpha² is visible, because drag and lift act 59 in above the center of gravity.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from trim.point.operating_point import OperatingPoint
 
 @dataclass(frozen=True)
 class Case:
-    """The trim of an aircraft, and the 3-2-1-1.
+    """Trim of an aircraft, and its 3-2-1-1 elevator input.
 
-    kcas: calibrated airspeed, kt.
-    altitude: ft.
-    pulse: shortest pulse, s.
-    size: size of the command.
-    repeated: number of records of each flight, each with its own noise.
-    given: slopes that the flights do not determine, with JSBSim's values.
+    kcas: calibrated airspeed, kt
+    altitude: ft
+    pulse: duration of the shortest pulse, s
+    size: amplitude of the elevator command
+    repeated: number of records of each flight, which differ in their noise
+    given: slopes that the flights do not determine, held at JSBSim's values
     """
 
     kcas: float
@@ -50,7 +50,7 @@ class Case:
 
     @property
     def free(self) -> list[str]:
-        """Names of the slopes that are identified."""
+        """Names of the identified slopes."""
         return [name for name in SLOPES if name not in self.given]
 
 
@@ -90,7 +90,10 @@ SLOPES = tuple(
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a line for each aircraft."""
+    """Print a table row for each aircraft and return 0.
+
+    words: [COUNT], the number of identifications of each aircraft
+    """
     count = int(words[0]) if words else 24
     print("| aircraft | PASS | bands that hold JSBSim's slopes | ours | least often |")
     print("| --- | --- | --- | --- | --- |")
@@ -100,10 +103,12 @@ def main(words: Sequence[str]) -> int:
 
 
 def line(name: str, case: Case, count: int) -> str:
-    """Return the row of an aircraft.
+    """Return the table row of one aircraft.
 
-    It states how many identifications are PASS, and how many of their 95 % bands contain the slopes
-    of JSBSim's linearization and of ours.
+    The row contains the number of identifications that pass, and the numbers of 95 % bands that
+    contain the slopes of JSBSim's linearization and of this project's.
+
+    count: number of identifications
     """
     point, flights = flown(name, case)
     theirs, ours = jsbsim_slopes(name, point), own_slopes(point)
@@ -133,9 +138,9 @@ def line(name: str, case: Case, count: int) -> str:
 
 
 def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndarray]]]:
-    """Return the trim, and JSBSim's flights with both signs of the 3-2-1-1 over a flat earth.
+    """Return the trim, and JSBSim's flights over a flat earth with both signs of the 3-2-1-1 input.
 
-    The columns are relative to their values in the trim, without noise.
+    A flight is name -> column, relative to the trim and without noise.
     """
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=GRAVITY)
     held = {"kcas": case.kcas, "altitude": case.altitude}
@@ -163,7 +168,7 @@ def flown(name: str, case: Case) -> tuple[OperatingPoint, list[dict[str, np.ndar
 
 
 def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
-    """Return times and increments of the elevator's steps."""
+    """Return (time in s, elevator increment) for each step of the 3-2-1-1 input."""
     times = 0.5 + case.pulse * np.array([0.0, 3.0, 5.0, 6.0, 7.0])
     values = sign * case.size * np.array([1.0, -1.0, 1.0, -1.0, 0.0])
     return list(zip(times.tolist(), values.tolist(), strict=True))
@@ -172,7 +177,7 @@ def manoeuvre(case: Case, sign: float) -> list[tuple[float, float]]:
 def records(
     flights: Sequence[Mapping[str, np.ndarray]], rng: np.random.Generator
 ) -> list[dict[str, np.ndarray]]:
-    """Return records of the flights with noise of the sensors."""
+    """Return the columns of the flights with sensor noise added."""
     noisy = []
     for flight in flights:
         columns = {"time": flight["time"], "elevator": flight["elevator"]}
@@ -183,8 +188,10 @@ def records(
 
 
 def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
-    """Return slope, such as alpha__pitch_rate -> its value in JSBSim's linearization at the
-    trim.
+    """Return name -> slope from JSBSim's linearization at the trim.
+
+    A name such as alpha__pitch_rate denotes the derivative of alpha's rate with respect to
+    pitch_rate.
     """
     request = {"state": point.states._asdict(), "commands": point.inputs._asdict()}
     request |= {"radius": RADIUS, "linear": True}
@@ -200,7 +207,7 @@ def jsbsim_slopes(name: str, point: OperatingPoint) -> dict[str, float]:
 
 
 def own_slopes(point: OperatingPoint) -> dict[str, float]:
-    """Return the slopes of our linearization, with propellers in equilibrium at each state."""
+    """Return name -> slope from this project's linearization, with propellers in equilibrium."""
     columns = of_rest(point.model, point)
     return {
         f"{row}__{column}": float(columns[column][RATES.index(row)])
@@ -210,7 +217,11 @@ def own_slopes(point: OperatingPoint) -> dict[str, float]:
 
 
 def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
-    """Return a linear model in deviations from the trim, whose parameters are the free slopes."""
+    """Return a linear model in deviations from the trim.
+
+    slopes: name -> value
+    free: slopes that are parameters of the model; the other slopes are constant
+    """
     units = {"speed": ("ft/s", 10.0), "altitude": ("ft", 100.0)}
     states = {name: Signal(*units.get(name, ("rad", 0.1))) for name in _STATES}
     parameters = {name: Signal("1", abs(slopes[name]), start=slopes[name]) for name in free}
@@ -236,7 +247,7 @@ def linear_model(slopes: Mapping[str, float], free: Sequence[str]) -> Model:
 
 
 def begun(model: Model, rng: np.random.Generator) -> Model:
-    """Return the model with each slope 50 % off, up or down."""
+    """Return the model with each slope multiplied by 0.5 or 1.5 at random."""
     values = {
         name: signal.start * rng.choice([0.5, 1.5]) for name, signal in model.parameters.items()
     }

@@ -1,8 +1,8 @@
-"""JSBSim as the reference, in a separate process, because it can terminate Python.
+"""Evaluation of aircraft by JSBSim in a child process, because JSBSim can terminate Python.
 
-`python -m studies.jsbsim.reference` reads [{"aircraft": NAME, "point": {...}}, ...] as JSON and
-writes JSBSim's results line by line, so that they are kept if it terminates. The package jsbsim is
-needed.
+`python -m studies.jsbsim.reference` reads requests [{"aircraft": NAME, "point": {...}}, ...] as
+JSON. It writes JSBSim's responses line by line, so that they are kept if JSBSim terminates. It
+requires the package jsbsim.
 """
 
 from __future__ import annotations
@@ -113,14 +113,13 @@ _MISSING = 200
 
 
 def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's results at each point, from another process.
-
-    The result is None for points that the process did not reach.
+    """Return JSBSim's response at each point. It is None if JSBSim failed there.
 
     name: name of an aircraft of JSBSim
-    points: {"state": {...}, "commands": {...}}, with "linear": true for A and B too, by the names
-        of the `Model`, or {"trim": {"kcas", "altitude"}}. "held" lists properties that no component
-        sets in this point.
+    points: {"state": {...}, "commands": {...}} with the names of a `Model`, or
+      {"trim": {"kcas", "altitude"}}. "linear": true adds A and B. "held" lists properties that no
+      component sets.
+    seconds: time limit of each child process
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = answered(items, seconds)
@@ -128,14 +127,15 @@ def measured(name: str, points: Sequence[Mapping[str, Any]], seconds: float = 60
 
 
 def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list[Any]:
-    """Return JSBSim's result for each item, from other processes.
+    """Return JSBSim's response to each request, computed in child processes.
 
-    The result is {"error": its message} where JSBSim refuses the file, and None where it
-    terminated.
+    The response is {"error": message} if JSBSim refuses the file, and None if JSBSim terminated.
 
-    items: {"aircraft", "point"}. "root" is the folder that contains the folder aircraft, where it
-        is not JSBSim's own. "earth": "own" is JSBSim's earth in place of a sphere that does not
-        turn.
+    items: {"aircraft": NAME, "point": {...}}. "root" is the folder that contains the folder
+    "aircraft",
+      by default JSBSim's. "earth": "own" selects JSBSim's earth in place of a sphere without
+        rotation.
+    seconds: time limit of each child process
     """
     answers: list[Any] = []
     while len(answers) < len(items):
@@ -148,7 +148,7 @@ def answered(items: Sequence[Mapping[str, Any]], seconds: float = 600.0) -> list
 
 
 def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
-    """Yield the results that a process returns before it ends."""
+    """Return the responses that a child process writes before it ends."""
     command = [sys.executable, "-m", "studies.jsbsim.reference"]
     try:
         process = subprocess.run(
@@ -168,7 +168,7 @@ def _ask(items: Sequence[Mapping[str, Any]], seconds: float) -> list[Any]:
 
 
 def main() -> int:
-    """Answer the items of one request."""
+    """Read the requests from standard input, write a response for each, and return 0."""
     items = json.load(sys.stdin)
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # JSBSim writes on standard output
@@ -179,10 +179,10 @@ def main() -> int:
 
 
 def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's result for an item, or its error.
+    """Return JSBSim's response to a request, or {"error": message}.
 
-    A result that is not a number is computed again, because the first step reads uninitialized
-    memory (fokker50).
+    A response with nan is computed again, because JSBSim's first step reads uninitialized memory
+    (fokker50).
     """
     answer: dict[str, Any] = {}
     for _ in range(_TRIES):
@@ -196,7 +196,7 @@ def _answer(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _found(item: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's result for an item."""
+    """Return JSBSim's response to a request for a flight, a trim or a fixed state."""
     point = item["point"]
     simulator = _simulator(item)
     for name in _missing(item["aircraft"], item.get("root")):
@@ -208,17 +208,18 @@ def _found(item: Mapping[str, Any]) -> dict[str, Any]:
 
 @lru_cache
 def _missing(aircraft: str, root: str | None) -> list[str]:
-    """Return the properties that JSBSim misses when it initializes an aircraft.
+    """Return the properties that JSBSim reports as missing when it initializes an aircraft.
 
-    The aircraft must not be flown after that, because the exceptions affect it.
+    A separate simulator is used, because the exceptions affect later results.
     """
     simulator = _simulator({"aircraft": aircraft, "root": root, "point": {}})
     return _run(simulator.run_ic, simulator)
 
 
 def _simulator(item: Mapping[str, Any]) -> Any:
-    """Return JSBSim with the aircraft of an item, over a sphere that does not turn, or its own
-    earth.
+    """Return a JSBSim simulator with the aircraft of a request.
+
+    The earth is a sphere without rotation, unless the request selects JSBSim's earth.
     """
     import jsbsim
 
@@ -247,18 +248,15 @@ def _simulator(item: Mapping[str, Any]) -> Any:
 
 
 def _load_model(simulator: Any, name: str) -> None:
-    """Load an aircraft.
-
-    Raises RuntimeError where JSBSim reports a failure only on its output.
-    """
+    """Load an aircraft into the simulator. Raises RuntimeError if JSBSim reports a failure."""
     if not simulator.load_model(name):
         raise RuntimeError("JSBSim does not load it")
 
 
 def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
-    """Return a copy of JSBSim's data with only this aircraft.
+    """Copy JSBSim's data of one aircraft to a folder, and return the copy.
 
-    No component sets the held properties in it.
+    In the copy, components that set the held properties write other properties instead.
     """
     copy = folder / "data"
     shutil.copytree(root / "aircraft" / name, copy / "aircraft" / name)
@@ -273,9 +271,9 @@ def _cut(root: Path, name: str, held: Iterable[str], folder: Path) -> Path:
 
 
 def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, float]) -> None:
-    """Set state and commands, with engines running.
+    """Set the state and the commands of the simulator, and start the engines.
 
-    The levers of mixture and propeller are set as in the model.
+    Mixture and propeller levers are set as in the model.
     """
     wind = [commands.get(f"wind_{axis}", 0.0) for axis in ("north", "east", "down")]
     for name, full_name in _INITIAL.items():
@@ -303,7 +301,7 @@ def _start(simulator: Any, state: Mapping[str, float], commands: Mapping[str, fl
 
 
 def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
-    """Let engines run for some seconds, then stop those that are out."""
+    """If an engine is out, run the simulation for five seconds and then stop this engine."""
     out = [name for name, value in commands.items() if name.startswith("engine") and value == 0.0]
     for _ in range(5 * _RATE if out else 0):
         _run(simulator.run, simulator)
@@ -312,7 +310,7 @@ def _fail(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _stop(simulator: Any, number: int) -> None:
-    """Cut the fuel and the spark of an engine."""
+    """Stop an engine by cutting its fuel and ignition."""
     index = f"[{number}]" if number else ""
     simulator["propulsion/active_engine"] = number
     for name, value in (("cutoff_cmd", 1), ("magneto_cmd", 0)):
@@ -323,7 +321,10 @@ def _stop(simulator: Any, number: int) -> None:
 
 
 def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[float]:
-    """Return the velocity over ground in body axes of a state in a wind along north, east, down."""
+    """Return the velocity over ground in body axes, ft/s.
+
+    wind: north, east and down components, ft/s
+    """
     roll, pitch, yaw, alpha, beta = (
         state.get(name, 0.0) for name in ("roll", "pitch", "yaw", "alpha", "beta")
     )
@@ -341,7 +342,7 @@ def _over_ground(state: Mapping[str, float], wind: Sequence[float]) -> list[floa
 
 
 def _load(simulator: Any, commands: Mapping[str, float]) -> None:
-    """Set tanks, point masses and the wind."""
+    """Set the contents of tanks and the weights of point masses."""
     for name, value in commands.items():
         kind = name.rstrip("0123456789")
         index = name.removeprefix(kind)
@@ -353,9 +354,10 @@ def _load(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _run(step: Callable[[], Any], simulator: Any) -> list[str]:
-    """Run the simulation, and return the names of the properties that JSBSim misses.
+    """Run a step of the simulation, and return the properties that JSBSim reports as missing.
 
-    These properties are set to 0, because FlightGear would set them.
+    They are set to 0 and the step is repeated. FlightGear would set these properties. Raises
+    RuntimeError if too many are missing.
     """
     names: list[str] = []
     for _ in range(_MISSING):
@@ -421,19 +423,22 @@ def _settled(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _stand_still(simulator: Any) -> None:
-    """Keep the state constant."""
+    """Turn off the integration of the equations of motion, so that the state is constant."""
     for name in _INTEGRATORS:
         simulator[name] = 0
 
 
 def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the states after a flight of point["flight"] s from a state, with the stick held.
+    """Simulate a flight in JSBSim and return the final states.
 
-    The steps are 1 ms, or point["step"] s. point["rest"] is the time, s, in which engines reach
-    their speeds before. point["pulse"] are increments of commands during the second second, by
-    name. point["changes"] are [time, {command: value}], in order. With these the result has
-    "start", the states with those of the engines when the flight begins, and "states", which are
-    those at each full second, or every point["interval"] s.
+    If the request contains "changes", the result also contains "start" (states at the start of the
+    flight, including engines) and "states" (at the end of each interval). Entries of the request:
+    - "flight": duration, s
+    - "step": time step, s; default 1 ms
+    - "rest": time before the flight in which engines settle, s
+    - "pulse": increments of commands during the second second
+    - "changes": list of [time, {command: value}], in order
+    - "interval": time between stored states, s; default 1 s
     """
     commands = dict(point.get("commands", {}))
     length = point.get("step", _FINE)
@@ -467,9 +472,9 @@ def _flown(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float]) -> None:
-    """Set the mixture for the pressure, as in the model, unless a component sets it.
+    """Set the mixture command for the air pressure, as in the model, unless a component changed it.
 
-    leaned: values set in the previous step, by name
+    leaned: value set in the previous step, by name; updated in place
     """
     mixture = commands.get("mixture", 1.0) * simulator["atmosphere/delta"]
     for name in _mixtures(simulator):
@@ -478,18 +483,18 @@ def _lean(simulator: Any, commands: Mapping[str, float], leaned: dict[str, float
 
 
 def _mixtures(simulator: Any) -> list[str]:
-    """Return the commands of the mixture of each engine."""
+    """Return the name of the mixture command of each engine."""
     count = simulator.get_propulsion().get_num_engines()
     return ["fcs/mixture-cmd-norm" + (f"[{number}]" if number else "") for number in range(count)]
 
 
 def _states(simulator: Any) -> dict[str, float]:
-    """Return the states by the names of a model."""
+    """Return state of a `Model` -> value in JSBSim."""
     return {name: simulator[full_name] for name, full_name in _STATE.items()}
 
 
 def _of_engines(simulator: Any) -> dict[str, float]:
-    """Return the states of engines, by the names of a model's states, or 0 for missing ones."""
+    """Return engine state of a `Model` -> value in JSBSim, 0 if JSBSim does not have it."""
     values = {}
     parts = {
         **{"rpm": "propeller-rpm", "blade": "blade-angle", "spool": "n2"},
@@ -502,7 +507,7 @@ def _of_engines(simulator: Any) -> dict[str, float]:
 
 
 def _command(simulator: Any, commands: Mapping[str, float]) -> None:
-    """Move the stick and the throttles."""
+    """Set the commands of surfaces and throttles."""
     for name, value in commands.items():
         if name != "throttle":
             simulator[_COMMANDS[name]] = value
@@ -513,7 +518,7 @@ def _command(simulator: Any, commands: Mapping[str, float]) -> None:
 
 
 def _linearized(simulator: Any) -> dict[str, Any]:
-    """Return A and B of JSBSim's own finite differences, by its names of states and inputs."""
+    """Return A and B by JSBSim's finite differences, with its names of the states and inputs."""
     import jsbsim
 
     linear = jsbsim.FGLinearization(simulator)
@@ -526,7 +531,7 @@ def _linearized(simulator: Any) -> dict[str, Any]:
 
 
 def _contents(simulator: Any) -> dict[str, float]:
-    """Return the contents of each tank, lb."""
+    """Return name -> content of each tank, lb."""
     contents = {}
     for number in range(_MOST_TANKS):
         index = f"[{number}]" if number else ""
@@ -535,9 +540,7 @@ def _contents(simulator: Any) -> dict[str, float]:
 
 
 def _unsettled(simulator: Any) -> list[float]:
-    """Return the quantities that must settle: speeds of all propellers, rpm, and the
-    accelerations.
-    """
+    """Return the quantities that must settle: propeller speeds in rpm, and accelerations."""
     count = simulator.get_propulsion().get_num_engines()
     names = [f"{_engine(number)}/propeller-rpm" for number in range(count)]
     names += [_MEASURED[axis] for axis in AXES]
@@ -545,12 +548,12 @@ def _unsettled(simulator: Any) -> list[float]:
 
 
 def _engine(number: int) -> str:
-    """Return the folder of an engine's properties. JSBSim omits [0]."""
+    """Return the path of an engine's properties. JSBSim omits the index 0."""
     return f"propulsion/engine[{number}]" if number else "propulsion/engine"
 
 
 def _value(simulator: Any, name: str) -> float:
-    """Return the value of a property, or 0 without it."""
+    """Return the value of a property, or 0 if it does not exist."""
     try:
         return float(simulator[name])
     except KeyError:
@@ -558,7 +561,9 @@ def _value(simulator: Any, name: str) -> float:
 
 
 def _trimmed(simulator: Any, point: Mapping[str, Any]) -> dict[str, Any]:
-    """Return JSBSim's own trim in flight at a speed and an altitude."""
+    """Trim the aircraft by JSBSim in flight, and return the result or the reason for its
+    failure.
+    """
     simulator["ic/h-sl-ft"] = point["trim"]["altitude"]
     simulator["ic/vc-kts"] = point["trim"]["kcas"]
     simulator["ic/gamma-deg"] = 0.0

@@ -1,4 +1,4 @@
-"""One aircraft: JSBSim's own trims, and ours at the same conditions, measured in JSBSim."""
+"""Study of one aircraft: trims by JSBSim and by this project, evaluated in JSBSim."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DENSITY_RATIO = 0.8617
 
 
 def study(name: str) -> dict[str, Any]:
-    """Return the row of an aircraft: its points, or the reason why it cannot be read."""
+    """Return the results of one aircraft: its trims, or the reason why its file is refused."""
     try:
         model = read_model(f"jsbsim:{name}")
     except BadInputError as error:
@@ -46,9 +46,9 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _trimmed(model: Model, held: Mapping[str, float]) -> dict[str, Any]:
-    """Return our trim at a condition, or the reason for its absence.
+    """Trim at a condition and return the result, or the reason why there is no trim.
 
-    It is level, or otherwise a glide with idle throttle.
+    If level flight has no trim, a glide with idle throttle is trimmed.
     """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     flown = model.with_parameters(gravity=gravity)
@@ -79,7 +79,7 @@ def _solution(model: Model, condition: TrimCondition) -> OperatingPoint | None:
 
 
 def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
-    """Add states and inputs of a trim."""
+    """Add the states, inputs and held properties of a trim to its result, in place."""
     point["state"] = solution.states._asdict()
     contents = {
         name: signal.start
@@ -91,7 +91,10 @@ def _add(point: dict[str, Any], solution: OperatingPoint) -> None:
 
 
 def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
-    """Return JSBSim's properties that are inputs of a model in place of the pilot's commands."""
+    """Return JSBSim property -> value for inputs of a model that are positions.
+
+    JSBSim normally computes these positions from the pilot's commands.
+    """
     held = {}
     for name, signal in model.inputs.items():
         if signal.unit == "rad":
@@ -109,9 +112,10 @@ def positions(model: Model, inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def _measure(name: str, points: list[dict[str, Any]]) -> None:
-    """Measure JSBSim's accelerations at our trims, ft/s^2 and rad/s^2.
+    """Add to each trim its residual, the largest acceleration in JSBSim, ft/s² or rad/s².
 
-    Surfaces that its own control system moves in place of our inputs are held.
+    Properties that the model treats as inputs are held, so that JSBSim's control system does not
+    change them.
     """
     measurable = [point for point in points if point["kind"] != "none"]
     answers = measured(name, measurable, 300.0) if measurable else []
@@ -122,7 +126,7 @@ def _measure(name: str, points: list[dict[str, Any]]) -> None:
 
 
 def _short(text: str) -> str:
-    """Return a message, shortened, without the folder of the installed package."""
+    """Return a shortened message without the path of the installed package."""
     words = [word.rsplit("/jsbsim/", 1)[-1] for word in text.split(" ")]
     line = " ".join(words).removeprefix("no trim: ").split(" (these equations")[0]
     return line[:240]

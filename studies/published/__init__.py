@@ -1,1 +1,1 @@
-"""Answers printed by others, judged digit by digit."""
+"""Published solutions of games, checked digit by digit."""

@@ -1,4 +1,4 @@
-"""Judges the answers of the folder `sources/` and writes results.csv and docs/published.md.
+"""Check the published solutions in `sources/`, and write results.csv and docs/published.md.
 
 python -m studies.published
 """
@@ -42,12 +42,12 @@ studies.published` judges all answers.
 
 
 class Row(NamedTuple):
-    """A judged answer.
+    """The result for one published solution.
 
     name: name of its file
-    verdict: one line, with its class before the colon
-    text: title of the text that prints it
-    plant: its time, its numbers of states, inputs and disturbances
+    verdict: one line, which begins with the class of the verdict and a colon
+    text: title of the publication
+    plant: kind of time, and numbers of states, inputs and disturbances
     """
 
     name: str
@@ -57,7 +57,10 @@ class Row(NamedTuple):
 
 
 def row_of(path: Path) -> Row:
-    """Return the row of a file. Raises BadInputError where the file does not state its source."""
+    """Check the solution in a file and return its result.
+
+    Raises BadInputError if the file does not state its source.
+    """
     file = load_printed(path)
     if not file.source:
         raise BadInputError(f"{path}: source is missing; say which text was opened")
@@ -69,7 +72,7 @@ def row_of(path: Path) -> Row:
 
 
 def results_of(rows: list[Row]) -> str:
-    """Return the text of results.csv: a line for each answer, with a header."""
+    """Return the content of results.csv: a header and a line for each result."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(Row._fields)
@@ -78,13 +81,13 @@ def results_of(rows: list[Row]) -> str:
 
 
 def load_results() -> list[Row]:
-    """Return the rows of results.csv."""
+    """Read results.csv."""
     with RESULTS.open(encoding="utf-8", newline="") as file:
         return [Row(**line) for line in csv.DictReader(file)]
 
 
 def page_of(rows: list[Row]) -> str:
-    """Return docs/published.md: the number of answers with each verdict."""
+    """Return the content of docs/published.md, which counts the solutions with each verdict."""
     counts = Counter(row.verdict.partition(":")[0] for row in rows)
     parts = [
         _HEAD,
@@ -103,7 +106,7 @@ def _plant_text(file: PrintedFile) -> str:
 
 
 def main() -> None:
-    """Print the verdicts, and write the table and the page."""
+    """Check all solutions, write the table and the page, and print the verdicts."""
     argparse.ArgumentParser("python -m studies.published", description=__doc__).parse_args()
     paths = sorted(SOURCES.glob("*.toml"))
     progress = ProgressLine("judge")

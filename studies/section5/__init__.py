@@ -1,3 +1,1 @@
-"""Section 5 of the paper, simulated again: its statements, the measured numbers, and their
-agreement.
-"""
+"""New simulations of Section 5 of the paper, compared with its claims."""

@@ -1,8 +1,8 @@
-"""Simulates Section 5 of the paper: figures 3 to 23 and every claim with its number, for each law.
+"""Simulate Section 5 of the paper: figures 3 to 23 and every numerical claim, for each control law.
 
-Writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and FOLDER/claims.json and
-claims.md. A claim that is not confirmed is a result, not a failure. Takes a minute and a half of
-computing, which the cores share.
+The study writes FOLDER/SECTION/ with figure-NN.png, figure-NN.npz and result.json, and
+FOLDER/claims.json and claims.md. A claim that is not confirmed is a result, not a failure. It takes
+a minute and a half of processor time.
 """
 
 from __future__ import annotations
@@ -44,9 +44,11 @@ _TITLES = ("Different trim points", _LEARNING, "Model uncertainty", "Measurement
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the sections and return the exit code.
+    """Run the study and return the exit code.
 
-    0: every flight was simulated. 1: a law of this project left the envelope. 2: bad usage.
+    - 0: every flight was simulated
+    - 1: a flight under a law of this project failed, or there is no solution
+    - 2: bad input
     """
     parser = argparse.ArgumentParser("python -m studies.section5", description=__doc__)
     parser.add_argument(
@@ -93,9 +95,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run_section(section: str, setting: Setting, processes: int = 1) -> Evidence:
-    """Simulate every flight of a section.
+    """Simulate every flight of a section and return the evidence.
 
-    processes: processes that share the flights
+    processes: number of processes
     """
     plans = plans_of(section, setting)
     fly = partial(simulate_plan, setting, section=section)
@@ -114,9 +116,12 @@ def reproduce(
     resume: bool,
     processes: int,
 ) -> dict[str, Any]:
-    """Run sections into folder/section each, write the table of their claims, and return it.
+    """Simulate sections, write their results and the table of claims, and return the table.
 
-    resume: whether to keep a complete section of this version and with the same settings
+    folder: output folder; a section is written to folder/SECTION
+    origin: provenance of the results
+    resume: whether to reuse complete results of this version with the same settings
+    processes: number of processes
     """
     results = []
     for section in sections:
@@ -139,7 +144,7 @@ def reproduce(
 
 
 def _has_pictures(place: Path, names: Sequence[str]) -> bool:
-    """Return whether the picture and the numbers of each name can be read to their end."""
+    """Return whether the .png and .npz files of each figure are complete."""
     try:
         for name in names:
             imread(place / f"{name}.png")
@@ -157,7 +162,7 @@ def _has_pictures(place: Path, names: Sequence[str]) -> bool:
 
 
 def deciding(section: str, setting: Setting) -> dict[str, Any]:
-    """Return all settings of the numbers of a section: matrices, configuration, flights, claims."""
+    """Return the settings that determine the results of a section: setting, flights and claims."""
     return {
         "schema": "hfa.experiment/1",
         "section": section,
@@ -171,9 +176,9 @@ def deciding(section: str, setting: Setting) -> dict[str, Any]:
 
 
 def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[str, Any]:
-    """Write the pictures and then the result, and return the result.
+    """Write the pictures of a section and then its result, and return the result.
 
-    A section with a result is complete.
+    The result is written last, so that a section with a result is complete.
     """
     setting = evidence.setting
     section = evidence.section
@@ -211,8 +216,8 @@ def write_section(evidence: Evidence, place: Path, origin: Provenance) -> dict[s
 
 
 def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the claims of several sections with counts of the verdicts, and the simulated
-    flights.
+    """Return the claims of several sections, with counts of the verdicts and flights that were
+    lost.
     """
     claims = [claim for result in results for claim in result["claims"]]
     verdicts = [claim["verdict"] for claim in claims]
@@ -242,8 +247,10 @@ def claims_table(setting: Setting, results: Sequence[dict[str, Any]]) -> dict[st
 
 
 def _failed(flight: Mapping[str, Any]) -> bool:
-    """Return whether the aircraft left the envelope under a law of this project, or the judge
-    refuses the learned critic."""
+    """Return whether a flight under a law of this project failed.
+
+    It fails if it leaves the envelope or if the learned critic does not pass its checks.
+    """
     if flight["law"] not in OWN:
         return False
     facts = flight["metrics"].get("learning", {}).get("facts", {})
@@ -251,7 +258,7 @@ def _failed(flight: Mapping[str, Any]) -> bool:
 
 
 def counts_text(table: Mapping[str, Any]) -> str:
-    """Return the number of claims with each verdict, and the flights that left the envelope."""
+    """Return one line with the number of claims for each verdict and the number of lost flights."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in table["verdicts"].items())
     laws = "; ".join(sorted({flight["law"] for flight in table["lost_flights"]}))
     return f"{counts}; {len(table['lost_flights'])} flights were lost ({laws})" if laws else counts

@@ -149,7 +149,11 @@ class Draw:
         return f"<clipto{kind}> <min>{low}</min> <max>{high}</max> </clipto>"
 
     def _component(self, name: str, source: str) -> str:
-        """Return a component with its limits."""
+        """Return the XML of a random component with output limits.
+
+        name: property that it writes
+        source: property that it reads
+        """
         given = f"<input>{source}</input>"
         extra = ""
         kind = str(
@@ -208,7 +212,7 @@ class Draw:
         return f'<{kind} name="{name}"> {given} {extra} {self._clip()} </{kind}>'
 
     def of_switch(self) -> dict[str, str]:
-        """Return a switch of several tests."""
+        """Return the slots of a switch with one to three tests."""
         tests = [self._test(self._rng.random() < 0.9) for _ in range(int(self._rng.integers(1, 4)))]
         default = f'<default value="{self._value()}"/>' if self._rng.random() < 0.8 else ""
         text = f'<switch name="fcs/probe"> {default} {" ".join(tests)} {self._clip()} </switch>'
@@ -229,7 +233,9 @@ class Draw:
         return blank.join((self._signal(), str(sign), self._value()))
 
     def of_axes(self) -> dict[str, str]:
-        """Return forces and moments in other frames, some at the center of gravity."""
+        """Return the slots of forces and moments in random frames, some applied at the center of
+        gravity.
+        """
         force = str(self._one(("WIND", "BODY", "STABILITY", "")))
         slots = {}
         names: tuple[str, ...] = ("Z", "X", "Y")
@@ -250,7 +256,9 @@ class Draw:
         return slots
 
     def of_property(self) -> dict[str, str]:
-        """Return a component that writes a property of JSBSim's or of another component."""
+        """Return the slots of a function that writes a property of JSBSim or of another
+        component.
+        """
         name = str(
             self._one(
                 (
@@ -278,10 +286,10 @@ class Draw:
 
 
 def _kept(slot: str) -> str:
-    """Return the content of a slot of the plain jet."""
+    """Return the default content of a slot of the jet."""
     return SLOTS[slot]
 
 
 def drawn(count: int, seed: int) -> dict[str, dict[str, str]]:
-    """Return constructs by name, of one seed each."""
+    """Return name -> slots for `count` random constructs with the seeds seed, seed + 1, ..."""
     return {f"drawn: {seed + number}": Draw(seed + number).construct() for number in range(count)}

@@ -1,4 +1,4 @@
-"""Constructs of functions and tables, and of the aerodynamics."""
+"""Constructs of functions, tables and aerodynamics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def _axis(name: str, text: str, attributes: str = "") -> dict[str, str]:
 
 
 def _axes(up: str, along: str, across: str, attributes: str = "") -> dict[str, str]:
-    """Return the jet's forces along other axes."""
+    """Return the slots that rename the axes of the jet's lift, drag and side force.
+
+    attributes: XML attributes of each axis
+    """
     names = {"lift_axis": up, "drag_axis": along, "side_axis": across}
     return {slot: f'name="{name}" {attributes}' for slot, name in names.items()}
 

@@ -1,6 +1,6 @@
-"""A small jet with one further construct: the text of its file.
+"""The file of a small JSBSim jet, in which a construct replaces some slots.
 
-A construct is slot of the jet's file -> its content.
+A construct is a dictionary slot -> XML.
 """
 
 from __future__ import annotations
@@ -107,7 +107,9 @@ _JET = """<?xml version="1.0"?>
 
 
 def coefficient(*terms: str, length: str = "") -> str:
-    """Return a function: q S (length) times the sum of the terms."""
+    """Return the XML of the function q S length (sum of the terms). Without `length`, it is q S
+    (sum).
+    """
     arm = f"<p>metrics/{length}</p>" if length else ""
     body = "".join(terms)
     size = f"<p>aero/qbar-psf</p> <p>metrics/Sw-sqft</p> {arm}"
@@ -115,7 +117,7 @@ def coefficient(*terms: str, length: str = "") -> str:
 
 
 def slope(value: float, name: str) -> str:
-    """Return a value times a property."""
+    """Return the XML of the product of a number and a property."""
     return f"<product> <v>{value}</v> <p>{name}</p> </product>"
 
 
@@ -146,14 +148,18 @@ AIR = {
 
 
 def jet(slots: Mapping[str, str]) -> str:
-    """Return the text of the jet's file with these slots filled."""
+    """Return the XML file of the jet with these slots replaced."""
     filled = SLOTS | {"engine_kind": _ENGINE} | dict(slots)
     filled["engine_kind"] = filled["engine_kind"].format(**filled)
     return _JET.format(**filled, **AIR, SURFACES=SURFACES)
 
 
 def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
-    """Return a component that writes fcs/probe, or another property that a moment reads."""
+    """Return a construct with a component in a channel.
+
+    text: XML of the component
+    name: property that the pitching moment depends on
+    """
     return {
         "channels": f'<channel name="construct"> {text} </channel>',
         "pitch": pitching(name),
@@ -161,22 +167,31 @@ def component(text: str, name: str = "fcs/probe") -> dict[str, str]:
 
 
 def pitching(name: str) -> str:
-    """Return a pitching moment from a property."""
+    """Return the XML of a pitching moment proportional to a property."""
     return coefficient(slope(0.1, name), length="cbarw-ft")
 
 
 def function(text: str) -> dict[str, str]:
-    """Return a construct of a function on which a pitching moment depends."""
+    """Return a construct with a pitching moment proportional to a function.
+
+    text: XML of the function
+    """
     return {"pitch": coefficient(f"<product> <v>0.1</v> {text} </product>", length="cbarw-ft")}
 
 
 def reading(name: str, scale: float = 1.0) -> dict[str, str]:
-    """Return a construct that reads a property, of about this size."""
+    """Return a construct with a pitching moment proportional to a property.
+
+    scale: typical magnitude of the property
+    """
     return {"pitch": coefficient(slope(0.1 / scale, name), length="cbarw-ft")}
 
 
 def writing(name: str, value: float, more: str = "") -> dict[str, str]:
-    """Return a construct of a component that writes a property of JSBSim."""
+    """Return a construct with a component that writes a number to a property of JSBSim.
+
+    more: further XML in the channel
+    """
     text = f'<fcs_function name="w"> <function> <v>{value}</v> </function>'
     output = f"<output>{name}</output> </fcs_function>"
     return {"channels": f'<channel name="construct"> {text} {output} {more} </channel>'}

@@ -1,4 +1,4 @@
-"""Judgement of each construct in the small jet, in the reader and in JSBSim."""
+"""Comparison of each construct between this project's reader and JSBSim."""
 
 from __future__ import annotations
 
@@ -44,10 +44,11 @@ _LONGEST_DRAWN = 20
 
 @dataclass(frozen=True)
 class Judgement:
-    """Judgement of a construct.
+    """Result of the comparison of one construct.
 
-    verdict: agrees, refused, noted, silent, or looser (read here, refused by JSBSim).
-    why: the message, the notes or the difference.
+    verdict: "agrees", "refused", "noted", "silent", "looser" (accepted here, refused by JSBSim) or
+      "traceback"
+    why: the message, the notes or the difference
     """
 
     name: str
@@ -58,7 +59,10 @@ class Judgement:
 def judge(
     names: list[str], folder: Path, constructs: Mapping[str, dict[str, str]] = ALL
 ) -> list[Judgement]:
-    """Return the judgement of each construct, whose files are written into a folder."""
+    """Compare constructs with JSBSim at two random states each and return the results.
+
+    folder: folder into which the files of the constructs are written
+    """
     models: dict[str, Model | str] = {}
     items = []
     for number, name in enumerate(names):
@@ -91,7 +95,7 @@ def _model(folder: Path, key: str, slots: Mapping[str, str]) -> Model:
 
 
 def _point(rng: np.random.Generator) -> dict[str, Any]:
-    """Return a random state and commands."""
+    """Return a random state with random commands, as a request to JSBSim."""
     state = {
         "altitude": rng.uniform(2000.0, 9000.0),
         "speed": rng.uniform(250.0, 400.0),
@@ -109,7 +113,11 @@ def _point(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judgement:
-    """Return the judgement of a model, or of its refusal, compared with JSBSim."""
+    """Return the result of the comparison of one construct.
+
+    model: the model, or the message with which its file was refused
+    pairs: (requested state, JSBSim's response) for each state
+    """
     if isinstance(model, str):
         verdict = "traceback" if model.startswith("TRACEBACK") else "refused"
         return Judgement(name, verdict, model)
@@ -129,9 +137,13 @@ def _judged(name: str, model: Model | str, pairs: list[tuple[Any, Any]]) -> Judg
 
 
 def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, float]) -> float:
-    """Return the largest difference of the accelerations from JSBSim's.
+    """Return the largest relative difference between the accelerations of the model and of JSBSim.
 
-    It is relative to 1 g and 1 rad/s^2, or to JSBSim's where these are larger.
+    It is relative to 1 g and 1 rad/s², or to JSBSim's acceleration if this is larger. Raises
+    FloatingPointError if it is not finite.
+
+    point: state and commands
+    answer: JSBSim's response
     """
     state = {}
     for name in model.states:
@@ -172,7 +184,7 @@ def difference(model: Model, point: Mapping[str, Any], answer: Mapping[str, floa
 
 
 def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np.ndarray:
-    """Return the wind over ground in body axes, ft/s."""
+    """Return the velocity of the air over ground in body axes, ft/s, (3,)."""
     roll, pitch, yaw = (state[name] for name in ("roll", "pitch", "yaw"))
     turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     nod = np.array(
@@ -184,5 +196,5 @@ def _wind_in_body(state: Mapping[str, float], answer: Mapping[str, float]) -> np
 
 
 def unused_slots() -> set[str]:
-    """Return slots that no construct fills."""
+    """Return the slots that no construct replaces."""
     return set(SLOTS) - {slot for slots in ALL.values() for slot in slots}
