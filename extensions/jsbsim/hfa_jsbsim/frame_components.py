@@ -255,8 +255,10 @@ _WEIGHTS = {
 
 
 def _pid(component: Element, properties: Properties) -> Any:
-    """Return kp u + ki times the integral of u + kd u'. For a standard one the sum is multiplied by
-    kp.
+    """Return kp u + ki ∫ u dt + kd u' for the input u, computed with JSBSim's integration rules.
+
+    For a <pid> of type "standard" the result is kp (u + ki ∫ u dt + kd u'). For an <integrator> ki
+    is c1.
     """
     value = ca.SX(input_of(component, properties))
     past = _Past(component, properties)

@@ -1,4 +1,4 @@
-"""<function> and <table>: expressions of properties (`FGFunction`, `FGTable`)."""
+"""Expressions of properties in <function> and <table> (`FGFunction`, `FGTable`)."""
 
 from __future__ import annotations
 
@@ -34,18 +34,20 @@ def _integer(value: Any) -> Any:
 
 
 def _fraction(value: Any) -> Any:
-    """Return the fractional part, or 0 for infinity, as in C."""
+    """Return the fractional part of a value, 0 for infinity, as in C."""
     return ca.if_else(ca.fabs(value) == math.inf, 0.0, value - _integer(value))
 
 
 def _rounded(value: Any) -> Any:
-    """Return the nearest whole number, a half away from zero."""
+    """Return the nearest integer. A half is rounded away from zero."""
     whole = ca.floor(ca.fabs(value) + 0.5)
     return ca.if_else(value < 0, -whole, whole)
 
 
 def _switch(index: Any, *values: Any) -> Any:
-    """Return the value at the rounded index, or nan beyond the ends, where JSBSim stops."""
+    """Return the value at the rounded index, NaN for an index without a value, where JSBSim
+    stops.
+    """
     chosen = ca.SX.nan()
     for number in range(len(values) - 1, -1, -1):
         chosen = ca.if_else(index + 0.5 < number + 1, values[number], chosen)
@@ -53,10 +55,11 @@ def _switch(index: Any, *values: Any) -> Any:
 
 
 def _interpolate1d(argument: Any, *pairs: Any) -> Any:
-    """Return the linear interpolation between points (x1, y1, x2, y2, ...), constant beyond the
-    ends.
+    """Return the linear interpolation between points, constant beyond the first and last point.
 
-    The interval is found by bisection, as in JSBSim, even where the x do not increase.
+    The interval is found by bisection, as in JSBSim, also if the x do not increase.
+
+    pairs: x1, y1, x2, y2, ...
     """
     points = list(zip(pairs[::2], pairs[1::2], strict=True))
 
@@ -76,8 +79,11 @@ def _interpolate1d(argument: Any, *pairs: Any) -> Any:
 
 
 def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return a logarithm that is minus infinity where its argument is not positive, as in
-    JSBSim."""
+    """Return a logarithm function that is minus infinity for arguments that are not positive, as in
+    JSBSim.
+
+    function: the logarithm
+    """
 
     def value(argument: Any) -> Any:
         positive = argument > 0.0
@@ -87,12 +93,12 @@ def _where_positive(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def _sqrt(argument: Any) -> Any:
-    """Return the square root, or minus infinity for a negative number, as in JSBSim."""
+    """Return the square root, minus infinity for a negative argument, as in JSBSim."""
     return ca.if_else(argument >= 0.0, ca.sqrt(ca.fabs(argument)), -math.inf)
 
 
 def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return a function of two arguments that is infinite where the second is 0, as in JSBSim."""
+    """Return a function of two arguments that is infinite if the second is 0, as in JSBSim."""
 
     def value(one: Any, other: Any) -> Any:
         is_zero = other == 0.0
@@ -102,22 +108,22 @@ def _unless_zero(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], An
 
 
 def _is_true(value: Any) -> Any:
-    """Return whether a value counts as true. JSBSim regards a magnitude below 1e-9 as false."""
+    """Return whether a value is true in JSBSim: its magnitude is at least 1e-9."""
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return the comparison as a function that yields 1 or 0."""
+    """Return a function of two arguments that is 1 if the comparison is true, else 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
 
 
 def _all_true(*values: Any) -> Any:
-    """Return 1 where every value counts as true, and 0 elsewhere."""
+    """Return 1 if all values are true in JSBSim, else 0."""
     return reduce(ca.fmin, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
 
 
 def _any_true(*values: Any) -> Any:
-    """Return 1 where one of the values counts as true, and 0 elsewhere."""
+    """Return 1 if at least one value is true in JSBSim, else 0."""
     return reduce(ca.fmax, [ca.if_else(_is_true(value), 1.0, 0.0) for value in values])
 
 
@@ -174,9 +180,11 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
 
 
 def function_value(element: Element, properties: Properties, number: int | None = None) -> Any:
-    """Return the value of a <function>.
+    """Return the value of a <function>, a number or an expression.
 
-    number: number that replaces # in names of properties
+    number: index of the engine, which replaces # in names of properties
+
+    Raises BadInputError for a function that is not supported.
     """
     arguments = [child.take() for child in element.children if child.name != "description"]
     if len(arguments) != 1:
@@ -185,7 +193,10 @@ def function_value(element: Element, properties: Properties, number: int | None 
 
 
 def _value(element: Element, properties: Properties, number: int | None) -> Any:
-    """Return the value of a part of a function."""
+    """Return the value of an element inside a function: property, number, table or operation.
+
+    Raises BadInputError for an element that is not supported.
+    """
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
@@ -214,12 +225,15 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
 
 
 def _is_minus_zero(value: Any) -> bool:
-    """Return whether a value is the number -0, whose sign an expression loses."""
+    """Return whether a value is the number -0. Expressions do not keep its sign."""
     return isinstance(value, float) and value == 0.0 and math.copysign(1.0, value) < 0.0
 
 
 def numbered(element: Element, name: str, number: int | None) -> str:
-    """Return a name of a property with the number of the engine in the place of #."""
+    """Return the name of a property with # replaced by the index of the engine.
+
+    Raises BadInputError for a name with # outside an engine.
+    """
     if "#" not in name:
         return name
     if number is None:
@@ -232,12 +246,12 @@ def numbered(element: Element, name: str, number: int | None) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """Numbers of a <table>.
+    """Values and breakpoints of a <table>.
 
-    values: (n1, ..., nd), one axis for each of rows, columns, tables.
-    breakpoints: d arrays.
-    parts: tables over the last axis where their other breakpoints differ, or (). values and the
-        first of the breakpoints are then of the last axis alone.
+    values: (n1, ..., nd), with the axes rows, columns and tables. breakpoints: breakpoints of each
+    axis, d arrays. parts: one table for each breakpoint of the last axis, if these tables have
+    different breakpoints;
+      else (). With parts, `values` is not used, and `breakpoints` contains the last axis only.
     """
 
     values: np.ndarray
@@ -246,11 +260,14 @@ class Table:
 
     @property
     def dimensions(self) -> int:
-        """Number of arguments."""
+        """Number of axes."""
         return len(self.breakpoints) + (self.parts[0].dimensions if self.parts else 0)
 
     def at(self, properties: Properties, arguments: list[Any]) -> Any:
-        """Return the value at the arguments: row, column, table."""
+        """Return the interpolated value.
+
+        arguments: arguments of the axes rows, columns and tables
+        """
         interpolate = properties.interpolate
         if not self.parts:
             return interpolate(self.values, self.breakpoints, arguments)
@@ -262,7 +279,11 @@ class Table:
 
 
 def read_table(element: Element) -> Table:
-    """Return the numbers of a <table>, or of a <tableData> in another."""
+    """Return the content of a <table>, or of a <tableData> that contains others.
+
+    Raises BadInputError for missing data, fewer than two rows or columns, or breakpoints that do
+    not increase.
+    """
     nested = list(element.all("tableData"))
     if not nested and element.name != "tableData":
         raise element.error("the table has no <tableData>; add it")
@@ -279,7 +300,12 @@ def read_table(element: Element) -> Table:
 
 
 def _stacked(nested: list[Element]) -> Table:
-    """Return tables stacked over a further axis, whose breakpoints they name."""
+    """Return one table with an additional axis, made of <tableData> elements.
+
+    Their attribute breakPoint contains the breakpoints of this axis.
+
+    Raises BadInputError if they have no columns or different numbers of axes.
+    """
     tables = tuple(read_table(child) for child in nested)
     points = np.array([child.as_number(child.attributes.get("breakPoint", "")) for child in nested])
     first = tables[0]
@@ -301,9 +327,12 @@ def _stacked(nested: list[Element]) -> Table:
 
 
 def _rows(data: Element) -> Table:
-    """Return rows of numbers.
+    """Return the table in the text of an element.
 
-    They are pairs, or the breakpoints of the columns followed by rows with one number more.
+    Each row is a pair (breakpoint, value). Alternatively, the first row contains the breakpoints of
+    the columns, and each further row a breakpoint and the values.
+
+    Raises BadInputError for text that is not a table of finite numbers.
     """
     rows = []
     for line, text in data.lines:
@@ -334,7 +363,12 @@ _AXES = {"": 0, "row": 0, "axis1": 0, "column": 1, "axis2": 1, "table": 2, "axis
 
 
 def table_value(element: Element, properties: Properties, number: int | None = None) -> Any:
-    """Return the value of a <table> at its independent variables."""
+    """Return the value of a <table> at its independent variables.
+
+    number: index of the engine, which replaces # in names of properties
+
+    Raises BadInputError if the table or its independent variables are wrong.
+    """
     if "type" in element.attributes:
         raise element.error(
             "a table with a type cannot contain independentVar here; remove the type"
@@ -356,7 +390,10 @@ def table_value(element: Element, properties: Properties, number: int | None = N
 
 
 def named(section: Element) -> Iterator[Element]:
-    """Yield all functions and tables of a section that have a name, including nested ones."""
+    """Yield the functions and tables in a section, at any depth, whose names define properties.
+
+    Components of channels are omitted.
+    """
     pending = [section]
     while pending:
         part = pending.pop()

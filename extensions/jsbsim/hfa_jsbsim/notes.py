@@ -1,4 +1,4 @@
-"""Notes for the user on the reading of an aircraft's files, grouped by their statement."""
+"""Notes for the user about an aircraft's files, grouped by statement."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _MOST = 12
 
 
 class Note(NamedTuple):
-    """Statement on an element of a file.
+    """Note about an element of a file.
 
     statement: the statement
-    subject: the part of the file that it concerns, "" for the whole file
+    subject: part of the file that it concerns, "" for the whole file
     where: file and line
-    rank: FORCE, MOTION or IDLE
+    rank: FORCE, MOTION or IDLE, from the most to the least important
     """
 
     statement: str
@@ -30,8 +30,9 @@ class Note(NamedTuple):
 
 
 def grouped(notes: Iterable[Note]) -> list[str]:
-    """Return a line for each statement, with its subjects by file and line, those on forces
-    first.
+    """Return one line for each statement, with its subjects, files and lines.
+
+    Notes of rank FORCE come first, then MOTION and IDLE.
     """
     by_statement: dict[tuple[int, str], list[Note]] = {}
     for note in notes:
@@ -41,7 +42,9 @@ def grouped(notes: Iterable[Note]) -> list[str]:
 
 
 def _line(statement: str, notes: list[Note]) -> str:
-    """Return a statement with its subjects."""
+    """Return a statement followed by its subjects, files and lines. Only `_MOST` per file are
+    listed.
+    """
     by_file: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
         file, _, line = note.where.rpartition(":")

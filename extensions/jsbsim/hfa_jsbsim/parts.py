@@ -1,4 +1,4 @@
-"""The content of the files of an aircraft of JSBSim, before it is combined."""
+"""Content of the files of a JSBSim aircraft, before the equations are built."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ class Choices:
     """Options for reading an aircraft.
 
     partial: whether to omit motors, rotors and gas cells, which are not supported. Otherwise they
-        are refused.
-    filters: whether lags, washouts, integrators and other components with a memory are states.
-        Otherwise they are in their steady state.
-    throttles: whether each engine has a separate throttle.
-    engines: whether the lags of engines are states. Otherwise they follow their throttles at once.
-    step: duration of JSBSim's frame, s, where the equations are those of one frame; else 0.
+    are
+      refused.
+    filters: whether lags, washouts, integrators and other dynamic components have states. Otherwise
+      their steady-state output is used.
+    throttles: whether each engine has a separate throttle. engines: whether the lags of engines are
+    states. Otherwise engines follow their throttles at once. step: duration of JSBSim's frame, s,
+    if the equations are those of a frame; else 0.
     """
 
     partial: bool = False
@@ -48,11 +49,13 @@ class Choices:
 
 
 class Parts:
-    """The content of the files of an aircraft.
+    """Content of the files of an aircraft.
 
-    sections: <metrics>, <aerodynamics>, ... with the additions of other files.
-    wings, empty, tanks, points, engines: content of the sections.
-    mass: mass with the contents of the files.
+    sections: <metrics>, <aerodynamics>, ... including the content of further files.
+    wings: geometry.
+    empty: the empty aircraft.
+    tanks, points, engines: tanks, point masses and engines.
+    mass: mass with the tank contents and point masses in the files.
     notes: notes for the user.
     """
 
@@ -92,7 +95,7 @@ class Parts:
                 raise engine.error(refusal(engine))
 
     def section(self, name: str) -> Element | None:
-        """Return the first section of this name, or None without one."""
+        """Return the first section of this name, or None if there is none."""
         return next((part for part in self.sections if part.name == name), None)
 
     def systems(self) -> list[Element]:

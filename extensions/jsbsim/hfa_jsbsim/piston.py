@@ -1,4 +1,4 @@
-"""Piston engines with and without superchargers (`FGPiston`), with its constants."""
+"""Piston engines with and without superchargers. Constants are those of `FGPiston`."""
 
 from __future__ import annotations
 
@@ -45,9 +45,10 @@ _MIXTURE = (
 def piston_power(
     file: EngineFile, around: Surroundings
 ) -> tuple[Any, dict[str, Any], dict[str, Any]]:
-    """Return the power, hp, the properties of the engine, and the rate of its manifold pressure.
+    """Return (power, properties, rates) of a piston engine.
 
-    The rate exists where the manifold pressure is a state.
+    The power is in hp. Properties are values by name. Rates contain the time derivative of the
+    manifold pressure, inHg/s, if that is a state.
     """
     engine = file.engine
     air = around.motion.air
@@ -94,13 +95,16 @@ def piston_power(
 
 
 def _set(file: EngineFile, around: Surroundings, name: str, default: float) -> Any:
-    """Return a number of the engine's file, or the value that a system sets in its place."""
+    """Return a number from the engine's file, or the value to which a system sets this property.
+
+    default: value if the file does not contain the number
+    """
     default_value = file.engine.value_of(name, default)
     return around.properties.read_or(file.full_name(name), default_value, file.mount.where)
 
 
 class _Breathing:
-    """Impedances of air box and throttle, from the pressures that the file states."""
+    """Flow impedances of air box and throttle, computed from the pressures in the file."""
 
     def __init__(self, engine: Element) -> None:
         self.stroke = engine.value_of("stroke", 4.375, "IN")
@@ -119,9 +123,12 @@ class _Breathing:
         self.throttle = idle_impedance * (_STANDARD_PRESSURE / lowest - 1.0) - self.air_box
 
     def pressure_ratio(self, throttle: Any, piston_speed: Any) -> Any:
-        """Return the pressure behind the throttle relative to the ram air.
+        """Return the ratio of the pressure behind the throttle to the ram pressure.
 
-        It rises further beyond full throttle, so that the search for a trim finds a direction.
+        It also increases beyond full throttle, so that a trim search has a descent direction there.
+
+        throttle: 0 to 1
+        piston_speed: mean speed of the pistons, ft/s
         """
         impedance = self.peak_speed / ca.fmax(piston_speed, _SLOWEST)
         closed = (1.0 - throttle) * ca.fabs(1.0 - throttle)
@@ -129,14 +136,19 @@ class _Breathing:
 
 
 def _consumption(file: EngineFile, around: Surroundings, breathing: _Breathing) -> Any:
-    """Return the fuel in lb per horsepower and hour, from the file or consistent with the power."""
+    """Return the brake specific fuel consumption, lb/(hp h).
+
+    It is set by a system, contained in the file, or consistent with the rated power.
+    """
     name = file.full_name("bsfc-lbs_hphr")
     own_value = _own_consumption(file.engine, breathing)
     return around.properties.read_or(name, own_value, file.mount.where)
 
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
-    """Return the consumption of the engine without values set by systems."""
+    """Return the fuel consumption in the file, lb/(hp h), or the one consistent with the rated
+    power.
+    """
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
@@ -153,7 +165,10 @@ def _own_consumption(engine: Element, breathing: _Breathing) -> float:
 
 
 def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) -> Any:
-    """Return the fraction of the power at a ratio of fuel to air."""
+    """Return the fraction of the power that is available at a fuel-air ratio.
+
+    fuel_share: fuel-air ratio
+    """
     for table in engine.all("table"):
         if table.attributes.get("name") == "MIXTURE":
             return internal_table(table, around, [fuel_share])
@@ -164,8 +179,13 @@ def _mixture_efficiency(engine: Element, around: Surroundings, fuel_share: Any) 
 def _boosted(
     file: EngineFile, around: Surroundings, throttled: Any, ambient: Any, speed: Any
 ) -> Any:
-    """Return the manifold pressure behind the supercharger, Pa, at the speed for the air
-    pressure.
+    """Return the manifold pressure behind the supercharger, Pa.
+
+    The gear of the supercharger depends on the ambient pressure, or on the boost lever.
+
+    throttled: pressure behind the throttle, Pa
+    ambient: ambient pressure, Pa
+    speed: engine speed, rpm
     """
     gears = _gears(file.engine)
     if not gears:
@@ -201,10 +221,10 @@ def _boosted(
 
 
 def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
-    """Return the data of each speed of the supercharger.
+    """Return the data of each gear of the supercharger, [] without one.
 
-    They are multiplier, rated rpm, rated pressure, and the air pressure, Pa, below which the next
-    speed is used. The first invalid speed ends the list.
+    They are multiplier, rated speed (rpm), rated pressure (Pa), and the ambient pressure (Pa) below
+    which the next gear is used. Gears from the first invalid one on have no effect.
     """
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[tuple[float, float, float, float]] = []
@@ -229,13 +249,20 @@ def _gears(engine: Element) -> list[tuple[float, float, float, float]]:
 
 
 def _standard_pressure(altitude: float) -> float:
-    """Return the standard pressure, psf (`FGPiston::GetStdPressure100K`)."""
+    """Return the pressure of the standard atmosphere, lb/ft² (`FGPiston::GetStdPressure100K`).
+
+    altitude: ft
+    """
     factors = (2116.217, -7.648932746e-2, 1.0925498604e-6, -7.1135726027e-12, 1.7470331356e-17)
     return sum(factor * altitude**power for power, factor in enumerate(factors))
 
 
 def _boost_loss(engine: Element, throttled: Any, manifold: Any, volume_flow: Any) -> Any:
-    """Return the power consumed by the supercharger, hp."""
+    """Return the power consumed by the supercharger, hp.
+
+    throttled, manifold: pressures before and behind the supercharger, Pa
+    volume_flow: m³/s
+    """
     factor = engine.value_of("boost-loss-factor", 0.0)
     if factor <= 0.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""The effect of an engine with its thruster: the power of the engine, and the thrust."""
+"""Force, moment and power of an engine together with its thruster."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from hfa_jsbsim.propeller import propeller_effect
 
 
 def computing(file: EngineFile, around: Surroundings) -> Callable[[], Effect]:
-    """Return the function that computes the effect of an engine."""
+    """Return a function without arguments that computes the `Effect` of an engine.
+
+    The function raises BadInputError if the engine's values cause an arithmetic error.
+    """
 
     def compute() -> Effect:
         try:

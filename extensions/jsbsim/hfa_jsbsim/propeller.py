@@ -1,4 +1,4 @@
-"""Propellers with fixed, set or governed blades (`FGPropeller`)."""
+"""Propellers with fixed, adjustable or governed blades (`FGPropeller`)."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ _FEATHERING = 1.0 / 300.0
 
 
 def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effect:
-    """Return thrust, torque and moments of a propeller driven with a given power, ft lb/s.
+    """Return the thrust, torque and moments of a propeller.
 
-    C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T rho n^2 D^4,
-    the absorbed power C_P rho n^3 D^5. A stopped propeller absorbs no power
-    (`FGPiston::Calculate`).
+    C_T and C_P are tables over J = V / (n D) and the blade angle. The thrust is C_T ρ n² D⁴, and
+    the absorbed power is C_P ρ n³ D⁵. An engine at rest absorbs no power (`FGPiston::Calculate`).
+
+    power: power of the engine, ft lb/s
     """
     prop = file.thruster
     number = file.number
@@ -83,10 +84,10 @@ def propeller_effect(file: EngineFile, around: Surroundings, power: Any) -> Effe
 
 
 def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]:
-    """Return the blade angle, deg, and the rate of its state if a governor moves it.
+    """Return the blade angle, deg, and {state: time derivative} if a governor changes it, else {}.
 
-    The governor turns the blades in proportion to rpm - wanted, deg/s. It stops them at their
-    limits within a step of JSBSim, so that a limit is a steady state too.
+    The governor turns the blades at rpm - (wanted rpm), in deg/s. The limits of the angle are
+    reached within one frame and are equilibria.
     """
     prop = file.thruster
     lowest = prop.value_of("minpitch", 0.0)
@@ -113,7 +114,13 @@ def _blade(file: EngineFile, around: Surroundings) -> tuple[Any, dict[str, Any]]
 def _coefficient(
     file: EngineFile, around: Surroundings, name: str, arguments: list[Any], tip_mach: Any
 ) -> Any:
-    """Return C_T or C_P times its factor and its table over the Mach number of the tip."""
+    """Return C_T or C_P with its factor and its correction for the Mach number of the blade tips.
+
+    name: "C_THRUST" or "C_POWER"
+    arguments: advance ratio J and blade angle, deg
+
+    Raises BadInputError if the propeller has no such table.
+    """
     prop = file.thruster
     tables = {table.attributes.get("name", ""): table for table in prop.all("table")}
     if name not in tables:
@@ -128,7 +135,13 @@ def _coefficient(
 
 
 def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) -> Any:
-    """Return the induced velocity of momentum theory, ft/s, without its sign."""
+    """Return the induced velocity according to momentum theory, ft/s.
+
+    speed: axial airspeed, ft/s
+    thrust: lb
+    density: slug/ft³
+    diameter: ft
+    """
     area = 0.25 * math.pi * diameter**2
     squared = speed * ca.fabs(speed) + 2.0 * thrust / (density * area)
     root = ca.sqrt(ca.fmax(ca.fabs(squared), 1e-12))
@@ -138,9 +151,13 @@ def _induced_velocity(speed: Any, thrust: Any, density: Any, diameter: float) ->
 def _acting_location(
     file: EngineFile, location: ca.SX, local: Any, induced: Any, sense: float
 ) -> Any:
-    """Return the point where the thrust acts, inches.
+    """Return the point where the thrust acts, inches. The P-factor displaces it with the flow
+    angle.
 
-    The P-factor moves it with the flow angle.
+    location: location of the propeller, inches
+    local: airspeed in the axes of the thruster, ft/s, (3,)
+    induced: induced velocity, ft/s
+    sense: 1 or -1, the direction of rotation
     """
     factor = file.thruster_mount.value_of("p_factor", 0.0)
     if factor <= 0.0001:

@@ -1,4 +1,4 @@
-"""JSBSim's properties by name, as expressions computed when they are first read."""
+"""JSBSim's properties by name. Their values are expressions that are computed when first read."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ _ON_GROUND = re.compile(
 
 
 class LoopError(BadInputError):
-    """Error of a value of the control system that depends on its own past and has no static value.
+    """Error: a value of the control system depends on its own past and has no steady-state value.
 
-    cause: the chain of dependence
+    cause: description of the loop
     where: file and line
     """
 
@@ -61,13 +61,14 @@ class LoopError(BadInputError):
 
 @dataclass(eq=False)
 class Writer:
-    """Component that sets a property.
+    """Element that sets a property.
 
-    compute: returns the value.
+    compute: function without arguments that returns the value.
     where: file and line.
-    order: its number in the control system, whose components run one after the other.
-    component: its element, if it is a component.
-    element: the element of the file.
+    order: position in JSBSim's order of evaluation.
+    component: the element, if it is a component of the control system.
+    element: the element of the file, or None if JSBSim itself sets the property.
+    value: the value, after it was computed.
     """
 
     compute: Callable[[], Any]
@@ -80,10 +81,11 @@ class Writer:
 
 @dataclass(eq=False)
 class FilterState:
-    """State of the control system, with its rate once that is known.
+    """State of a dynamic component of the control system.
 
-    component: component whose memory it is
-    writer: computes its rate in the component's place
+    symbol: the state
+    component: element of the component
+    writer: writer of its time derivative, or None until that is known
     """
 
     symbol: ca.SX
@@ -93,9 +95,10 @@ class FilterState:
 
 @dataclass(eq=False)
 class Memory:
-    """Value that a component keeps from one frame to the next.
+    """Value that is stored from one frame to the next.
 
-    It consists of its symbol and the function of its next value.
+    symbol: value at the end of the previous frame
+    writer: writer of the value in this frame
     """
 
     symbol: ca.SX
@@ -105,18 +108,18 @@ class Memory:
 class Properties:
     """All properties of an aircraft.
 
-    unset: name of a property that is read but never set -> place of its first reading. Its value is
-        0, as in JSBSim.
-    notes: notes for the user on these values.
-    interpolate: returns values of tables.
-    centered: whether integrators that depend on the pilot's commands are 0, in place of a
-        LoopError.
-    has_filter_states: whether components with a memory are states.
-    step: duration of JSBSim's frame, s, where values are those of a frame; else 0.
-    memories: by name, the values kept for the next frame.
-    travels: kinematics that take time, with their targets.
-    filters: states of components with a memory.
-    left_out: component -> the omitted part of its memory, without states.
+    unset: property that is read but never set -> file and line where it is first read. Its value is
+    0,
+      as in JSBSim.
+    notes: notes for the user.
+    interpolate: interpolation of tables.
+    centered: whether values that depend on themselves are set to 0 instead of raising LoopError.
+    has_filter_states: whether dynamic components have states.
+    step: duration of JSBSim's frame, s, if values are those of a frame; else 0.
+    memories: name -> value that is stored for the next frame.
+    travels: (component, target) of each <kinematic> that takes time to move.
+    filters: states of dynamic components.
+    left_out: dynamic components whose dynamics are omitted.
     """
 
     def __init__(self, has_filter_states: bool = False, step: float = 0.0) -> None:
@@ -137,19 +140,21 @@ class Properties:
         self.centered = False
 
     def define(self, name: str, value: Any) -> None:
-        """Set a property that components of the control system may set again."""
+        """Set a property to a value that later components of the control system may override."""
         self._writers.setdefault(plain(name), []).append(Writer(lambda: value, "", order=-1))
 
     def define_initial(self, name: str, value: float) -> None:
-        """Set the initial value of a property that no component sets."""
+        """Set the value that a property has if nothing else sets it."""
         self._initial[plain(name)] = value
 
     def compute(self, name: str, writer: Writer) -> None:
-        """Define a property by a writer, evaluated when it is read."""
+        """Add a writer of a property. Its value is computed when it is first read."""
         self._writers.setdefault(plain(name), []).append(writer)
 
     def remove(self, writer: Writer) -> None:
-        """Remove a writer. Properties that it alone sets stay 0."""
+        """Remove a writer. Properties without another writer have their initial value, or
+        else 0.
+        """
         for name, writers in list(self._writers.items()):
             if writer in writers:
                 writers.remove(writer)
@@ -158,28 +163,32 @@ class Properties:
                     self._initial.setdefault(name, 0.0)
 
     def is_known(self, name: str) -> bool:
-        """Return whether a property has a value from the beginning or from a writer."""
+        """Return whether a property has an initial value or a writer."""
         return bool(self._writers.get(plain(name))) or plain(name) in self._initial
 
     def writers(self) -> dict[str, list[Writer]]:
-        """Components that set each property, in order."""
+        """Return property -> its writers, in the order of evaluation."""
         return self._writers
 
     def add_state(self, component: Element) -> ca.SX:
-        """Return the symbol of a new state of the control system."""
+        """Add a state for a dynamic component and return its symbol."""
         symbol = ca.SX.sym(_identifier(component, [state.symbol for state in self.filters]))
         self.filters.append(FilterState(symbol, component))
         return symbol
 
     def set_rate(self, symbol: ca.SX, compute: Callable[[], Any]) -> None:
-        """Set the function that computes the rate of a state, at the place of its component."""
+        """Set the function that computes the time derivative of a state.
+
+        It is evaluated at the position of the current component in the order of evaluation.
+        """
         state = next(each for each in self.filters if each.symbol is symbol)
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
     def remember(self, name: str, compute: Callable[[], Any]) -> ca.SX:
         """Return the symbol of a value at the end of the previous frame.
 
-        compute: function that returns the value in this frame
+        name: key of the value
+        compute: function without arguments that returns the value in this frame
         """
         if name not in self.memories:
             writer = Writer(compute, "", self._order)
@@ -187,8 +196,9 @@ class Properties:
         return self.memories[name].symbol
 
     def before(self, name: str) -> Any:
-        """Return a property at the end of the previous frame, or its present value without
-        frames."""
+        """Return a property at the end of the previous frame. Outside frames, return its present
+        value.
+        """
         key = plain(name)
         if not self.step:
             return self.read(key, "")
@@ -198,9 +208,10 @@ class Properties:
         return self.remember(key, lambda: self.value_of(writer, key, ""))
 
     def read_commanded(self, name: str) -> Any:
-        """Return a command when JSBSim copies it to its position, before the control system runs.
+        """Return a command as JSBSim copies it to the position, before the control system is
+        evaluated.
 
-        A value set by a component is then that of the previous frame.
+        In frames, a command that a component sets is that of the previous frame.
         """
         writer = self.writer(name)
         if self.step and writer is not None and writer.component is not None:
@@ -208,32 +219,38 @@ class Properties:
         return self.read(name, "")
 
     def leave_out(self, component: Element, what: str, is_never: bool = False) -> None:
-        """Note that the memory of a component is omitted.
+        """Record that the dynamics of a component are omitted, for a note.
 
-        is_never: whether it is omitted even where it could be a state
+        what: description of the omitted part
+        is_never: whether it is omitted even if dynamic components have states
         """
         key = f"{component.where} {component.attributes.get('name', '')} {is_never}"
         self.left_out.setdefault(key, (component, what, is_never))
 
     def replace(self, name: str, value: Any) -> None:
-        """Set a property, overriding all other writers."""
+        """Set a property to a value and remove all its writers."""
         self._writers[plain(name)] = [Writer(lambda: value, "", order=-1)]
 
     def writer(self, name: str) -> Writer | None:
-        """Return the component that sets a property last, or None if none sets it."""
+        """Return the last writer of a property, or None if there is none."""
         writers = self._writers.get(plain(name))
         return writers[-1] if writers else None
 
     def names(self) -> tuple[str, ...]:
-        """Names of all properties that are set."""
+        """Names of all properties that have writers."""
         return tuple(self._writers)
 
     def read(self, name: str, where: str) -> Any:
-        """Return the value of a property, whose name may begin with a sign.
+        """Return the value of a property.
 
-        A component reads the value set by an earlier component in this pass, else the last value of
-        the previous pass. In a steady state the two agree. Raises LoopError where the value depends
-        on itself.
+        A component reads the value set by an earlier component, or else the last value of the
+        previous pass. In steady state the two are equal.
+
+        name: name of the property, which may begin with a minus sign
+        where: file and line, for messages
+
+        Raises LoopError if the value depends on itself, and BadInputError for text that is not a
+        name.
         """
         if name.startswith("-"):
             if name.startswith("--"):
@@ -263,9 +280,10 @@ class Properties:
         return self.value_of(before[-1] if before else writers[-1], key, where)
 
     def _is_late(self, key: str, before: list[Writer]) -> bool:
-        """Return whether the current component reads the value of the previous frame.
+        """Return whether the current component reads the property's value of the previous frame.
 
-        before: component that has set the property in this frame
+        key: name of the property
+        before: writers of the property that precede the current component
         """
         if self._order == BEFORE_AIR:
             return key in _SET_IN_AIR
@@ -274,8 +292,14 @@ class Properties:
         return not before or (before[-1].order < 0 and bool(_LATE.match(key)))
 
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
-        """Return the value of a writer, computed once. Raises LoopError for a component, and
-        BadInputError for a function, that depends on itself."""
+        """Return the value of a writer. It is computed once.
+
+        name: name of the property, for messages
+        where: file and line, for messages
+
+        Raises LoopError if the value depends on itself through a component, and BadInputError if it
+        does so through functions alone.
+        """
         if writer in self._running:
             if self.centered:
                 return 0.0
@@ -301,9 +325,9 @@ class Properties:
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:
-        """Return the value that a system sets, or else the default.
+        """Return the value to which the files set a property, or the default.
 
-        The default is also returned where the value depends on its past.
+        The default is also returned, with a note, if the value depends on itself.
         """
         self.asked.add(plain(name))
         if self.writer(name) is None:
@@ -318,7 +342,10 @@ class Properties:
             return default
 
     def read_centered(self, name: str, commands: ca.SX) -> Any:
-        """Return the value of a property with the stick in its middle and integrators at 0."""
+        """Return the value of a property with all pilot commands and all integrators at 0.
+
+        commands: symbols of the commands
+        """
         every = [writer for writers in self._writers.values() for writer in writers]
         values = [writer.value for writer in every]
         self.centered = True
@@ -331,7 +358,12 @@ class Properties:
         return ca.substitute(value, commands, ca.SX.zeros(commands.numel()))
 
     def value(self, text: str, element: Element) -> Any:
-        """Return a number, or the value of the property that a text names."""
+        """Return the number in a text, or the value of the property that it names.
+
+        element: element that contains the text, for messages
+
+        Raises BadInputError if the text is empty, has several lines or is not a finite number.
+        """
         if len(element.lines) > 1 and element.name != "test":
             raise element.error(f"<{element.name}> contains several lines; give a number or a name")
         if not text:
@@ -345,13 +377,18 @@ class Properties:
 
 
 def plain(name: str) -> str:
-    """Return the name of a property without the optional parts: [0] and the name of JSBSim's tree.
-    Names that begin with another / are not of that tree."""
+    """Return the name of a property without the optional parts [0] and /fdm/jsbsim/.
+
+    Names with another leading / are outside JSBSim's property tree and are not changed.
+    """
     return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
 
 
 def _identifier(component: Element, taken: list[ca.SX]) -> str:
-    """Return the name of a state from that of its component: yaw_damper for "fcs/yaw damper"."""
+    """Return an unused state name derived from a component's name: yaw_damper for "fcs/yaw damper".
+
+    taken: symbols whose names are in use
+    """
     last = component.attributes.get("name", "").rsplit("/", 1)[-1]
     words = re.findall("[a-z0-9]+", last.lower())
     name = "_".join(words) or component.name
@@ -367,10 +404,12 @@ def _identifier(component: Element, taken: list[ca.SX]) -> str:
 
 
 def lower_dashes(name: str) -> str:
-    """Return the property for a name with blanks: "Pitch Trim Sum" is pitch-trim-sum."""
+    """Return a component's name as JSBSim writes it in properties: pitch-trim-sum for "Pitch Trim
+    Sum".
+    """
     return "-".join(name.lower().split(" "))
 
 
 def is_constant(value: Any) -> bool:
-    """Return whether a value is a number that depends on no symbol."""
+    """Return whether a value is a number, or an expression without symbols."""
     return not isinstance(value, ca.SX) or value.is_constant()

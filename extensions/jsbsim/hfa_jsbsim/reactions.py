@@ -1,4 +1,4 @@
-"""External forces and moments from <external_reactions> (`FGExternalForce`)."""
+"""External forces and moments in <external_reactions> (`FGExternalForce`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hfa_support.errors import shortened
 
 
 class Reactions:
-    """External forces and moments of a section, whose magnitudes are functions or properties."""
+    """External forces and moments of an aircraft. Their magnitudes are functions or properties."""
 
     def __init__(self, section: Element | None, properties: Properties) -> None:
         self._properties = properties
@@ -33,9 +33,11 @@ class Reactions:
             self._define(moment, "lmn")
 
     def _begin(self, names: list[str], vector: np.ndarray | None) -> None:
-        """Set the initial values of the properties of a vector.
+        """Set the initial values of three properties to the components of a vector.
 
-        Without a vector they have the values set by the file, or 0.
+        Without a vector, properties without a value are set to 0.
+
+        names: names of the properties
         """
         values = np.zeros(3) if vector is None else vector
         for name, value in zip(names, values, strict=True):
@@ -44,7 +46,10 @@ class Reactions:
                 self._properties.define_initial(name, value)
 
     def _define(self, element: Element, axes: str) -> None:
-        """Define the properties of the magnitude and direction of a force or a moment."""
+        """Define the properties for the magnitude and direction of a force or moment.
+
+        axes: "xyz" for a force, "lmn" for a moment
+        """
         element.attributes.get("frame")  # read: it is used only where the magnitude is not 0
         magnitude = f"{_base(element)}/{_magnitude(element)}"
         if not self._properties.is_known(magnitude):
@@ -52,9 +57,9 @@ class Reactions:
         self._begin([f"{_base(element)}/{axis}" for axis in axes], _direction(element))
 
     def loads(self, motion: Motion, arm: Callable[[Any], Any]) -> tuple[ca.SX, ca.SX]:
-        """Return the force, lb, and the moment about the center of gravity, ft lb, in body axes.
+        """Return the total force, lb, and moment about the center of gravity, ft lb, in body axes.
 
-        arm: a place in inches -> ft from the center of gravity, in body axes
+        arm: function (location, inches) -> vector from the center of gravity, body axes, ft
         """
         total = ca.SX.zeros(3)
         moment = ca.SX.zeros(3)
@@ -68,7 +73,10 @@ class Reactions:
         return total, moment
 
     def _vector(self, element: Element, axes: str, motion: Motion) -> ca.SX:
-        """Return a force or a moment in body axes."""
+        """Return an external force, lb, or moment, ft lb, in body axes, (3,).
+
+        axes: "xyz" for a force, "lmn" for a moment
+        """
         names = [f"{_base(element)}/{axis}" for axis in axes]
         self._properties.asked.update(names)
         magnitude = self._size(element)
@@ -108,7 +116,7 @@ def _magnitude(element: Element) -> str:
 
 
 def _direction(element: Element) -> np.ndarray | None:
-    """Return a vector (3,) of length 1, or None without a direction."""
+    """Return <direction> as a unit vector (3,), or None if there is no <direction>."""
     child = element.find("direction")
     if child is None:
         return None
@@ -118,7 +126,10 @@ def _direction(element: Element) -> np.ndarray | None:
 
 
 def _to_body(element: Element, motion: Motion) -> ca.SX:
-    """Return the (3, 3) rotation to body axes from those of the frame of a force."""
+    """Return the rotation matrix (3, 3) from the frame of a force to body axes.
+
+    As in JSBSim, an unknown frame means body axes. Raises BadInputError for the frame INERTIAL.
+    """
     frame = element.attributes.get("frame", "BODY")
     if frame == "LOCAL":
         return motion.to_body

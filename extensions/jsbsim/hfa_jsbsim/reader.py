@@ -1,7 +1,4 @@
-"""An aircraft of JSBSim as a `Model`.
-
-The module finds its files and defines names, limits and initial values of the trim search.
-"""
+"""Conversion of a JSBSim aircraft to a `Model`: files, names, units, limits and initial values."""
 
 from __future__ import annotations
 
@@ -88,12 +85,11 @@ _MODES = {
 def read_model(text: str, partial: bool = False) -> Model:
     """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
-    Choices may follow a question mark: "jsbsim:737?engines=states&throttles=each".
+    Options may follow a question mark: "jsbsim:737?engines=states&throttles=each".
 
-    partial: whether to omit motors, rotors and gas cells, which cannot be read, and not to refuse
-        them
+    partial: whether to omit unsupported motors, rotors and gas cells. Otherwise they are refused.
 
-    Raises a BadInputError, with file and line, where an element cannot be read.
+    Raises BadInputError, with file and line, for an element that is not supported.
     """
     name, _, chosen = text.partition("?")
     path, folders = _find(name)
@@ -113,7 +109,9 @@ _CHOICES = {
 
 
 def _choices(text: str, partial: bool) -> Choices:
-    """Return the options after a question mark."""
+    """Return the options in the text after a question mark. Raises BadInputError for an unknown
+    option.
+    """
     made = {"partial": partial}
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
@@ -125,7 +123,10 @@ def _choices(text: str, partial: bool) -> Choices:
 
 
 def _find(text: str) -> tuple[Path, Folders]:
-    """Return the file that a text names, and the folders of its parts."""
+    """Return the path of an aircraft's file, and the folders that are searched for further files.
+
+    text: "jsbsim:NAME" or a path
+    """
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
@@ -139,7 +140,12 @@ def _find(text: str) -> tuple[Path, Folders]:
 
 
 def _in_data(name: str, root: Path | None) -> Path:
-    """Return the file of an aircraft of JSBSim."""
+    """Return the path of the file of an aircraft that is included with JSBSim.
+
+    root: folder of JSBSim's data
+
+    Raises BadInputError if JSBSim is not installed or has no aircraft of this name.
+    """
     if root is None:
         raise BadInputError(
             f"jsbsim:{shortened(name)}: JSBSim is not installed; type"
@@ -155,10 +161,13 @@ def _in_data(name: str, root: Path | None) -> Path:
 
 
 def data_folder() -> Path | None:
-    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`.
+    """Return the folder of JSBSim's data, which contains `aircraft`, `engine` and `systems`, or
+    None.
 
-    It is $JSBSIM_ROOT, or that of the installed package jsbsim, which is not imported. The result
-    is None without both. Raises BadInputError when $JSBSIM_ROOT contains no folder `aircraft`.
+    It is $JSBSIM_ROOT, or the folder of the installed package jsbsim, which is not imported. The
+    result is None if there is neither.
+
+    Raises BadInputError if $JSBSIM_ROOT contains no folder `aircraft`.
     """
     root = os.environ.get("JSBSIM_ROOT")
     if root:
@@ -174,7 +183,7 @@ def data_folder() -> Path | None:
 
 
 class _Declaration:
-    """Names, units, sizes and limits of an aircraft's equations."""
+    """Signals, trim condition and further declarations of an aircraft's `Model`."""
 
     def __init__(self, parts: Parts, equations: Equations) -> None:
         self.parts = parts
