@@ -207,7 +207,8 @@ class _Declaration:
     def model(self, source: tuple[str, str], notes: list[Note]) -> Model:
         """Return the model.
 
-        notes: on the reading of the files
+        source: name of the aircraft, and digest of its files
+        notes: notes for the user about the files
         """
         states = self._states()
         outputs = self._outputs()
@@ -238,7 +239,9 @@ class _Declaration:
         )
 
     def _own_aliases(self) -> dict[str, str]:
-        """JSBSim's names of tanks, point masses and wind."""
+        """Return JSBSim's property name -> name of the parameter, for tanks, point masses
+        and wind.
+        """
         names = {}
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             names[f"atmosphere/wind-{axis}-fps"] = name
@@ -250,7 +253,7 @@ class _Declaration:
         return {name: short for name, short in (names | first).items() if short in self.parameters}
 
     def _states(self) -> dict[str, Signal]:
-        """Signals of the states."""
+        """Return name -> signal for each state."""
         angle = Signal("rad", 0.1, -3.1, 3.1)
         rate = Signal("rad/s", 0.1, rate=1.0)
         signals = {
@@ -280,7 +283,7 @@ class _Declaration:
         return ordered | dict.fromkeys(filters, Signal())
 
     def _inputs(self) -> dict[str, Signal]:
-        """Signals of the inputs."""
+        """Return name -> signal for each input."""
         signals = {}
         for name, pilot_input in self.inputs.items():
             start = 0.6 if name.startswith("throttle") else 0.0
@@ -290,7 +293,11 @@ class _Declaration:
         return signals
 
     def _behind(self, name: str) -> str:
-        """Return the note on kinematics that need time between an input and the forces, or ""."""
+        """Return a note on each <kinematic> that takes time to follow an input, or "" if there is
+        none.
+
+        name: name of the input
+        """
         symbol = self.inputs[name].symbol
         components = [
             component
@@ -304,8 +311,9 @@ class _Declaration:
         return f"{what}; --method jsbsim includes the travel time"
 
     def _left_out(self, throttle: str) -> str:
-        """Return the note on a throttle that engines follow at once, or "" where their lags are
-        states."""
+        """Return a note on engines that follow a throttle without lag, or "" if their lags are
+        states.
+        """
         number = throttle.removeprefix("throttle")
         lags = [file.lag for file in self.parts.engines if number in ("", str(file.number))]
         left_out = [lag for lag in lags if lag and lag not in self.equations.states]
@@ -317,7 +325,9 @@ class _Declaration:
         )
 
     def _parameters(self) -> dict[str, Signal]:
-        """Signals of levers, wind, loads and gravity."""
+        """Return name -> signal for each parameter: levers, wind, tanks, point masses, engines and
+        gravity.
+        """
         starts = {"mixture": 1.0, "advance": 1.0}
         signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
         for name in WINDS:
@@ -342,7 +352,10 @@ class _Declaration:
         return signals
 
     def _outputs(self) -> dict[str, Signal]:
-        """Signals of the outputs; positions of surfaces that commands move are added to them."""
+        """Return name -> signal for each output.
+
+        Positions of surfaces that pilot commands move are added to the outputs.
+        """
         signals_by_name = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
@@ -366,10 +379,12 @@ class _Declaration:
         return signals
 
     def _of_dead_engines(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return the steady speed and blade angle of propellers of dead engines.
+        """Return initial values of propeller speeds and blade angles of engines that do not run.
 
-        Such engines are out or without fuel. The search begins at high speed. In the steady state
-        the air drives the propeller as much as friction brakes it, or not at all.
+        Such an engine is off or without fuel. The initial speed is its windmilling speed, or 0. The
+        result is empty for arrays of more than one speed.
+
+        values: name -> initial or imposed value
         """
         dead = [
             file
@@ -389,9 +404,10 @@ class _Declaration:
         return ends
 
     def _speed_of_rest(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest speed, rpm, at which a propeller does not slow down, or 0 without one.
+        """Return the highest speed at which a propeller is in equilibrium, rpm, or 0 if there is
+        none.
 
-        A variable without a value has its declared start.
+        values: name -> value; other variables have their declared initial values
         """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
@@ -416,7 +432,9 @@ class _Declaration:
         return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
-        """Return the equations in still and in moving air."""
+        """Return the equations of motion, with and without gusts, and the simulation with JSBSim's
+        frames.
+        """
 
         def gusty() -> ca.Function:
             equations = Equations(self.parts, gusty=True)
@@ -441,9 +459,12 @@ class _Declaration:
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
     ) -> ca.Function:
-        """Return the equations as one Function of states, inputs, parameters and gusts.
+        """Return a CasADi function (x, u, p) or (x, u, p, gusts) -> (time derivatives, outputs).
 
-        Inputs that move nothing are 0.
+        Inputs and parameters without an effect are replaced by constants.
+
+        outputs: names of the outputs
+        gusts: symbols of the gusts, or None for a function without gusts
         """
         rates = ca.vertcat(*equations.rates.values())
         others = ca.vertcat(*(equations.outputs[name] for name in outputs))
@@ -468,9 +489,10 @@ class _Declaration:
         return ca.Function("jsbsim", arguments, values)
 
     def _trim(self) -> dict[str, float]:
-        """Return straight level flight as the default trim.
+        """Return the default trim condition, straight level flight, as name -> imposed value.
 
-        Without a throttle the path is free. Without two lateral inputs the sideslip is free.
+        If there is no throttle or no fuel, the flight path angle is free. Without both aileron and
+        rudder, the sideslip is free.
         """
         imposed = {"speed": self.usual_speed, "altitude": 5000.0, "yaw": 0.0, "turn_rate": 0.0}
         throttles = [name for name in self.inputs if name.startswith("throttle")]
@@ -484,11 +506,11 @@ class _Declaration:
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
 
     def _spool_errors(self) -> list[str]:
-        """Return the outputs that are errors of spools."""
+        """Return the names of the outputs that are spool errors of turbines."""
         return [name for name in self.equations.outputs if name.startswith("spool_error")]
 
     def _engine_modes(self) -> dict[str, tuple[str, ...]]:
-        """Modes of propellers, governors and lags of engines."""
+        """Return mode -> states, for the modes of propellers, governors and engine lags."""
         modes: dict[str, tuple[str, ...]] = {}
         for file in self.parts.engines:
             if file.has_propeller:
@@ -500,11 +522,11 @@ class _Declaration:
         return modes
 
     def _beginning(self) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-        """Return a function that computes the initial values of a trim from the imposed ones.
+        """Return a function that computes the initial values of a trim search from the imposed
+        values.
 
-        The speed is the true speed of kcas or mach. The angle of attack follows from the lift
-        coefficient of level flight. Propellers turn at a usual advance ratio. Values are numbers,
-        or arrays of one length.
+        The angle of attack follows from the lift coefficient of level flight. Propellers begin at a
+        typical advance ratio.
         """
         usual_speed = self.usual_speed
         propellers = [
@@ -518,11 +540,11 @@ class _Declaration:
         ]
 
         def begin(imposed: Mapping[str, Any]) -> dict[str, Any]:
-            """Return initial values by name, or {} where no altitude or no positive speed is
-            imposed.
+            """Return initial values by name, {} if no altitude or no positive speed is imposed.
 
-            imposed: values by name: speed (ft/s), mach or kcas, altitude (ft), gamma (rad), and
-                parameters
+            imposed: name -> number, or array of a common length. Used names are speed (ft/s), mach,
+            kcas,
+              altitude (ft), gamma (rad) and parameters.
             """
             altitude = imposed.get("altitude")
             if altitude is None:
@@ -542,7 +564,7 @@ class _Declaration:
 
 
 def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterator[str]:
-    """Yield the outputs that are positions of surfaces which commands move."""
+    """Yield the names of outputs that are positions of surfaces moved by pilot commands."""
     for name, full_name in _POSITIONS.items():
         key = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
         if equations.properties.writer(full_name) is None:
@@ -552,13 +574,12 @@ def _positions(equations: Equations, inputs: Mapping[str, PilotInput]) -> Iterat
 
 
 def _usual(name: str, parts: Parts) -> float:
-    """Return the value of an input or parameter that is not declared because nothing depends on
-    it."""
+    """Return the constant that replaces an input or parameter without an effect."""
     return 1.0 if name.startswith("engine") else 0.0
 
 
 def _lag(file: EngineFile) -> Signal:
-    """Return the signal of the lag of an engine."""
+    """Return the signal of the state of an engine's lag."""
     if file.lag.startswith("manifold"):
         return Signal("inHg", 3.0, 0.0, start=file.usual_lag)
     return Signal("%", 10.0, 0.0, start=file.usual_lag)
@@ -567,7 +588,7 @@ def _lag(file: EngineFile) -> Signal:
 def _rpm(file: EngineFile, is_alone: bool) -> Signal:
     """Return the signal of a propeller's speed.
 
-    is_alone: whether the engine is the only one; others may be out
+    is_alone: whether it is the only engine. Otherwise its lowest speed is 0, because it may be off.
     """
     prop = file.thruster
     ratio = file.gear_ratio
@@ -582,5 +603,8 @@ def _rpm(file: EngineFile, is_alone: bool) -> Signal:
 
 
 def _with_short_names(aliases: Mapping[str, str]) -> dict[str, str]:
-    """Return the names of JSBSim's properties, and each without its folder: vc-kts."""
+    """Return the aliases, extended by each name without its folder, such as vc-kts.
+
+    aliases: JSBSim's property name -> name in the model
+    """
     return {name.rpartition("/")[2]: short for name, short in aliases.items()} | dict(aliases)

@@ -1,4 +1,4 @@
-"""Reasons why an aircraft has no trim at a condition, in a pilot's words."""
+"""Reasons why an aircraft has no trim at a condition, stated in a pilot's terms."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _SOME = 1e-6
 
 
 def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: Solve) -> str:
-    """Return one line on the missing equation or power, or "" where none explains the missing trim.
+    """Return one line with the reasons why there is no trim, or "" if none is found.
 
-    They are found by trims with other free variables.
+    The reasons are found by trims with other free variables.
 
-    parts: parts of the aircraft.
-    steered: whether it has inputs.
-    imposed: values by name, as the trim imposes them.
-    solve: solves the same condition with other values held and names set free.
+    parts: content of the aircraft's files. steered: whether the aircraft has inputs. imposed: name
+    -> value imposed by the trim condition. solve: function (held, free) -> values by name, or None.
+    It solves the same condition with the values
+      `held` imposed and the equations `free` dropped.
     """
     if not steered:
         return "no input of the pilot changes a force or a moment"
@@ -37,7 +37,7 @@ def explain(parts: Parts, steered: bool, imposed: Mapping[str, float], solve: So
 
 
 def _of_engines(parts: Parts, imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Yield the thrust missing at full throttle, or the excess at idle."""
+    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
     full = None
     if parts.engines and "throttle" not in imposed:
         full = solve({"throttle": 1.0}, ("speed_dot",))
@@ -66,7 +66,7 @@ def _is_power(name: str) -> bool:
 
 
 def _of_lift(solve: Solve) -> Iterator[str]:
-    """Yield the greatest lift, where it does not carry the weight."""
+    """Yield a sentence on the greatest lift if it is less than the weight."""
     greatest: tuple[float, float] | None = None
     for alpha in _ANGLES.tolist():
         values = solve({"alpha": alpha, "throttle": 0.5}, ("alpha_dot", "speed_dot"))
@@ -81,7 +81,7 @@ def _of_lift(solve: Solve) -> Iterator[str]:
 
 
 def _of_moments(solve: Solve) -> Iterator[str]:
-    """Yield the remaining pitching moment where all other equations are balanced."""
+    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
@@ -92,7 +92,7 @@ def _of_moments(solve: Solve) -> Iterator[str]:
 
 
 def of_files(parts: Parts) -> Iterator[str]:
-    """Yield properties of engines in the files that explain missing power."""
+    """Yield a sentence on each entry of the engine files that may explain missing power."""
     reasons: dict[str, Any] = {}
     for file in parts.engines:
         for reason in _of_engine(file):
@@ -101,7 +101,7 @@ def of_files(parts: Parts) -> Iterator[str]:
 
 
 def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield unusual entries of an engine."""
+    """Yield a sentence on each unusual property of an engine."""
     name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
     if file.dry_of:
         yield f"the {file.dry_of} tank of {name} is empty: glide"

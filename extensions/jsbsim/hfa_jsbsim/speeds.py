@@ -1,4 +1,4 @@
-"""True speed of an airspeed or a Mach number at an altitude."""
+"""True airspeed from a calibrated airspeed or a Mach number at an altitude."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from hfa_rigid.atmosphere import air_at
 
 
 def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, Any]:
-    """Return the true speed, ft/s, and the density, slug/ft^3.
+    """Return the true airspeed, ft/s, and the air density, slug/ft³.
 
-    The speed follows from an imposed speed, Mach number or calibrated airspeed. It is None without
-    them. Values are numbers, or arrays of one length.
+    The speed is given by speed (ft/s), mach or kcas in `imposed`. Without any of them it is None.
+
+    imposed: name -> number, or array of a common length
+    altitude: ft
     """
     calibrated = imposed.get("kcas", 0.0)
     subsonic, sound, density = _at("subsonic", calibrated, altitude)
@@ -35,10 +37,10 @@ def speed_and_density(imposed: Mapping[str, Any], altitude: Any) -> tuple[Any, A
 
 @lru_cache
 def _functions() -> dict[str, ca.Function]:
-    """Return the functions of (calibrated airspeed in kt, altitude in ft).
+    """Return two CasADi functions of (calibrated airspeed in kt, altitude in ft).
 
-    The first gives the Mach number if it is below 1, the speed of sound, ft/s, and the density,
-    slug/ft^3. The second gives any Mach number.
+    "subsonic" returns the Mach number if it is below 1, the speed of sound, ft/s, and the density,
+    slug/ft³. "mach" returns the Mach number, also above 1.
     """
     speed = ca.SX.sym("speed")
     altitude = ca.SX.sym("altitude")
@@ -52,7 +54,12 @@ def _functions() -> dict[str, ca.Function]:
 
 
 def _at(name: str, speed: Any, altitude: Any) -> list[Any]:
-    """Return the value of one of `_functions` at numbers, or at arrays of one length."""
+    """Return the values of one of `_functions`, as numbers or as arrays of a common length.
+
+    name: "subsonic" or "mach"
+    speed: calibrated airspeed, kt
+    altitude: ft
+    """
     speeds, altitudes = np.broadcast_arrays(np.atleast_2d(speed), np.atleast_2d(altitude))
     results = _functions()[name].map(speeds.size).call([speeds, altitudes])
     arrays = [result.full().ravel() for result in results]

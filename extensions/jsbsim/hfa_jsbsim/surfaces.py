@@ -1,4 +1,6 @@
-"""Surfaces that no static control system moves: they become inputs themselves."""
+"""Surfaces as inputs, if the control system has no steady-state relation to the pilot's
+commands.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ _ENDINGS = ("-pos-rad", "-pos-deg", "-pos-norm", "-rad", "-deg", "-norm", "-pos"
 
 @dataclass(frozen=True)
 class PilotInput:
-    """A pilot's input: its symbol, its unit, its limits."""
+    """Input of the pilot: symbol, unit and limits."""
 
     symbol: ca.SX
     unit: str = "1"
@@ -26,8 +28,9 @@ class PilotInput:
 
 
 def names_read_by(element: Element) -> list[str]:
-    """Return the properties that functions and tables of a section read, angles of surfaces
-    first.
+    """Return the names of the properties that functions and tables of a section read.
+
+    Angles in -rad and -deg come first.
     """
     names: dict[str, None] = {}
     pending = [element]
@@ -42,13 +45,13 @@ def names_read_by(element: Element) -> list[str]:
 def cut_surfaces(
     names: Iterable[str], properties: Properties, inputs: dict[str, PilotInput]
 ) -> list[Note]:
-    """Make a surface an input where the pilot acts through an integrator or a closed loop.
+    """Make a surface an input if its command acts through an integrator or a closed loop.
 
-    Other components that depend on these commands keep their values for a centered stick. Notes for
-    the user are returned.
+    Other properties that depend on such a command have their values for centered controls. Returns
+    notes for the user.
 
-    names: properties on which the forces of the air depend
-    inputs: receives the new inputs in place of the commands of the same name
+    names: properties on which the aerodynamic forces depend
+    inputs: inputs by name. A surface replaces the command of the same name.
     """
     commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     cut: dict[str, PilotInput] = {}
@@ -80,7 +83,7 @@ def cut_surfaces(
 
 
 def _surface(name: str) -> str:
-    """Return the surface of a property: the elevator for fcs/mag-elevator-pos-rad."""
+    """Return the surface in the name of a property: "elevator" for fcs/mag-elevator-pos-rad."""
     surface = name.rsplit("/", 1)[-1].removeprefix("mag-")
     for ending in _ENDINGS:
         if surface.endswith(ending):
@@ -89,7 +92,11 @@ def _surface(name: str) -> str:
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
-    """Limits of the component that sets the surface, in rad if it is an angle."""
+    """Return the limits of the component that sets a surface, rad for an angle, infinite if
+    unknown.
+
+    sign: 1, or -1 if the surface moves opposite to its input
+    """
     for source in (name, f"fcs/{surface}-pos-rad", f"fcs/{surface}-pos-deg"):
         writer = properties.writer(source)
         if writer is not None and writer.component is not None:
@@ -102,7 +109,11 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
 
 
 def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) -> None:
-    """Set a surface in all its units."""
+    """Set the properties of a surface in all units.
+
+    name: property that is read
+    value: rad for an angle
+    """
     if not name.endswith(("-rad", "-deg")):
         properties.replace(name, value)
         return
@@ -114,8 +125,13 @@ def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) 
 
 
 def reach_throttles(engines: Iterable[int], properties: Properties, throttle: ca.SX) -> list[Note]:
-    """Replace throttle positions that ignore their commands by the input, and return the notes on
-    them."""
+    """Replace each throttle position that does not depend on the throttle command by the input.
+
+    Returns notes for the user.
+
+    engines: indices of the engines
+    throttle: symbol of the input
+    """
     notes = []
     for number in engines:
         name = f"fcs/throttle-pos-norm[{number}]"

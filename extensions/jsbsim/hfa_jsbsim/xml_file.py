@@ -1,5 +1,6 @@
-"""XML files of an aircraft: elements with their lines, numbers in JSBSim's units, and
-the folders that files may come from."""
+"""XML files of an aircraft: elements with line numbers, conversion of units, and search of
+files.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +24,14 @@ _LONGEST_ENTITY = 100
 
 
 class Attributes(dict[str, str]):
-    """Attributes of an element, name -> text; `taken` contains the names that were read."""
+    """Attributes of an element, name -> text. `taken` contains the names that were read."""
 
     def __init__(self, *values: Any) -> None:
         super().__init__(*values)
         self.taken: set[str] = set()
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return the text of an attribute."""
+        """Return the text of an attribute, marked as read, or the default."""
         self.taken.add(name)
         return super().get(name, default)
 
@@ -45,15 +46,15 @@ class Attributes(dict[str, str]):
 
 @dataclass
 class Element:
-    """An element of a file.
+    """Element of an XML file.
 
-    name: its tag.
+    name: tag.
     attributes: name -> text.
-    children: its elements, in order.
-    lines: (number, text) of each line of text that is not empty.
-    file, line: of its beginning.
-    parent: the enclosing element, or None for the root.
-    taken: whether it was read (`accounting.py`).
+    children: child elements, in order.
+    lines: (line number, text) of each line of text that is not empty.
+    file, line: position of its start tag.
+    parent: enclosing element, or None for the root.
+    taken: whether the element was read (`accounting.py`).
     """
 
     name: str
@@ -67,7 +68,7 @@ class Element:
 
     @property
     def where(self) -> str:
-        """File and line, as messages begin."""
+        """File and line, as used at the beginning of messages."""
         return f"{self.file}:{self.line}"
 
     @property
@@ -76,35 +77,41 @@ class Element:
         return self.lines[0][1] if self.lines else ""
 
     def error(self, fault: str) -> BadInputError:
-        """Return an error about this element."""
+        """Return a BadInputError with file, line and this fault."""
         return BadInputError(f"{self.where}: {fault}")
 
     def error_at(self, line: int, fault: str) -> BadInputError:
-        """Return an error about a line of its text."""
+        """Return a BadInputError with this fault for a line of the element's text."""
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
-        """Return its first child of this name, or None without one."""
+        """Return the first child of this name, marked as read, or None if there is none."""
         return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:
-        """Yield its children of this name."""
+        """Yield the children of this name, marked as read."""
         return (child.take() for child in self.children if child.name == name)
 
     def take(self) -> Element:
-        """Return the element, marked as read."""
+        """Mark the element as read and return it."""
         self.taken = True
         return self
 
     def need(self, name: str) -> Element:
-        """Return the first child of this name. Raises BadInputError without one."""
+        """Return the first child of this name. Raises BadInputError if there is none."""
         child = self.find(name)
         if child is None:
             raise self.error(f"<{self.name}> has no <{name}>; add it")
         return child
 
     def number(self, unit: str = "") -> float:
-        """Return its text as a number, converted from its own unit where both have one."""
+        """Return the number in the element.
+
+        unit: unit of the result. The number is converted to it if the element has a unit.
+
+        Raises BadInputError if the text is not one finite number, or if the unit cannot be
+        converted.
+        """
         if len(self.lines) > 1:
             raise self.error(f"<{self.name}> contains several lines; give one number")
         value = self.as_number(self.text)
@@ -114,7 +121,10 @@ class Element:
         return value * self.factor(own_unit, unit)
 
     def factor(self, own_unit: str, unit: str) -> float:
-        """Return the factor from its own unit to another."""
+        """Return the factor that converts values from `own_unit` to `unit`.
+
+        Raises BadInputError for an unknown conversion.
+        """
         if (own_unit, unit) in _FACTORS:
             return _FACTORS[own_unit, unit]
         if (unit, own_unit) in _FACTORS:
@@ -122,7 +132,7 @@ class Element:
         raise self.error(f'<{self.name}> has the unit "{shortened(own_unit)}"; give it in {unit}')
 
     def as_number(self, text: str) -> float:
-        """Return a text of this element as a number."""
+        """Return the number in a text. Raises BadInputError if it is not a finite number."""
         value = number_of(text)
         if value is None:
             raise self.error(f"<{self.name}> contains {shortened(text)!r}; give a number")
@@ -131,13 +141,15 @@ class Element:
         return value
 
     def value_of(self, name: str, default: float, unit: str = "") -> float:
-        """Return the number of its first child of this name, or the default without one."""
+        """Return the number in the first child of this name, or the default if there is none."""
         child = self.find(name)
         return default if child is None else child.number(unit)
 
     def vector(self, unit: str) -> np.ndarray:
-        """Return the children x, y, z (or roll, pitch, yaw) as (3,) numbers, 0 where one is
-        missing.
+        """Return the numbers in the children x, y, z or roll, pitch, yaw, (3,), 0 for a missing
+        child.
+
+        unit: unit of the result
         """
         own_unit = self.attributes.get("unit", "") or unit
         factor = 1.0 if own_unit == unit else self.factor(own_unit, unit)
@@ -183,7 +195,7 @@ _FACTORS = {
 
 
 def number_of(text: str) -> float | None:
-    """Return a text as a number, in the format of C, or None where it is not a number."""
+    """Return the number in a text, in C's format, or None if it is not a number."""
     try:
         return float(text) if text.isascii() and "_" not in text else None
     except ValueError:
@@ -191,10 +203,11 @@ def number_of(text: str) -> float | None:
 
 
 def parsed(text: bytes, file: str) -> Element:
-    """Return the root element of an XML text.
+    """Return the root element of an XML text. Entities are neither expanded nor fetched.
 
-    Raises BadInputError where it is not XML, or declares an entity other than a short text. No
-    entity is expanded or fetched.
+    file: name of the file in messages
+
+    Raises BadInputError if the text is not XML or declares an entity other than a short text.
     """
     parser = xml.parsers.expat.ParserCreate()
     parser.SetParamEntityParsing(xml.parsers.expat.XML_PARAM_ENTITY_PARSING_NEVER)
@@ -245,9 +258,9 @@ def parsed(text: bytes, file: str) -> Element:
 
 
 def _strip(element: Element) -> None:
-    """Join the pieces of each line of text in an element and below it.
+    """Join the pieces of each line of text, in an element and in all elements below it.
 
-    Empty lines are dropped, and white space around other lines.
+    White space around lines and empty lines are removed.
     """
     lines: dict[int, list[str]] = {}
     for number, text in element.lines:
@@ -259,11 +272,11 @@ def _strip(element: Element) -> None:
 
 
 class Folders:
-    """Folders of the files of one aircraft, and the files read, for the provenance.
+    """Folders with the files of an aircraft, and the files that were read.
 
-    aircraft: the aircraft's own folder.
-    shared: folders that contain the folders engine and systems, searched in this order.
-    data: the folder of JSBSim's data, whose files are named without it.
+    aircraft: folder of the aircraft.
+    shared: folders that contain the folders engine and systems, in the order of the search.
+    data: folder of JSBSim's data, or None. Messages name its files relative to it.
     """
 
     def __init__(self, aircraft: Path, shared: tuple[Path, ...], data: Path | None = None) -> None:
@@ -274,17 +287,23 @@ class Folders:
 
     @property
     def documents(self) -> list[Element]:
-        """The roots of all files that were read."""
+        """Root elements of all files that were read."""
         return [document for document, _ in self._files.values()]
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the hashes of all files that were read, in the order of their names."""
+        """SHA-256 digest of the files that were read.
+
+        It is computed from their digests, in the order of their names.
+        """
         hashes = (digest for _, (_, digest) in sorted(self._files.items()))
         return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
     def read(self, path: Path) -> Element:
-        """Return the root element of a file; each file is read once."""
+        """Return the root element of a file. Each file is read once.
+
+        Raises BadInputError if the file cannot be read or is not XML.
+        """
         if path not in self._files:
             try:
                 text = regular_file(path).read_bytes()
@@ -303,13 +322,16 @@ class Folders:
         return str(path)
 
     def opened(self, element: Element) -> Element:
-        """Return the element itself, or the root of the file that it names."""
+        """Return the root of the file that an element names, or the element if it names no file."""
         name = element.attributes.get("file", "")
         return self.read(self._found(element, name)).take() if name else element
 
     def merged(self, element: Element) -> Element:
-        """Return the element with the content of the file that it names before its own children
-        (`FGModel::Upload`)."""
+        """Return an element extended by the content of the file that it names (`FGModel::Upload`).
+
+        The content of the file precedes its own children. Raises BadInputError if the file contains
+        another kind of element.
+        """
         document = self.opened(element)
         if document is element:
             return element
@@ -323,7 +345,13 @@ class Folders:
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
-        """Return the file that an element names, in the folders where JSBSim looks for it."""
+        """Return the path of the file that an element names. It is searched in the same folders as
+        in JSBSim.
+
+        name: name in the element
+
+        Raises BadInputError if the file does not exist or is outside these folders.
+        """
         relative = Path(name if name.endswith(".xml") else f"{name}.xml")
         own_folders = [self.aircraft]
         kind = "engine" if element.name in ("engine", "thruster") else "systems"

@@ -1,5 +1,6 @@
-"""Small jets with one construct each: they agree with JSBSim, are refused, or are named in a
-note.
+"""Small jets, each with one unusual construct, compared with JSBSim.
+
+The model agrees with JSBSim, a note reports the difference, or the file is refused.
 """
 
 import importlib.util
@@ -62,7 +63,9 @@ QUICK = (
 
 @needs_jsbsim
 def test_constructs_were_dropped_in_silence_agree_or_named(tmp_path):
-    """Constructs that a reader could ignore silently agree with JSBSim or are named."""
+    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused, as
+    listed.
+    """
     verdicts = {each.name.split(": ")[1]: each.verdict for each in judge(list(QUICK), tmp_path)}
     assert verdicts == {
         "plain": "agrees",
@@ -127,7 +130,9 @@ def test_a_difference_that_nothing_names_is_silent(tmp_path, monkeypatch):
 
 
 def read_without_its_construct(folder):
-    """Return the plain jet whatever its file contains, as a reader that ignores the construct."""
+    """Return the plain jet, in place of the jet in the folder. It simulates a reader with a
+    fault.
+    """
     from hfa_jsbsim.reader import read_model
 
     path = folder / "aircraft" / "other" / "other.xml"
@@ -137,7 +142,7 @@ def read_without_its_construct(folder):
 
 
 def test_every_slot_of_jet_is_filled_by_construct():
-    """Every slot of the jet is used by a construct."""
+    """Every placeholder in the text of the jet is used by at least one construct."""
     assert not unused_slots()
 
 

@@ -1,4 +1,4 @@
-"""Lags of engines as states compared with JSBSim, in trim, and named if they are omitted."""
+"""Lags of engines as states: compared with JSBSim, and checked in trim."""
 
 import importlib.util
 
@@ -28,11 +28,10 @@ SPOOLS = '<function name="N2SpoolUp"> <v>7</v> </function>'
     ],
 )
 def test_jsbsims_flights_converge_to_ours_with_its_step(name):
-    """JSBSim's flights converge to ours with its step: the difference falls by four with a quarter
-    of the step.
+    """JSBSim's simulations converge to the model's as JSBSim's step decreases.
 
-    Its flights extrapolated to a step of 0 (Richardson) are ten times closer. The error of its step
-    depends on the aircraft: the roll of the DHC6 is .3 deg off at 1/480 s.
+    The difference falls by a factor of four with a quarter of the step. Richardson's extrapolation
+    to a step of 0 is ten times closer than the smaller step.
     """
     model, point = trimmed(f"jsbsim:{name}?filters=states&engines=states")
     (flight,) = drawn(point, 1, seed=3)
@@ -60,7 +59,7 @@ def trim_of(path):
 
 
 def test_a_spool_is_at_its_throttle_in_trim(path):
-    """In a trim a spool is at its throttle setting."""
+    """In trim, the spool speed equals the speed that the throttle commands."""
     model, point = trim_of(f"{path}?engines=states")
     assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
     linear = linearize(model, point)
@@ -69,7 +68,7 @@ def test_a_spool_is_at_its_throttle_in_trim(path):
 
 
 def test_a_spool_function_of_the_file_limits_rate(path):
-    """A spool function in the file limits the rate of the spool."""
+    """A spool function in the file limits the acceleration of the spool."""
     model, point = trim_of(f"{path}?engines=states")
     inputs = point.inputs._asdict() | {"throttle": 1.0}
     rates = model.rates_at(list(point.states), list(inputs.values()))

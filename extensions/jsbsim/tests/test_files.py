@@ -1,4 +1,4 @@
-"""Supported content of files, and content that is refused with file and line."""
+"""Content of files that is supported, and content that is refused with file and line."""
 
 import re
 
@@ -143,7 +143,7 @@ def test_provenance_changes_with_every_file(tmp_path):
     ],
 )
 def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
-    """A fault is reported in one line with file and line number."""
+    """A fault in a file is reported in one line with file name and line number."""
     with pytest.raises(BadInputError) as caught:
         model_of(tmp_path, text)
     message = str(caught.value)
@@ -152,7 +152,9 @@ def test_fault_is_one_line_with_file_and_line(tmp_path, text, fault):
 
 
 def test_switch_function_has_no_value_beyond_its_end(tmp_path):
-    """A switch function has no value below 0 or beyond its end, where JSBSim stops."""
+    """A <switch> function is not finite for an index below 0 or beyond its last value, where JSBSim
+    stops.
+    """
     of_speed = "<switch> <quotient> <p>velocities/vt-fps</p> <v>100</v> </quotient> {} </switch>"
     values = "<v>1</v> <v>2</v> <v>3</v>"
     model = model_of(tmp_path, glider(LIFT + REST + force("DRAG", of_speed.format(values))))
@@ -170,14 +172,14 @@ def test_short_entities_are_text(tmp_path):
 
 
 def test_property_that_nothing_sets_is_zero_and_listed(tmp_path):
-    """A property that nothing sets is 0 and is listed."""
+    """A note lists a property that is read but never set, and states that it is 0."""
     model = model_of(tmp_path, glider(LIFT + REST + force("SIDE", slope(1.0, "sim/gust"))))
     notes = [note for note in model.extras.notes if "sim/gust" in note]
     assert re.search(r"nothing sets these; they are 0: .*glider.xml: \d+ sim/gust", notes[0])
 
 
 def test_a_second_axis_of_one_name_replaces_first(tmp_path):
-    """A second axis with the name of the first replaces it."""
+    """If two axes have the same name, only the second is used."""
     both = model_of(tmp_path, glider(force("LIFT", "<v>9</v>") + LIFT + REST))
     one = model_of(tmp_path, glider())
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
@@ -248,7 +250,9 @@ def test_a_component_stands_where_its_input_holds_it(tmp_path, component, positi
 
 
 def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
-    """An actuator with hysteresis is in equilibrium at its input, and a note reports it."""
+    """The hysteresis of an actuator is omitted: its output equals its input, and a note
+    reports it.
+    """
     actuator = (
         '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
         " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
@@ -267,7 +271,9 @@ def test_an_actuator_rests_where_its_hysteresis_ends(tmp_path):
 
 
 def test_surface_is_input_where_stick_acts_through_integrator(tmp_path):
-    """The surface is the input if the stick acts through an integrator."""
+    """If the stick acts through an integrator, the surface becomes the input, with the limits of
+    <clipto>.
+    """
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
         " <min>-0.2</min> <max>0.3</max> </clipto> <output>fcs/elevator-pos-rad</output> </pid>"
@@ -310,8 +316,9 @@ def test_products_of_inertia_change_sign_unless_told_otherwise(tmp_path):
 
 
 def test_notes_are_grouped_by_what_they_state():
-    """Notes on forces come first, and the subjects of one statement are listed together, each file
-    once.
+    """Notes with the same statement form one line, and notes on forces come first.
+
+    In a line, each file is named once and repeated notes are omitted.
     """
     notes = [
         Note("left out", "<time>", "a.xml:9", IDLE),

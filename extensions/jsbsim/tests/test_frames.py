@@ -1,4 +1,4 @@
-"""Flights in JSBSim's frames compared with JSBSim itself."""
+"""Simulations with JSBSim's frames compared with JSBSim itself."""
 
 import importlib.util
 import json
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.mark.parametrize("name", ["737", "c172p"])
 def test_frames_are_those_of_jsbsim(name):
-    """Over JSBSim's own earth the states agree to 1e-9 of usual sizes, which is rounding."""
+    """Over 5 s the states agree with JSBSim to 1e-9 of their typical magnitudes."""
     miss, state = frames.largest(name, count=1, seconds=5)
     assert miss < 1e-9, state
 
@@ -32,16 +32,17 @@ def test_frames_are_those_of_jsbsim(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A320", "f15", "T38", "c310", "pc7", "DHC6"])
 def test_other_frames_are_those_of_jsbsim(name):
-    """Afterburner, governor, torque limiter, kinematics and autopilot agree with JSBSim to 1e-8 for
-    30 s.
-    """
+    """Afterburner, governor, torque limiter, kinematics and autopilot agree with JSBSim to 1e-8."""
     miss, state = frames.largest(name, count=1)
     assert miss < 1e-8, state
 
 
 def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
-    """With play, the equilibrium depends on the first frames: filters begin at 0, actuators at
-    their input."""
+    """An actuator with hysteresis agrees with JSBSim, with and without a filter before it.
+
+    Its equilibrium depends on the first frames, in which filters begin at 0 and actuators at their
+    input.
+    """
     state = {"altitude": 4000.0, "speed": 320.0, "alpha": 0.05, "roll": 0.05}
     changes = [[0.2, {"elevator": 0.1, "aileron": 0.1}]]
     models, items = [], []
@@ -61,7 +62,7 @@ def test_actuators_with_play_begin_as_in_jsbsim(tmp_path):
 
 
 def played(source):
-    """An actuator with play whose input is this property."""
+    """Return an actuator with hysteresis whose input is this property."""
     return component(
         '<lag_filter name="fcs/slow"> <input>attitude/phi-rad</input> <c1>5</c1> </lag_filter>'
         f' <actuator name="fcs/probe"> <input>{source}</input> <lag>30</lag>'

@@ -1,4 +1,4 @@
-"""A small glider as an XML file, written by the tests from the parts of the small jet."""
+"""XML files of a small glider for the tests, made of parts of the small jet."""
 
 from pathlib import Path
 
@@ -17,9 +17,9 @@ CONTROL = f'<flight_control name="stick">\n{SURFACES}</flight_control>'
 
 
 def force(axis: str, *terms: str, length: str = "") -> str:
-    """Return an axis whose force is dynamic pressure times area times the sum of the terms.
+    """Return an <axis> whose value is dynamic pressure times area times the sum of the terms.
 
-    A moment also has a length.
+    length: property of a length, which multiplies a moment
     """
     return f'<axis name="{axis}"> {coefficient(*terms, length=length)} </axis>'
 
@@ -37,7 +37,11 @@ REST += "".join(f'<axis name="{name}"> {AIR[name]} </axis>' for name in ("SIDE",
 
 
 def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = "") -> str:
-    """Return the text of a glider's file."""
+    """Return the XML text of a glider.
+
+    aerodynamics, control: content of these sections
+    more: further sections
+    """
     return (
         f'<?xml version="1.0"?>\n<fdm_config name="glider" version="2.0">\n{METRICS}\n{more}\n'
         f"{control}\n<aerodynamics>\n{aerodynamics}\n</aerodynamics>\n</fdm_config>\n"
@@ -45,7 +49,7 @@ def glider(aerodynamics: str = LIFT + REST, control: str = CONTROL, more: str = 
 
 
 def written(folder: Path, text: str, name: str = "glider") -> str:
-    """Write an aircraft's file with this text and return its path."""
+    """Write an aircraft file with this text and return its path."""
     path = folder / "aircraft" / name / f"{name}.xml"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
