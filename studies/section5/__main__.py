@@ -265,7 +265,7 @@ def counts_text(table: Mapping[str, Any]) -> str:
 
 
 def claims_markdown(claims: Sequence[dict[str, Any]]) -> str:
-    """Return the table of the page. A number in bold meets the criterion of its claim."""
+    """Return the table of claims as Markdown. A number that satisfies its claim is bold."""
     header, rows = shown_claims(claims)
     bold = [
         tuple(f"**{cell}**" if getattr(cell, "tone", "") == "good" else cell for cell in row)

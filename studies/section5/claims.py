@@ -1,4 +1,4 @@
-"""The claims of Section 5 (claims.toml), the number that checks each of them, and the verdict."""
+"""The claims of Section 5 (claims.toml), the measured number for each of them, and the verdict."""
 
 from __future__ import annotations
 
@@ -49,7 +49,10 @@ OPTIMUM = EXACT_FF
 
 
 def flights_of(group: str, configuration: Configuration, law: str) -> tuple[FlightPlan, ...]:
-    """Return the flights of a law by the name that claims give them."""
+    """Return the flights of a law in a group that claims refer to.
+
+    group: name of the group, for example "both cases" or "noise"
+    """
     both = (CASE_I, CASE_II)
     at_5 = FlightPlan(CASE_II, law)
     return {
@@ -65,7 +68,7 @@ def flights_of(group: str, configuration: Configuration, law: str) -> tuple[Flig
 
 
 def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
-    """Return the flights of a section."""
+    """Return the plans of all flights of a section."""
     both = (CASE_I, CASE_II)
     factors = setting.configuration.uncertainty.factors
     if section == "5.1":  # and from rest under the disturbance alone
@@ -86,28 +89,32 @@ def plans_of(section: str, setting: Setting) -> tuple[FlightPlan, ...]:
 
 
 class FlightLostError(Exception):
-    """Error of a number requested of a flight that did not reach its end."""
+    """Exception for a measured number of a flight that left the envelope."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The flights of one section by plan."""
+    """The simulated flights of one section.
+
+    flown: plan -> record of the flight
+    """
 
     setting: Setting
     section: str
     flown: Mapping[FlightPlan, FlightRecord]
 
     def record(self, plan: FlightPlan) -> FlightRecord:
-        """Return a flight that reached its end. Raises FlightLostError for any other flight."""
+        """Return the record of a flight. Raises FlightLostError if the flight left the envelope."""
         found = self.flown[plan]
         if not found.held:
             raise FlightLostError(f"{found.plan.name}: lost at {found.lost_at:.4g} s")
         return found
 
     def numbers(self, group: str, law: str, name: str, of: tuple[str, ...] = ()) -> np.ndarray:
-        """Return a metric of each flight of a group, (flights, names).
+        """Return a metric of each flight in a group, (flights, names).
 
-        of: states or inputs, all of them when empty
+        group: see `flights_of`
+        of: names of states or inputs; () for all
         """
         plans = flights_of(group, self.setting.configuration, law)
         return np.array([_numbers(self.record(plan).metrics, name, of) for plan in plans])
@@ -130,12 +137,15 @@ Measure = Callable[[Evidence, str], float]
 
 
 def measure_of(said: str | Mapping[str, Any]) -> Measure:
-    """Return a measure: one of `NAMED`, or {HOW = metric, of = names, in = flights, to = others}.
+    """Return the function (evidence, law) -> measured number for a claim.
 
-    HOW is worst, smallest, spread or ratio. The spread is the largest (largest - smallest) /
-    largest between the flights. It is inf when a number is inf in some flights only. A number that
-    is inf in all flights (an error that never settles) is left out. The ratio is the number divided
-    by the same number of the flights `to`.
+    said: a key of `NAMED`, or {HOW: metric, "of": names, "in": group of flights, "to": other group}
+
+    HOW is one of the following:
+    - worst, smallest: largest or smallest number
+    - spread: largest (largest - smallest) / largest between the flights. It is inf if a number is
+      inf in some flights only. A number that is inf in all flights is left out.
+    - ratio: largest ratio of a number to the same number in the other group
     """
     if isinstance(said, str):
         return NAMED[said]
@@ -170,9 +180,10 @@ def _spread(values: np.ndarray) -> float:
 
 
 def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
-    """Return |K - K*| / |K*| at T_w or at the end of the flight.
+    """Return a measure of |K - K*| / |K*| at T_w or at the end of the flight.
 
-    K is that of the learned value and K* that of the exact solution.
+    K is the gain of the learned value, and K* is the gain of the exact solution. The measure is the
+    largest error in a group of flights.
     """
 
     def of(evidence: Evidence, plan: FlightPlan) -> float:
@@ -192,8 +203,8 @@ def _gain_error(group: str, *, at_the_end: bool = False) -> Measure:
 
 
 def _final_abscissa(evidence: Evidence, law: str) -> float:
-    """Return the largest real part of the eigenvalues of A - B K with the last learned gain,
-    1/s.
+    """Return the largest real part of the eigenvalues of A - B K, 1/s, with the last learned gain
+    K.
     """
     record = evidence.record(FlightPlan(CASE_II, law))
     game = evidence.setting.case(CASE_II).game
@@ -203,7 +214,10 @@ def _final_abscissa(evidence: Evidence, law: str) -> float:
 
 
 def _printed_coupling(evidence: Evidence, law: str) -> float:
-    """Return the smaller of |pitch-rate row at 5 deg| / |at 15 deg| for A and for B, as printed."""
+    """Return the smaller of two ratios of norms, for A and for B as printed.
+
+    A ratio compares the pitch-rate row at 5 deg with this row at 15 deg.
+    """
     row = LINEAR_STATES.index("pitch_rate")
     sizes = [
         [np.linalg.norm(matrix[row]) for matrix in (model.A, model.B)]
@@ -213,9 +227,10 @@ def _printed_coupling(evidence: Evidence, law: str) -> float:
 
 
 def _eigenvalue_difference(evidence: Evidence, law: str) -> float:
-    """Return the largest |λ - quoted| over the modes, 1/s.
+    """Return the largest difference between a quoted eigenvalue and the nearest eigenvalue of A,
+    1/s.
 
-    Each quoted magnitude is compared with the nearest eigenvalue.
+    The paper quotes magnitudes without signs, so the signs of the eigenvalues are ignored.
     """
     eigenvalues = np.linalg.eigvals(published_models()[1].A)
     folded = np.abs(eigenvalues.real) + 1j * np.abs(eigenvalues.imag)  # the quoted signs are lost
@@ -247,9 +262,9 @@ NAMED: dict[str, Measure] = {
 
 @dataclass(frozen=True)
 class Claim:
-    """One sentence that can be checked, explained in claims.toml.
+    """One claim of the paper that can be checked. claims.toml explains the fields.
 
-    limit: a number, or the name of one of the criteria
+    limit: a number, or the name of a criterion of the configuration
     """
 
     number: str
@@ -280,7 +295,11 @@ def _entries() -> tuple[dict[str, Any], ...]:
 def _each(
     must: str, each: tuple[dict[str, str], ...] = ({},), **claim: Any
 ) -> Iterator[dict[str, Any]]:
-    """Return a claim for every entry of `each`, with its words in the places {..}."""
+    """Yield a claim for each entry of `each`, whose words replace the placeholders {..} of the
+    claim.
+
+    must: relation and limit, for example "<= 0.1"
+    """
     relation, limit = must.split()
     asked = {"relation": relation, "limit": limit if limit.isidentifier() else float(limit)}
     for words in each:
@@ -296,10 +315,10 @@ def _filled(value: Any, words: dict[str, str]) -> Any:
 
 
 def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
-    """Return a claim measured for every law, with verdict and reason, ready for JSON.
+    """Measure a claim for every law and return the findings with verdict and reason, for JSON.
 
-    None stands for a number that is not finite. A law whose flight left the envelope does not
-    fulfil the claim, regardless of its number.
+    A number that is not finite becomes None. A law whose flight left the envelope does not satisfy
+    the claim.
     """
     limit = claim.limit
     if isinstance(limit, str):
@@ -332,7 +351,7 @@ def check_claim(claim: Claim, evidence: Evidence) -> dict[str, Any]:
 
 
 def _reason(claim: Claim, checks: Mapping[str, Check], limit: float) -> str:
-    """Return the subject's number compared with the limit, the optimum's number, and the cause."""
+    """Return a sentence with the measured number, the limit, the optimum's number and the cause."""
     own = checks[claim.subject]
     parts = [f"the paper would have to give {claim.missing}"] if claim.missing else []
     told = own.reason or f"{claim.measured}: {own.value:.3g}"

@@ -1,4 +1,4 @@
-"""The configuration of Section 5: section5.toml, and the initial condition and signals of its
+"""Configuration of Section 5: section5.toml, and the initial condition and signals of the
 flights.
 """
 
@@ -21,16 +21,19 @@ _NONE = np.zeros(6)
 
 
 class PaperFlight:
-    """The conditions of a flight in Section 5 of the paper, as deviations from trim in ft/s, rad,
-    rad/s.
+    """Initial condition and signals of the flights in Section 5 of the paper.
 
-    They are in the order of `hfa_model.LINEAR_STATES`. For 5.1 they are the initial condition x(0),
-    the command x_d and the disturbance d, 1.1 times the printed amplitudes. For 5.4 they are the
-    noise n that is added to the measured states alone.
+    All are deviations from the trim in ft/s, rad and rad/s, in the order of
+    `hfa_model.LINEAR_STATES`.
 
-    The print has no signs. They are assumed to be positive, which agrees with its derivative 0.01 +
-    cos(0.5 t) of the speed's command. x_d: 7 + 0.01 t + 2 sin(0.5 t) ft/s, 0.1 rad of alpha, 0.5
-    rad of the dihedral.
+    INITIAL: initial condition x(0) of Section 5.1 REFERENCE: command x_d. The speed command is 7 +
+    0.01 t + 2 sin(0.5 t) ft/s, alpha 0.1 rad and the
+      dihedral angle 0.5 rad.
+    DISTURBANCE: disturbance d, 1.1 times the printed amplitudes
+    NOISE: measurement noise of Section 5.4
+
+    The paper prints no signs. They are assumed to be positive, which agrees with its derivative
+    0.01 + cos(0.5 t) of the speed command.
     """
 
     INITIAL = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0])
@@ -54,26 +57,26 @@ class PaperFlight:
 
 
 class Configuration(SimpleNamespace):
-    """The tables of section5.toml as attributes.
+    """The tables of section5.toml as attributes, with the initial condition and the signals.
 
-    initial: x(0)
-    reference, disturbance, noise: the signals
+    initial: x(0), (6,)
+    reference, disturbance, noise: signals as `Waveform`
     """
 
     def steps_per_tick(self) -> int:
-        """Return the number of steps of the integration in a tick."""
+        """Return the number of integration steps in a tick."""
         return round(self.flight.tick / self.flight.step)
 
     def predefined_time(self, section: str) -> float:
-        """Return T_w of a section, s."""
+        """Return the predefined time T_w of a section, s."""
         return float(self.learning.predefined_time[SECTIONS.index(section)])
 
     def frozen(self, section: str) -> bool:
-        """Return whether a section stops learning at T_w."""
+        """Return whether learning stops at T_w in a section."""
         return bool(self.learning.frozen_at_predefined_time[SECTIONS.index(section)])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON, table by table, without the reasons."""
+        """Return the configuration as plain values for JSON."""
         tables = {
             name: vars(value)
             for name, value in vars(self).items()
@@ -91,9 +94,10 @@ class Configuration(SimpleNamespace):
 
 
 def section5_configuration(changes: Mapping[str, Any] | None = None) -> Configuration:
-    """Return the configuration of this project.
+    """Return the configuration used by this project.
 
-    changes: table -> entries that replace its own, or initial and signals
+    changes: name of a table -> changed entries, or name of the initial condition or a signal ->
+    value
     """
     given = dict(changes or {})
     tables = read_toml(str(Path(__file__).with_name("section5.toml")))

@@ -1,4 +1,4 @@
-"""The paper's critic learning in flight: Eq. (46) as a policy whose memory is the weights."""
+"""The paper's critic learning in flight: a policy whose memory contains the weights of Eq. (46)."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from studies.update_law.published_law import PublishedLaw
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CriticPolicy(Policy):
-    """Policy û = -½ R⁻¹B' ∂ψ(z)'W with W' = p W'(46)(z, F), F = A z + r(t).
+    """Policy û = -½ R⁻¹B' ∂ψ(z)'W with W' = p W'(46)(z, F) and F = A z + r(t).
 
-    p = 1 learns and p = 0 is frozen.
+    W'(46) is the update of Eq. (46). p = 1 during learning, and p = 0 when the weights are frozen.
 
-    law: stack, gains, normalization and coordinates of Eq. (46). The memory is its W (M,), in the
-        law's coordinates y = z / scales.
-    forcing: r(t) = A x_d - x_d' (6,) of the drift that the critic receives, or zero when it
-        receives F = A z
+    law: samples, gains, normalization and coordinates of Eq. (46). The memory contains W (M,) in
+    the
+      law's coordinates y = z / scales.
+    forcing: r(t) = A x_d - x_d' (6,), or zero if the critic receives F = A z
 
-    Raises BadInputError when the stack's policies are re-evaluated, because only stored ones are
-    flown.
+    Raises BadInputError if the law re-evaluates the policies of the samples, which is not supported
+    in flight.
     """
 
     law: PublishedLaw
     forcing: Waveform
 
     def __post_init__(self) -> None:
-        """Refuse a stack that cannot be flown."""
+        """Raise BadInputError if the law re-evaluates the policies of the samples."""
         if self.law.settings.stack_policies != "frozen":
             raise BadInputError(
                 "the stack's policies are re-evaluated; a flight needs those stored with the"
@@ -43,7 +43,7 @@ class CriticPolicy(Policy):
             )
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return -½ R⁻¹B' ∂ψ'W, (5,)."""
+        """Return the input -½ R⁻¹B' ∂ψ'W, (5,)."""
         value_gradient = (
             ca.mtimes(gradient(self.law.basis, measurements.error / self._scales).T, memory)
             / self._scales
@@ -53,7 +53,7 @@ class CriticPolicy(Policy):
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """Return W' of Eq. (46) with the current sample and the stack, (M,)."""
+        """Return W' of Eq. (46), (M,), from the current sample and the recorded samples."""
         s = self.law.settings
         gains = self.law.gains
         sigma, residual = self._current(t, measurements.error, memory)
@@ -64,11 +64,10 @@ class CriticPolicy(Policy):
 
     @cached_property
     def _stack(self) -> ca.Function:
-        """Return W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], ē_j = σ̄_j'W +
-        ē_j(0).
+        """Return the Function W -> Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
 
-        The two products with one matrix are not expanded, because 250 samples would take minutes to
-        compile entry by entry.
+        The sum is over the recorded samples, and ē_j = σ̄_j'W + ē_j(0). The matrix products are not
+        expanded, because compiling 250 samples entry by entry would take minutes.
         """
         stored = self.law.recorded(np.zeros(self.law.basis.size))
         regressors = ca.DM(stored.regressors)
@@ -78,7 +77,7 @@ class CriticPolicy(Policy):
         return ca.Function("stack", [weights], [push], {"never_inline": True})
 
     def _current(self, t: ca.SX, z: ca.SX, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return σ and e of the simulated state (Eq. 32-33), with the policies of the current
+        """Return σ and e of the current state (Eq. 32-33), with the policies of the current
         weights.
         """
         e = self.law.equations
@@ -98,7 +97,7 @@ class CriticPolicy(Policy):
 
 
 def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
-    """Return r = A x_d - x_d', (n,): the contribution of a reference to the drift of the error."""
+    """Return r = A x_d - x_d', (n,), the term by which a reference x_d drives the error."""
     turned = [Harmonic(h.frequency, A @ h.sine, A @ h.cosine) for h in reference.harmonics]
     slopes = [
         Harmonic(h.frequency, h.frequency * h.cosine, -h.frequency * h.sine)
@@ -110,7 +109,10 @@ def forcing(A: np.ndarray, reference: Waveform) -> Waveform:
 
 
 def gradient(basis: Basis, z: ca.SX) -> ca.SX:
-    """Return ∂ψ/∂z, (M, n), at a CasADi expression z (n,)."""
+    """Return ∂ψ/∂z, (M, n), as a CasADi expression.
+
+    z: CasADi expression, (n,)
+    """
     parts = ca.vertsplit(z)
     rows = []
     for exponents in basis.exponents:
@@ -120,9 +122,9 @@ def gradient(basis: Basis, z: ca.SX) -> ca.SX:
 
 
 def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
-    """Return ∂/∂z_channel of Π z_i^exponents[i].
+    """Return ∂/∂z_channel of the monomial Π z_i^exponents[i].
 
-    The result is a structural zero when the channel does not occur.
+    The result is a structural zero if the monomial does not contain z_channel.
     """
     if exponents[channel] == 0:
         return ca.SX(1, 1)
@@ -135,9 +137,10 @@ def _derivative(z: list[ca.SX], exponents: list[int], channel: int) -> ca.SX:
 
 
 def powers(residuals: Any, alpha1: float, alpha2: float, eta: float) -> Any:
-    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x), entry by entry.
+    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), entry by entry, where sig^p(x) = |x|^p
+    sign(x).
 
-    The argument is an SX or MX expression.
+    residuals: ē, an SX or MX expression
     """
     magnitude = ca.fabs(residuals)
     low = magnitude ** (1.0 - eta)

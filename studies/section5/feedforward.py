@@ -1,13 +1,13 @@
-"""The exact answer to a known reference: the feedforward that the game adds to u = -K z.
+"""Feedforward of the game for a known reference, which is added to u = -K z.
 
-With z = x - x_d and r(t) = A x_d - x_d' the error obeys z' = A z + B u + E d + r(t), and the value
-of the game is V = z'P z + 2 s'z + c with
+With z = x - x_d and r(t) = A x_d - x_d', the error obeys z' = A z + B u + E d + r(t). The value of
+the game is V = z'P z + 2 s'z + c with
 
     -s' = (A - S P)' s + P r,    grad V = 2 (P z + s),
     u = -R⁻¹B'(P z + s),         d = δ⁻²E'(P z + s).
 
-s is the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of B
-R⁻¹B').
+s is the bounded solution (Athans and Falb, Optimal Control, Section 9.9, with S in place of
+B R⁻¹B').
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from hfa_support.reporting.report import Reported
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exosystem(Reported):
-    """A reference made by a linear system: w' = Ω w, w(0) = w0, x_d = C w.
+    """Reference x_d = C w of a linear system w' = Ω w with w(0) = w0.
 
-    Constants, ramps and sinusoids together are one such system.
+    Sums of constants, ramps and sinusoids are such references.
 
     omega: (p, p)
     C: (n, p)
@@ -44,20 +44,19 @@ class Exosystem(Reported):
         return expm(self.omega * t) @ self.w0
 
     def forcing(self, A: np.ndarray) -> np.ndarray:
-        """Return G with r = G w:  G = A C - C Ω, (n, p)."""
+        """Return G = A C - C Ω, (n, p), with which r = A x_d - x_d' = G w."""
         return A @ self.C - self.C @ self.omega
 
 
 def exosystem(
     constant: np.ndarray, slope: np.ndarray, *harmonics: tuple[float, np.ndarray, np.ndarray]
 ) -> Exosystem:
-    """Return the system of x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t), each
-    (n,).
+    """Return the linear system of x_d(t) = constant + slope t + Σ sine sin(f t) + cosine cos(f t).
 
-    w = [1, t, sin f t, cos f t, ...]. Ω is nilpotent on the first two, which a Sylvester equation
-    permits.
+    The state is w = [1, t, sin f t, cos f t, ...].
 
-    harmonics: (f in rad/s, sine, cosine) each
+    constant, slope: (n,)
+    harmonics: (f in rad/s, sine (n,), cosine (n,)) each
     """
     from scipy.linalg import block_diag
 
@@ -70,15 +69,15 @@ def exosystem(
 
 
 def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np.ndarray:
-    """Return P_s with s = P_s w, (n, p).
+    """Return P_s, (n, p), with which s = P_s w. It solves the Sylvester equation
 
         (A - S P)'P_s + P_s Ω + P (A C - C Ω) = 0
 
-    P: (n, n), with A - S P Hurwitz
+    P: (n, n), for which A - S P is Hurwitz
 
-    Raises BadInputError when the reference has another number of states than the game, or grows as
-    fast as the closed loop decays, so that no bounded answer exists. Source: Francis, SIAM J.
-    Control Optim. 15 (1977), the regulator equation of the costate.
+    Raises BadInputError if the reference has another number of states than the game, or if it grows
+    as fast as the closed loop decays. In the second case, there is no bounded solution. Source:
+    Francis, SIAM J. Control Optim. 15 (1977), the regulator equation of the costate.
     """
     from scipy.linalg import solve_sylvester
 
@@ -98,7 +97,7 @@ def exosystem_feedforward(game: Game, P: np.ndarray, reference: Exosystem) -> np
 
 
 def _decay(loop: np.ndarray) -> float:
-    """Return -abscissa of A - S P. It must be positive for the feedforward to be defined."""
+    """Return the decay rate -max Re λ(A - S P), 1/s. Raises BadInputError unless it is positive."""
     abscissa = spectrum(loop).abscissa
     if abscissa >= 0.0:
         raise BadInputError(

@@ -1,6 +1,4 @@
-"""Figures 3 to 23 of the paper, drawn anew: their panels of lines as plain data, and their
-drawing.
-"""
+"""Figures 3 to 23 of the paper from new simulations: data of the panels, and their drawing."""
 
 from __future__ import annotations
 
@@ -88,10 +86,10 @@ _BUNDLE: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 1}
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Line of a panel.
+    """A line of a panel, or a bundle of lines with one label.
 
     x: (N,)
-    y: (N,), or (N, k) for a bundle without names
+    y: (N,), or (N, k) for k lines
     """
 
     label: str
@@ -101,13 +99,13 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class PlotPanel:
-    """One pair of axes.
+    """A panel of a figure, with one pair of axes.
 
     y_label: label with its unit
     scale: "linear", "log" or "symlog"
-    marked: times of vertical lines
-    linear_part: the part of the largest value below which a "symlog" axis is linear
-    limits: lowest and highest value that is allowed, drawn where a line comes near them
+    marked: (time, label) of vertical lines
+    linear_part: fraction of the largest value below which a "symlog" axis is linear
+    limits: lowest and highest allowed value, drawn if a line comes near them
     """
 
     title: str
@@ -121,9 +119,11 @@ class PlotPanel:
 
 @dataclass(frozen=True, eq=False)
 class PaperFigure:
-    """A figure of the paper: panels row by row.
+    """A figure of the paper.
 
     number: number in the paper
+    columns: number of columns of panels
+    panels: panels, row by row
     """
 
     number: int
@@ -133,7 +133,7 @@ class PaperFigure:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the drawn arrays, by panel and line: "02 Case I _ certified _ x"."""
+        """Return name -> x or y values of each line. The name contains panel and line."""
         found = {}
         for index, panel in enumerate(self.panels):
             for line in panel.lines:
@@ -146,9 +146,9 @@ class PaperFigure:
 
 @dataclass(frozen=True)
 class _Panels:
-    """Builder of panels of flights.
+    """Builder of panels from the records of flights.
 
-    T_w: s, marked
+    T_w: predefined time, s, drawn as a vertical line
     by: property that distinguishes the lines of a panel, "law" or "uncertainty"
     """
 
@@ -156,13 +156,15 @@ class _Panels:
     by: str = "law"
 
     def label(self, record: FlightRecord) -> str:
-        """Return the name of a flight in a legend."""
+        """Return the legend label of a flight."""
         dA = record.plan.uncertainty
         name = record.plan.law if self.by == "law" else f"ΔA = {dA:+g} A" if dA else "ΔA = 0"
         return name if record.held else f"{name}{_LOST}{record.lost_at:.2g} s)"
 
     def marks(self, records: Iterable[FlightRecord] = ()) -> tuple[tuple[float, str], ...]:
-        """Return T_w, and the time when the learned gain of a law replaces its initial gain."""
+        """Return (time, label) for T_w and for the times when a learned gain replaces a
+        baseline.
+        """
         begins = {
             record.learned_from: record.plan.law for record in records if record.learned_from > 0.0
         }
@@ -179,13 +181,16 @@ class _Panels:
         values: Values,
         **more: Any,
     ) -> PlotPanel:
-        """Return one line for each flight, as far as there are values."""
+        """Return a panel with one line for each flight.
+
+        values: function record -> values; they may end before the flight
+        """
         drawn = [(self.label(record), record.times, values(record)) for record in records]
         lines = tuple(Line(name, times[: len(value)], value) for name, times, value in drawn)
         return PlotPanel(title, label, lines, **{"marked": self.marks(records)} | more)
 
     def states(self, state: str, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of a state as a deviation from its trim, with its command."""
+        """Return a panel of the deviation of a state from its trim, with its command."""
         row = LINEAR_STATES.index(state)
         label = f"{_SYMBOLS[state]} - trim, {getattr(STATE_UNITS, state)}"
         panel = self._of_flights(title, label, records, _column("states", row))
@@ -194,7 +199,7 @@ class _Panels:
         return PlotPanel(title, label, (*panel.lines, command), marked=panel.marked)
 
     def errors(self, records: Sequence[FlightRecord]) -> tuple[PlotPanel, ...]:
-        """Return a panel of the errors of the tracked states."""
+        """Return a panel of the tracking error for each tracked state."""
         found = []
         for state in TRACKED:
             row = LINEAR_STATES.index(state)
@@ -205,9 +210,11 @@ class _Panels:
     def inputs(
         self, titles: Sequence[str], groups: Sequence[Sequence[FlightRecord]]
     ) -> tuple[PlotPanel, ...]:
-        """Return panels of the five inputs as deviations from trim.
+        """Return panels of the five inputs as deviations from the trim.
 
         There is one row for each input and one column for each group of flights.
+
+        titles: titles of the columns
         """
         panels = []
         for row, name in enumerate(INPUTS):
@@ -227,9 +234,10 @@ class _Panels:
         return tuple(panels)
 
     def weights(self, record: FlightRecord, title: str, *, increments: bool = False) -> PlotPanel:
-        """Return a panel of the weights W of a critic, or of W(t + tick) - W(t).
+        """Return a panel of the weights W of a critic, or of the increments W(t + tick) - W(t).
 
-        The largest at the end have names, and the others are a bundle.
+        The weights that are largest at the end have labels. The other weights are drawn as one
+        bundle.
         """
         assert record.critic is not None
         weights = record.critic.weights
@@ -245,9 +253,9 @@ class _Panels:
         return PlotPanel(title, label, (bundle, *lines), "symlog", self.marks())
 
     def residuals(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of |e| of the learned value at the simulated error.
+        """Return a panel of the Bellman residual |e| of the learned value at the simulated error.
 
-        It is in units of the cost rate z'Qz.
+        Its unit is that of the cost rate z'Qz.
         """
 
         def size(record: FlightRecord) -> np.ndarray:
@@ -258,9 +266,8 @@ class _Panels:
         )
 
     def updates(self, title: str, records: Sequence[FlightRecord]) -> PlotPanel:
-        """Return a panel of |W(t + tick) - W(t)| / tick over |W| at the end.
-
-        This is the relative speed of learning, 1/s.
+        """Return a panel of the relative rate of learning |W(t + tick) - W(t)| / tick / |W(end)|,
+        1/s.
         """
 
         def speed(record: FlightRecord) -> np.ndarray:
@@ -276,12 +283,12 @@ class _Panels:
 
 
 def _column(name: str, column: int) -> Values:
-    """Return the function record -> a column of its array of that name, (N,)."""
+    """Return a function record -> column (N,) of its array with this name."""
     return lambda record: getattr(record, name)[:, column]
 
 
 def _monomial(exponents: np.ndarray) -> str:
-    """Return the states of a weight, such as z1 z2 or z4^2, numbered as the errors are."""
+    """Return the monomial of a weight as text, for example "z1 z2" or "z4^2"."""
     return " ".join(
         f"z{i + 1}" + (f"^{power}" if power > 1 else "")
         for i, power in enumerate(exponents)
@@ -290,7 +297,10 @@ def _monomial(exponents: np.ndarray) -> str:
 
 
 def figures_of(section: str, configuration: Configuration, flown: Flights) -> Iterator[PaperFigure]:
-    """Return the paper's figures of a section."""
+    """Yield the paper's figures of a section.
+
+    flown: plan -> record of each flight
+    """
     T_w = configuration.predefined_time(section)
     law = _Panels(T_w)
     uncertain = _Panels(T_w, "uncertainty")
@@ -345,9 +355,13 @@ def _eight_figures(
     groups: Sequence[Sequence[Sequence[FlightRecord]]],
     learned: Sequence[tuple[FlightRecord, str]],
 ) -> Iterator[PaperFigure]:
-    """Return figures of states, inputs and learning, in two columns each.
+    """Yield eight figures of states, inputs and learning, with two columns each.
 
-    groups: groups of flights of the states, the inputs and the learning, by column
+    first: number of the first figure
+    title: title with {} for the subject of the figure
+    columns: titles of the columns
+    groups: flights shown for states, inputs and learning; each is a list of flights for each column
+    learned: (flight, title) for each panel of weights
     """
 
     def beside(
@@ -376,7 +390,7 @@ def _eight_figures(
 
 
 def draw(picture: PaperFigure) -> Figure:
-    """Return the picture, with one legend for all panels."""
+    """Draw a figure with one legend for all panels."""
     rows = -(-len(picture.panels) // picture.columns)
     figure = new_figure(5.4 * picture.columns, 1.0 + (2.2 if rows > 2 else 2.8) * rows)
     title = f"Figure {picture.number}. {picture.title}"

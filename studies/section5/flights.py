@@ -1,4 +1,6 @@
-"""The flights of Section 5: the two aircraft with their games, the laws, and the results."""
+"""The flights of Section 5: the two aircraft with their games, the control laws, and the
+records.
+"""
 
 from __future__ import annotations
 
@@ -72,17 +74,17 @@ Learned = Callable[[np.ndarray], Critic]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingPolicy(Policy):
-    """Policy u = -K z + F w(t), with K (5, 6) and F (5, k) held in each tick (`held_gains`).
+    """Policy u = -K z + F w(t), where K (5, 6) and F (5, k) are constant within a tick.
 
-    generator: w (k,), the signals of which the reference consists
-    certified_from: s, time when a learned gain replaces the baseline
+    generator: w (k,), the signals that compose the reference
+    certified_from: time when a learned gain replaces the baseline, s
     """
 
     generator: Waveform
     certified_from: float = 0.0
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return -K z + F w(t)."""
+        """Return the input -K z + F w(t), (5,)."""
         feedback = ca.mtimes(ca.reshape(held[:_ENTRIES], _M, _N), measurements.error)
         feedforward = ca.mtimes(
             ca.reshape(held[_ENTRIES:], _M, self.generator.size), self.generator.at(t)
@@ -91,15 +93,17 @@ class TrackingPolicy(Policy):
 
 
 def held_gains(K: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the held inputs of `TrackingPolicy` for K (5, 6) and F (5, k)."""
+    """Return the values of `TrackingPolicy` that are held in a tick: the entries of K (5, 6) and F
+    (5, k).
+    """
     return np.concatenate([column_by_column(K), column_by_column(F)])
 
 
 @dataclass(frozen=True, eq=False)
 class PaperCase:
-    """One aircraft of Section 5.1.
+    """One of the two aircraft of Section 5.1, with its game.
 
-    trim_inputs: U0, (5,), of the trim that is linearized
+    trim_inputs: inputs U0 (5,) of the trim
     """
 
     dihedral_deg: float
@@ -108,9 +112,10 @@ class PaperCase:
 
     @property
     def input_limits(self) -> np.ndarray:
-        """Lowest and highest deviations of the inputs, (2, 5), by this project's limits of a trim.
+        """Lowest and highest deviations of the inputs from the trim, (2, 5), for this project's
+        limits.
 
-        The paper has no limits.
+        The paper states no limits.
         """
         limits: np.ndarray = np.array(CONTROL_LIMITS).T - self.trim_inputs
         return limits
@@ -121,16 +126,16 @@ class PaperCase:
         return solve_game(self.game)
 
     def reweighted(self, alpha_factor: float) -> PaperCase:
-        """Return the case with the weight of the angle of attack multiplied."""
+        """Return a copy of the case in which the weight of alpha in Q is multiplied by a factor."""
         factors = np.where(np.array(LINEAR_STATES) == "alpha", alpha_factor, 1.0)
         return replace(self, game=replace(self.game, Q=self.game.Q * np.diag(factors)))
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """The configuration and the two aircraft, 15 degrees first.
+    """The configuration and the two aircraft. The first aircraft has a dihedral angle of 15 deg.
 
-    matrices: one of `MATRICES`
+    matrices: source of A and B, one of `MATRICES`
     """
 
     configuration: Configuration
@@ -138,12 +143,12 @@ class Setting:
     cases: tuple[PaperCase, ...]
 
     def case(self, dihedral_deg: float) -> PaperCase:
-        """Return the aircraft of that dihedral angle."""
+        """Return the aircraft with this dihedral angle."""
         return next(case for case in self.cases if case.dihedral_deg == dihedral_deg)
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Return the data that determine the numbers, as plain values."""
+        """The data that determine all results, as plain values."""
         models = [
             {
                 "dihedral_deg": case.dihedral_deg,
@@ -160,8 +165,10 @@ class Setting:
 
 
 def make_setting(configuration: Configuration, matrices: str = "regenerated") -> Setting:
-    """Return both aircraft: trimmed and linearized with the published dynamics, or with the printed
-    A, B.
+    """Return the setting with both aircraft.
+
+    matrices: "regenerated" for A and B of this project's trims with the published dynamics, or
+      "printed" for the paper's A and B
     """
     refuse_unknown("unknown matrices", matrices, MATRICES)
     cases = []
@@ -178,13 +185,13 @@ def make_setting(configuration: Configuration, matrices: str = "regenerated") ->
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """Plan of a flight of one law on one aircraft.
+    """Plan of one flight.
 
     dihedral_deg: dihedral angle of the aircraft, deg
-    law: law that controls it
-    uncertainty: A of the aircraft is off by `uncertainty` * A
-    noise: whether the sensors have the noise of 5.4
-    commanded: False for the disturbance alone, from equilibrium and without a command
+    law: control law
+    uncertainty: factor c; the plant has (1 + c) A
+    noise: whether the measurement noise of Section 5.4 is added
+    commanded: False for a flight from equilibrium under the disturbance alone
     """
 
     dihedral_deg: float
@@ -208,16 +215,18 @@ class FlightPlan:
 
 @dataclass(frozen=True, eq=False)
 class FlightRecord:
-    """The record of a flight. Arrays have one row a tick, up to the last one before the departure.
+    """Record of a flight. Arrays have one row for each tick. They end when the flight leaves the
+    envelope.
 
-    times: (N,)
+    times: (N,), s
     states, commands, errors: x, x_d and z, (N, 6)
     inputs: (N, 5)
-    residual: (N,), Bellman residual of the learned value at the simulated error
-    critic: the critic, or None for laws that do not learn
-    learned_from: s, time when a learned gain replaces the baseline
-    lost_at: s, time of the departure, inf without one
-    limits: (2, 5), lowest and highest inputs that this project assumes
+    critic: the learned critic, or None for a law that does not learn
+    residual: Bellman residual of the learned value at the simulated error, (N,)
+    learned_from: time when a learned gain replaces the baseline, s
+    lost_at: time when the flight leaves the envelope, s, or inf
+    metrics: see `flight_metrics`
+    limits: lowest and highest deviations of the inputs that this project assumes, (2, 5)
     """
 
     plan: FlightPlan
@@ -235,17 +244,17 @@ class FlightRecord:
 
     @property
     def held(self) -> bool:
-        """True if the flight reached its end."""
+        """True if the flight stayed within the envelope until its end."""
         return bool(np.isinf(self.lost_at))
 
     def learned_value(self, row: int) -> np.ndarray:
-        """Return P of the weights at a tick, (6, 6)."""
+        """Return the learned matrix P, (6, 6), at a tick."""
         assert self.critic is not None
         return self.critic.basis.matrix(self.critic.weights[row])
 
 
 def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRecord:
-    """Fly a plan under the conditions of a section of the paper."""
+    """Simulate a flight under the conditions of a section of the paper and return its record."""
     configuration = setting.configuration
     case = setting.case(plan.dihedral_deg)
     reference = configuration.reference if plan.commanded else zero(_N)
@@ -285,9 +294,9 @@ def simulate_plan(setting: Setting, plan: FlightPlan, section: str) -> FlightRec
 
 
 def _flown(configuration: Configuration, loop: CompiledLoop) -> tuple[Deviations, float]:
-    """Return the flight up to the last step inside the envelope, and the time of departure.
+    """Return the flight up to its last step within the envelope, and the time when it leaves it.
 
-    The time is inf without a departure.
+    The time is inf if the flight stays within the envelope.
     """
     limit = configuration.flight.lost_beyond
 
@@ -315,13 +324,14 @@ def law_of(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned | None]:
-    """Return the untrained law for a case, and the function that reads its learned values.
+    """Return the policy of a law, and a function that extracts the learned critic from a flight.
 
-    The function is None if the law learns nothing.
+    The function maps the policy's memory in a flight to a `Critic`. It is None if the law does not
+    learn.
 
     predefined_time: T_w, s
     frozen: whether learning stops at T_w
-    reference: x_d, for the feed-forward and the published drift
+    reference: x_d, for the feedforward and the published drift
     """
     if law in (PRINTED, MODIFIED):
         return _published(setting, case, law, predefined_time, frozen, reference)
@@ -339,8 +349,8 @@ def law_of(
 
 
 def generator(reference: Waveform) -> Waveform:
-    """Return w = [1, t, sin f₁t, cos f₁t, ...], the signals of which a reference consists, (2 + 2
-    k,).
+    """Return w = [1, t, sin f₁t, cos f₁t, ...], (2 + 2 k,), the signals that compose a
+    reference.
     """
     unit = np.eye(2 + 2 * len(reference.harmonics))
     waves = tuple(
@@ -351,9 +361,10 @@ def generator(reference: Waveform) -> Waveform:
 
 
 def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
-    """Return F, (5, k), with u = -K z + F w(t) the exact answer to a reference.
+    """Return F = -R⁻¹B'P_s, (5, k), for which u = -K z + F w(t) is the exact policy for a
+    reference.
 
-    F = -R⁻¹B'P_s, with the w of `generator`.
+    w is the result of `generator`.
     """
     made_by = exosystem(reference.constant, reference.slope, *reference.harmonics)
     return -case.game.R_inverse_B_transposed @ exosystem_feedforward(
@@ -362,7 +373,7 @@ def feedforward(case: PaperCase, reference: Waveform) -> np.ndarray:
 
 
 def recorded_pool(setting: Setting, case: PaperCase) -> Stack:
-    """Return the random states from which the stack of every critic is chosen."""
+    """Return the random states from which the samples of every critic are selected."""
     critic = setting.configuration.critic
     return random_pool(case.game, critic.pool, critic.seed, np.array(critic.box))
 
@@ -375,7 +386,10 @@ def _published(
     frozen: bool,
     reference: Waveform,
 ) -> tuple[Policy, Learned]:
-    """Return Eq. (46) on the recorded stack, as printed or modified."""
+    """Return the policy of Eq. (46) with recorded samples, as printed or modified.
+
+    The second result maps the policy's memory in a flight to the learned critic.
+    """
     configuration = setting.configuration
     critic = setting.configuration.critic
     own = configuration.published_as_printed
@@ -421,13 +435,13 @@ def _published(
 
 
 class _Training(NamedTuple):
-    """A training run for the flights of one case.
+    """A training run whose gains are used in the flights of one case.
 
     run: training run with its weights over time
-    gains: (N, m, n), the gain of each tick
-    certified_from: s, time when a learned gain replaces the baseline
-    certified: whether the judge accepts the last weights as the critic of the game or LQ problem
-        that is learned
+    gains: gain at each tick, (N, m, n)
+    certified_from: time when a learned gain replaces the baseline, s
+    certified: whether the last critic passes the checks against the exact solution of the learned
+      problem (game or LQ)
     """
 
     run: TrainingRun
@@ -438,7 +452,7 @@ class _Training(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) -> _Training:
-    """Return the training run of a law, shared by flights that differ in the plant or in noise."""
+    """Train a law for one case. Flights that differ only in plant or noise share this run."""
     configuration = setting.configuration
     critic = setting.configuration.critic
     target = case.game
@@ -461,9 +475,10 @@ def _train(setting: Setting, case: PaperCase, law: str, predefined_time: float) 
 def _learned(
     setting: Setting, case: PaperCase, law: str, predefined_time: float, reference: Waveform
 ) -> tuple[Policy, Learned]:
-    """Return the law with K(t) of a learning run during the flight.
+    """Return the policy with the gain K(t) of a training run that proceeds during the flight.
 
-    A baseline is used until K(t) is certified.
+    A baseline gain is used until a learned gain is certified. The second result maps the policy's
+    memory in a flight to the learned critic.
     """
     learner = "irl" if law == INTEGRAL else "certified"
     learned, gains, first, certified = _train(setting, case, learner, predefined_time)

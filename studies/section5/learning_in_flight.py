@@ -1,4 +1,4 @@
-"""Learning in flight: the last gain certified by each tick, and a baseline before the first."""
+"""Learning in flight: the gain at each tick is the last certified one, or a baseline."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from studies.update_law.integral_rl import baseline_gain
 
 
 def certified_gains(game: Game, learned: TrainingRun, tick: float) -> tuple[np.ndarray, float]:
-    """Return the last gain that was certified by each tick, (N, m, n), and the time of the first,
-    s.
+    """Return the last certified gain at each tick, (N, m, n), and the time of the first one in s.
 
-    A value counts when A - S P and A - B K are Hurwitz and P is positive semidefinite. The baseline
-    is used before the first such value. At t only data learned up to t are used.
+    A gain is certified if A - S P and A - B K are Hurwitz and P is positive semidefinite. Before
+    the first certified gain, the baseline is used. The time is inf if no gain is certified. The
+    gain at time t depends only on data learned up to t.
     """
     functions = basis(learned.basis, len(game.A))
     current = baseline_gain(game)

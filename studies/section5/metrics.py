@@ -1,6 +1,6 @@
-"""Measures of a flight and of the learning of its critic.
+"""Metrics of a flight and of the learning of its critic.
 
-All are inf for a flight that left the envelope.
+All metrics are inf for a flight that left the envelope.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ _SINGLE = ("cost", "early_cost", "effort", "peak_effort", "attenuation")
 
 @dataclass(frozen=True, eq=False)
 class Critic:
-    """The learned critic of a law.
+    """The learned critic of a law during a flight.
 
-    weights: (N, M), in the model's units, one row a tick
-    residual: (N,), relative Bellman residual |e|/|z'Qz| of the game over the recorded stack
-    facts: facts about the learning, by name
+    weights: (N, M), one row for each tick, in the units of the model
+    residual: relative Bellman residual |e|/|z'Qz| of the game over the recorded samples, (N,)
+    facts: further results of the learning by name
     """
 
     basis: Basis
@@ -51,37 +51,38 @@ class Critic:
 def flight_metrics(
     configuration: Configuration, game: Game, limits: np.ndarray, flight: Deviations, lost_at: float
 ) -> dict[str, Any]:
-    """Return the metrics of a flight up to lost_at, s: numbers, and tables by state or input.
+    """Return the metrics of a flight.
 
-    lost_at is inf for a flight that reached its end, and None in the result.
+    limits: lowest and highest deviations of the inputs, (2, 5)
+    lost_at: time when the flight leaves the envelope, s, or inf; in the result inf becomes None
 
-    By state:
+    For each state (late: within the window of the criteria):
 
-    - rms_error, peak_error, late_peak_error: of z; late is the window of the criteria
+    - rms_error, peak_error, late_peak_error: of the error z
 
-    Of the tracked states:
+    For each tracked state:
 
-    - relative_error: late rms over the command
-    - rise, settling: s, when the error entered its band for the first time and permanently
-    - growth: largest error after the short adjustment over the largest before
+    - relative_error: late rms error divided by the command
+    - rise, settling: time when the error enters its band first, and permanently, s
+    - growth: largest error after the adjustment divided by the largest one before
 
-    Numbers:
+    Single numbers:
 
     - cost: ∫ z'Qz + u'Ru dt
     - early_cost: ∫ z'Qz dt during the adjustment
     - effort: ∫ u'Ru dt
     - peak_effort: largest (u'Ru)^½
-    - attenuation: ∫ z'Qz + u'Ru over ∫ d'd, which the game guarantees below δ² for the disturbance
-      alone
+    - attenuation: ∫ z'Qz + u'Ru dt divided by ∫ d'd dt; the game guarantees a value below δ² for
+      the disturbance alone
     - delta_squared: δ²
 
-    By input:
+    For each input:
 
     - rms_input, peak_input
-    - peak_rate: per s, over one tick
-    - wiggle: total variation over range, late
-    - remaining_range: range after the adjustment, over the peak
-    - beyond_limits: share of the flight in which trim + u exceeds `limits`, assumed
+    - peak_rate: largest rate over one tick, per s
+    - wiggle: late total variation divided by the range
+    - remaining_range: range after the adjustment divided by the peak
+    - beyond_limits: fraction of the flight in which u exceeds `limits`
     """
     if not np.isinf(lost_at):
         lost: dict[str, Any] = {
@@ -142,23 +143,21 @@ def flight_metrics(
 def learning_metrics(
     times: np.ndarray, critic: Critic, residual: np.ndarray, T_w: float, lost_at: float
 ) -> dict[str, Any]:
-    """Return the progress of the critic within the learning time T_w, s.
+    """Return the metrics of learning, relative to the learning time T_w in s.
 
-    The last tenth of this time is called the end.
+    residual: Bellman residual at the simulated error, (N,)
 
-    residual: (N,), at the simulated error
+    The end denotes the last tenth of the learning time. The metrics are:
 
-    The metrics are:
-
-    - path_share: share of the length of the path of W that lies before T_w
-    - late_update: largest update of a tick after T_w over the largest before
-    - end_update: likewise for the end of the learning time
-    - late_change: largest |W - W(T_w)| after T_w over |W(T_w)|
-    - end_change: |W(T_w) - W| at the beginning of the end over |W(T_w)|
-    - stack_residual: relative residual on the stack at the start, at T_w and at the end of the
-      flight
+    - path_share: fraction of the path length of W before T_w
+    - late_update: largest update in a tick after T_w divided by the largest one before
+    - end_update: largest update in a tick in the end divided by the largest one before T_w
+    - late_change: largest |W - W(T_w)| after T_w divided by |W(T_w)|
+    - end_change: change of W in the end divided by |W(T_w)|
+    - stack_residual: relative residual on the recorded samples at the start, at T_w and at the end
+      of the flight
     - flown_residual: |e| at the simulated error, at the start, and the largest before and after T_w
-    - facts: the law's own
+    - facts: further results of the law
     """
     names = ("path_share", "late_update", "end_update", "late_change", "end_change")
     if not np.isinf(lost_at):
@@ -185,9 +184,12 @@ def learning_metrics(
 
 
 def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Return e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, ∇V = ∂ψ(z)'W, (N,).
+    """Return e = ∇V'A z + z'Qz - ¼ ∇V'S ∇V, (N,), where ∇V = ∂ψ(z)'W.
 
-    It is the residual of the Hamilton-Jacobi-Isaacs equation.
+    e is the residual of the Hamilton-Jacobi-Isaacs equation.
+
+    weights: W, (N, M)
+    errors: z, (N, n)
     """
     gradient = np.einsum("jmi,jm->ji", basis.gradient(errors), weights)
     drift = np.einsum("ji,ji->j", gradient, errors @ game.A.T - 0.25 * gradient @ game.S)
@@ -196,15 +198,15 @@ def residual_at(game: Game, basis: Basis, weights: np.ndarray, errors: np.ndarra
 
 
 def first_at(times: np.ndarray, size: np.ndarray, band: float) -> float:
-    """Return the first time at which size <= band, s, or inf without one."""
+    """Return the first time at which size <= band, s, or inf if there is none."""
     inside = np.flatnonzero(size <= band)
     return float(times[inside[0]]) if len(inside) else np.inf
 
 
 def wiggle(inputs: np.ndarray) -> np.ndarray:
-    """Return the total variation over the range of each column, 0 for a constant.
+    """Return the total variation of each column divided by its range, or 0 for a constant.
 
-    It is 1 for a monotone signal and large for chatter.
+    It is 1 for a monotonic signal and large for chatter.
     """
     spread = np.ptp(inputs, axis=0)
     variation = np.abs(np.diff(inputs, axis=0)).sum(axis=0)
@@ -212,7 +214,7 @@ def wiggle(inputs: np.ndarray) -> np.ndarray:
 
 
 def over(one: float, other: float) -> float:
-    """Return one / other of numbers that are not negative, or inf where other is 0."""
+    """Return the ratio one / other of nonnegative numbers, or inf if other is 0."""
     return one / other if other > 0.0 else np.inf
 
 
@@ -222,7 +224,7 @@ def _quadratic(rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _ratio(over: np.ndarray, under: np.ndarray) -> np.ndarray:
-    """Return over / under, or inf where under is 0."""
+    """Return over / under entry by entry, or inf where `under` is 0."""
     return np.divide(over, under, out=np.full_like(over, np.inf), where=under > 0.0)
 
 

@@ -1,7 +1,6 @@
-"""Servos of the aircraft through commands, actuator faults and gusts: SimVFA's, adaptive laws and
-ours.
+"""Servo controllers under commands, actuator faults and gusts: SimVFA's, adaptive laws and ours.
 
-See studies/servo/README.md, and findings.md for the results.
+README.md describes the study, and findings.md contains its results.
 """
 
 from __future__ import annotations
@@ -23,9 +22,11 @@ from hfa_support.provenance import Provenance, parameter_hash
 
 
 def main() -> int:
-    """Run one command, or the whole comparison without one, and return the exit code.
+    """Run a subcommand, by default the complete comparison, and return the exit code.
 
-    0: done. 1: a constraint is missed or no solution exists. 2: bad usage or input.
+    - 0: success
+    - 1: a constraint is violated, or no solution exists
+    - 2: bad usage or input
     """
     arguments = parser().parse_args(sys.argv[1:] or ["fly", "-o", "out/servo", "--resume"])
     try:
@@ -42,7 +43,7 @@ def main() -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands with their options."""
+    """Return the parser of all subcommands with their options."""
     whole = argparse.ArgumentParser("python -m studies.servo", description=__doc__)
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
 

@@ -1,6 +1,6 @@
-"""Servos through the step commands and actuator faults of SimVFA.
+"""Servo controllers under the step commands and actuator faults of SimVFA.
 
-The module defines laws and flights, and draws a table and a figure for each case.
+The module defines the control laws and flights, and makes a table and a figure for each case.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ HEADER = ("law", "rms dihedral deg", "rms A_z ft/s^2", "fastest surface deg/s", 
 
 
 class Case(NamedTuple):
-    """Actuators and their faults."""
+    """Actuators of a case, and their faults."""
 
     actuator: Actuator
     faults: tuple[ActuatorFault, ...] = ()
@@ -77,17 +77,20 @@ CASES: dict[str, Case] = {
 
 
 def simvfa_commands() -> CommandSteps:
-    """Return SimVFA's 16 steps of dihedral, rad, and vertical acceleration, ft/s², with its
-    filter.
+    """Return SimVFA's 16 command steps, with its command filter.
+
+    The commands are the dihedral angle in rad and the vertical acceleration in ft/s².
     """
     times = _FIRST + _EACH * np.arange(len(_DIHEDRAL))
     return CommandSteps(REGULATED, times, np.column_stack([_DIHEDRAL, _ACCELERATION]))
 
 
 def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) -> Scenario:
-    """Return the flight of a case with this duration, s.
+    """Return the scenario of a case.
 
-    Raises BadInputError where it is longer than the commands.
+    duration: s
+
+    Raises BadInputError if the duration exceeds that of the commands.
     """
     if duration > DURATION:
         raise BadInputError(
@@ -104,7 +107,7 @@ def scenario_of(case: Case, commands: CommandSteps, duration: float = DURATION) 
 
 
 class Start(NamedTuple):
-    """The initial condition and the reference of all laws."""
+    """Aircraft, trim and commands, from which each control law is made."""
 
     aircraft: Model
     point: OperatingPoint
@@ -117,12 +120,13 @@ Make = Callable[[Start], Policy]
 def laws_of(
     order: int, controllers: Mapping[str, ScheduledController], only: Sequence[str] = ()
 ) -> dict[str, Make]:
-    """Return name -> function that makes the law.
+    """Return name -> function that makes the control law from a `Start`.
 
-    order: order of the actuators that SimVFA's laws are designed for
-    only: names of the laws, () for all
+    order: order of the actuators for which SimVFA's laws are designed
+    controllers: further controllers by name
+    only: names of the laws to return, () for all
 
-    Raises BadInputError when a law of `only` is unknown.
+    Raises BadInputError if a name in `only` is unknown.
     """
     found: dict[str, Make] = {
         f"simvfa-{order}": lambda on: _flown(
@@ -146,7 +150,9 @@ def _flown(on: Start, controller: ScheduledController) -> Policy:
 
 @lru_cache(maxsize=2)
 def designed_servo(aircraft: Model) -> ScheduledController:
-    """Return the servo of the package, at the angles of its design. It is equal for all cases."""
+    """Return the servo controller of the project, designed at the breakpoints of its design
+    file.
+    """
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     assert design.shaping is not None
     return design_controller(aircraft, design, np.array(design.shaping.breakpoints))
@@ -155,7 +161,7 @@ def designed_servo(aircraft: Model) -> ScheduledController:
 def _paper(on: Start) -> Policy:
     """Return the exact policy of the paper's game at the trim.
 
-    It has five inputs and six states, and no actuators or integrals.
+    The policy has six states and five inputs. It includes neither actuators nor integrators.
     """
     model = linearize(on.aircraft, on.point)
     return GainPolicy("paper", solve_game(published_game(model.A, model.B)).K)
@@ -163,10 +169,11 @@ def _paper(on: Start) -> Policy:
 
 @dataclass(frozen=True, eq=False)
 class ServoFlight:
-    """A law in a case.
+    """Flight of one control law in a case.
 
-    tracked: each commanded output
-    fastest: largest |ΔU / Δt| of the surfaces, rad/s
+    tracked: response of each commanded output
+    fastest: largest rate of a surface, rad/s
+    result: the simulated flight
     """
 
     law: str
@@ -176,16 +183,16 @@ class ServoFlight:
 
     @property
     def times(self) -> np.ndarray:
-        """Times (N,), s."""
+        """Times of the flight, (N,), s."""
         return self.result.flight.times
 
     @property
     def lost_at(self) -> float | None:
-        """Time when the first state left its envelope, s, or None without a departure."""
+        """Time when a state left the envelope, s, or None if the flight stayed within it."""
         return None if self.result.departure is None else self.result.departure.time
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result in English units and radians."""
+        """Return the results for JSON, in English units and radians."""
         gone = self.result.departure
         units = {each.name: each.unit for each in self.tracked}
         return {
@@ -208,9 +215,11 @@ def fly_case(
     only: Sequence[str] = (),
     commands: CommandSteps | None = None,
 ) -> Iterator[ServoFlight]:
-    """Fly every law, or those named in `only`, through the commands and the faults of a case.
+    """Simulate the commands and faults of a case with each control law, and yield the flights.
 
-    The commands are SimVFA's by default.
+    controllers: further controllers by name
+    only: names of the laws to simulate, () for all
+    commands: default: SimVFA's
     """
     commands = commands or simvfa_commands()
     scenario = scenario_of(case, commands, duration)
@@ -240,10 +249,10 @@ def run_case(
     only: Sequence[str] = (),
     resume: bool = False,
 ) -> dict[str, Any]:
-    """Return the result of a case of `CASES`, written to FOLDER/NAME.json with its figure.
+    """Simulate a case of `CASES`, write FOLDER/NAME.json and a figure, and return the result.
 
-    resume: whether to keep a case that this version finished for the same aircraft, laws and
-        duration
+    resume: whether to reuse a stored result of this version for the same aircraft, laws and
+    duration
     """
     target = folder / f"{name}.json"
     picture = folder / f"{name}.png"
@@ -275,9 +284,7 @@ def run_case(
 
 
 def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
-    """Return root mean square errors, surface rates and departures for each law, a table for each
-    case.
-    """
+    """Return a report with a table of errors, surface rates and outcomes for each case."""
     blocks = []
     for result in results:
         title = f"case {result['case']}, {result['dynamics']} dynamics, {result['duration']:g} s"
@@ -287,7 +294,7 @@ def servo_report(results: Sequence[Mapping[str, Any]]) -> Report:
 
 
 def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return law, both rms errors, surface rate and outcome, one row for each law."""
+    """Return a row for each law: name, two rms errors, largest surface rate and outcome."""
     rows: list[tuple[str, ...]] = []
     for flight in result["flights"]:
         angle, acceleration = (flight["rms_error"][name] for name in REGULATED)
@@ -301,9 +308,9 @@ def rows_of(result: Mapping[str, Any]) -> list[tuple[str, ...]]:
 
 
 def servo_figure(title: str, flights: Sequence[ServoFlight]) -> Figure:
-    """Draw each output with its command, and the error of every law.
+    """Draw each output with its command and, below, the error, for every law.
 
-    A law that leaves the envelope ends with a cross.
+    A cross marks the end of a flight that left the envelope.
     """
     longest = max(flights, key=lambda flight: len(flight.times))
     held = [flight for flight in flights if flight.lost_at is None] or [longest]

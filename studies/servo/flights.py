@@ -1,6 +1,6 @@
-"""The requirements of a servo, and the values that a servo reaches.
+"""Simulations and linear loops that show whether a servo controller meets its requirements.
 
-They concern margins, delay, gusts, a biased gyro and noisy sensors.
+The requirements concern margins, delay, gusts, a biased gyro and noisy sensors.
 """
 
 from __future__ import annotations
@@ -64,7 +64,12 @@ ANGLES = (5.0, 11.0, 15.0)
 
 
 def flown_actuators(acting: Actuator, faults: tuple[ActuatorFault, ...] = ()) -> ActuatorBank:
-    """Return five equal actuators, within the control limits of a trim, without a limit of rate."""
+    """Return five equal actuators with the control limits of a trim and without a rate limit.
+
+    faults: faults of the actuators. A reduced effectiveness of the actuator is added as a fault of
+    the
+      surfaces.
+    """
     lowest, highest = (Input(*(pair[side] for pair in CONTROL_LIMITS)) for side in (0, 1))
     lag, rate = (Input(*[each] * len(lowest)) for each in (1.0 / acting.bandwidth, np.inf))
     if acting.effectiveness != 1.0:
@@ -79,8 +84,9 @@ def flown(
     acting: Actuator,
     **happens: Any,
 ) -> Flight:
-    """Fly the nonlinear aircraft without commands.
+    """Simulate the nonlinear aircraft with a servo controller and without commands.
 
+    acting: actuator of each input
     happens: fields of `Scenario`
     """
     still = CommandSteps((), np.zeros(0), np.zeros((0, 0)))
@@ -102,9 +108,12 @@ def gust_held(
     length: float,
     peak: float,
 ) -> float:
-    """Return the largest 1-cosine gust with which a flight of 30 s stays in its envelope, signed.
+    """Return the largest peak of a 1-cosine gust for which a flight of 30 s stays within the
+    envelope.
 
-    It is searched up to `peak`, ft/s, to `APART`.
+    It is searched up to `peak` ft/s with the resolution `APART`, and has the sign of `peak`.
+
+    length: length of the gust
     """
 
     def held(size: float) -> bool:
@@ -115,9 +124,9 @@ def gust_held(
 
 
 def largest_held(held: Callable[[float], bool], highest: float, apart: float) -> float:
-    """Return the largest size up to `highest` at which `held` is true, to `apart`.
+    """Return the largest number up to `highest` for which `held` is true, by bisection.
 
-    `held` is true at 0.
+    apart: resolution
     """
     if held(highest):
         return highest
@@ -130,9 +139,9 @@ def largest_held(held: Callable[[float], bool], highest: float, apart: float) ->
 
 
 def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
-    """Return the loop with a delay in each input, by Padé's approximant of order 3.
+    """Return the loop with a delay at each input, approximated by Padé's approximant of order 3.
 
-    Its phase is right to 1e-6 below 0.7/seconds.
+    The phase is accurate to 1e-6 below 0.7/seconds rad/s.
     """
     from control import pade, ss, tf
 
@@ -151,9 +160,9 @@ def delayed(loop: ServoLoop, seconds: float) -> ServoLoop:
 def slowest_delayed(
     aircraft: Model, controller: ScheduledController, degrees: Sequence[float]
 ) -> float:
-    """Return the largest real part of a pole with `DELAY`, 1/s.
+    """Return the largest real part of the poles of the loop with the delay `DELAY`, 1/s.
 
-    The loop has each of `REAL` as actuators, at effectiveness 0.5 and 1.
+    The maximum is over the dihedral angles, the actuators in `REAL`, and effectiveness 0.5 and 1.
     """
     found = []
     for model in [level_model(aircraft, math.radians(each)) for each in degrees]:
