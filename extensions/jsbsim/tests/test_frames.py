@@ -71,7 +71,7 @@ def played(source):
 
 
 def test_frame_of_another_step_differs():
-    """Frames of twice the step differ by more than the limit of agreement."""
+    """A frame of twice the duration changes the pitch by more than 1e-6 rad."""
     model = read_model("jsbsim:737")
     coarse = _pulled(model, 1.0 / 60.0)
     fine = _pulled(model, 1.0 / 120.0)
@@ -79,7 +79,10 @@ def test_frame_of_another_step_differs():
 
 
 def _pulled(model, step):
-    """Return the pitch after a step of the elevator in each frame of one second."""
+    """Return the pitch in each frame during one second after an elevator step, rad.
+
+    step: duration of a frame, s
+    """
     point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
     command = {"elevator": [(0.0, 0.1)]}
     flight = hfa.fly(model, point, command, 1.0, method="jsbsim", step=step, predict=False)
@@ -87,7 +90,7 @@ def _pulled(model, step):
 
 
 def test_command_flies_frames(capsys):
-    """The JSON output states the method and the step."""
+    """`hfa fly --method jsbsim` succeeds, and the JSON output contains the method and the step."""
     words = "fly --aircraft jsbsim:c172p --hold kcas=90 --law none --duration 1 --json"
     assert main([*words.split(), "--method", "jsbsim", "--step", "1/120"]) == 0
     data = json.loads(capsys.readouterr().out)
@@ -96,7 +99,9 @@ def test_command_flies_frames(capsys):
 
 
 def test_other_aircraft_are_refused(capsys):
-    """Frames are refused for other aircraft than JSBSim's, for other units, and with actuators."""
+    """--method jsbsim is refused for the HFA and with --actuators. --step is refused for other
+    methods.
+    """
     assert main(["fly", "--method", "jsbsim"]) == 2
     assert "use --method runge-kutta" in capsys.readouterr().err
     assert main(["fly", "--step", "0.01"]) == 2
@@ -107,9 +112,7 @@ def test_other_aircraft_are_refused(capsys):
 
 
 def test_unsettled_begin_is_reported(monkeypatch):
-    """An initial state that does not settle in the allowed time, here 0.1 s for a c172p, is
-    reported.
-    """
+    """A warning is issued if engines or filters do not settle in the allowed time, here 0.1 s."""
     monkeypatch.setattr(frame, "_LONGEST", 0.1)
     model = read_model("jsbsim:c172p")
     point = hfa.find_operating_point(model, hold={"kcas": 90.0, "altitude": 3000.0})
@@ -119,7 +122,7 @@ def test_unsettled_begin_is_reported(monkeypatch):
 
 
 def test_disturbances_are_refused():
-    """A sine on the rate of a state is refused, although it is 0 at the beginning."""
+    """A sinusoidal disturbance is refused, although it is 0 at the start."""
     model = read_model("jsbsim:737")
     point = hfa.find_operating_point(model, hold={"kcas": 250.0, "altitude": 10000.0})
     amplitude = np.full(len(model.linear), 1e-3)
@@ -131,6 +134,6 @@ def test_disturbances_are_refused():
 
 
 def test_surfaces_as_inputs_are_refused():
-    """Frames of an aircraft with surfaces as inputs, such as the f16, are refused."""
+    """JSBSim's frames are refused for an aircraft whose inputs are surfaces, such as the f16."""
     with pytest.raises(BadInputError, match="is a surface"):
         read_model("jsbsim:f16").equations.jsbsim_steps(1.0 / 120.0)

@@ -1,4 +1,4 @@
-"""Linear models of jets compared with JSBSim's `FGLinearization`."""
+"""Linear models of jets compared with those of JSBSim (`FGLinearization`)."""
 
 import importlib.util
 
@@ -28,7 +28,12 @@ FAULTS = {("Vt", "Phi")}
 
 
 def differences(name, kcas):
-    """Return the largest relative difference of A, of its column of beta, and of B."""
+    """Return the largest relative differences from JSBSim's linear model.
+
+    The entries are "A" without the column of beta, "beta" for this column, and "B".
+
+    kcas: calibrated airspeed, kt
+    """
     altitude = 15000.0
     gravity = GRAVITY * (RADIUS / (RADIUS + altitude)) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity)
@@ -81,7 +86,7 @@ def differences(name, kcas):
     ],
 )
 def test_jet_is_linearized_as_by_jsbsims_finite_differences(name, kcas, of_B):
-    """The linear model of a jet agrees with JSBSim's finite differences."""
+    """The linear model of a jet agrees with JSBSim's, which is computed with finite differences."""
     worst = differences(name, kcas)
     assert worst["A"] < 1e-8
     assert worst["beta"] < 5e-5

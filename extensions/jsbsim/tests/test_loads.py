@@ -1,4 +1,4 @@
-"""Fuel, payload, wind, failed engines, and filters as states, compared with JSBSim."""
+"""Fuel, payload, wind, failed engines, and filters with states, compared with JSBSim."""
 
 import importlib.util
 
@@ -31,7 +31,13 @@ LIGHT = {"kcas": 90.0, "altitude": 3000.0}
 
 
 def residual(name, held, parameters, free=()):
-    """Return the largest acceleration that JSBSim has at our trim, and both weights."""
+    """Return the largest acceleration in JSBSim at the model's trim, the model's weight, and
+    JSBSim's.
+
+    held: imposed values
+    parameters: values of parameters, such as tank contents
+    free: variables that are freed
+    """
     gravity = GRAVITY * (RADIUS / (RADIUS + held["altitude"])) ** 2
     model = read_model(f"jsbsim:{name}").with_parameters(gravity=gravity, **parameters)
     condition = release(usual_condition(model), hold=held, free=free)
@@ -81,7 +87,9 @@ def residual(name, held, parameters, free=()):
     ],
 )
 def test_loads_wind_dead_engines_leave_nothing_in_jsbsim(name, held, parameters, free):
-    """At our trims with loads, wind and failed engines, JSBSim has no acceleration."""
+    """At the model's trims with loads, wind and failed engines, JSBSim has accelerations below
+    1e-9.
+    """
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
     assert weight == pytest.approx(weight_in_jsbsim, rel=1e-14)
@@ -103,7 +111,10 @@ def test_an_engine_runs_or_is_out():
 
 
 def test_steady_wind_carries_path_and_gust_changes_flow(tmp_path):
-    """A steady wind moves the path over ground, and a gust changes the flow."""
+    """A downward wind changes the climb rate but not the moments.
+
+    An updraft changes the angle of attack, and a gust from the side causes a yawing moment.
+    """
     model = load_model(written(tmp_path, glider()))
     x = [120.0, 0.1, *[0.0] * 7, 1000.0]
     u = [0.0] * len(model.inputs)
@@ -126,7 +137,10 @@ WASHOUT = (
 
 
 def test_a_washout_is_state_where_that_is_asked(tmp_path):
-    """A washout filter is a state if this is requested."""
+    """A washout filter has a state with the option filters=states.
+
+    Without the option a note reports that its output is 0.
+    """
     control = CONTROL.replace(" </channel>", f"{WASHOUT} </channel>")
     damper = force("YAW", slope(-9.0, "fcs/damper"), slope(0.1, "aero/beta-rad"))
     path = written(tmp_path, glider(LIFT + REST + damper, control))
@@ -175,7 +189,9 @@ DAMPERS = {
     "kind", ["washout", *(pytest.param(kind, marks=pytest.mark.slow) for kind in DAMPERS)]
 )
 def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
-    """A damper with a memory flies as in JSBSim."""
+    """With filter states, a simulation with a yaw damper is ten times closer to JSBSim than
+    without.
+    """
     text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
     axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")
     slots = {
@@ -195,8 +211,9 @@ def test_a_damper_with_memory_flies_as_in_jsbsim(tmp_path, kind):
 
 
 def flown(model, state):
-    """Return the states after a second with the throttle closed, by the classical Runge-Kutta
-    method.
+    """Return the states after one second with closed throttle, by name.
+
+    The simulation uses the classical Runge-Kutta method.
     """
     x = np.array([state.get(name, 0.0) for name in model.states])
     u = [0.0] * len(model.inputs)

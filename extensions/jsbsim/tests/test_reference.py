@@ -1,4 +1,4 @@
-"""Accelerations, engines and linear models compared with JSBSim in a separate process."""
+"""Accelerations and engines compared with JSBSim, which runs in a separate process."""
 
 import importlib.util
 import subprocess
@@ -44,7 +44,7 @@ ALL = (
 
 
 def random_points(model, count, seed=1):
-    """Return states and commands, as `measured` accepts them."""
+    """Return random states and pilot commands, in the format of `measured`."""
     rng = np.random.default_rng(seed)
     usual = model.states["speed"].start
     points = []
@@ -67,7 +67,10 @@ def random_points(model, count, seed=1):
 
 
 def ours_at(model, point, answer):
-    """Return rates and outputs of the model at the state and the commands of a point of JSBSim."""
+    """Return the states, time derivatives and outputs of the model at a point of JSBSim.
+
+    answer: values computed by JSBSim at this point
+    """
     state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
     commands = dict(point["commands"])
     for name, signal in model.inputs.items():
@@ -82,8 +85,10 @@ def ours_at(model, point, answer):
 
 
 def misses(name, count):
-    """Return the largest differences of accelerations (of 1 g, 1 rad/s^2), thrust, and propeller
-    rates.
+    """Return the largest relative differences from JSBSim at random points, (4,).
+
+    They are those of translational acceleration, angular acceleration and thrust, and the largest
+    acceleration of a propeller, which is in equilibrium in JSBSim.
     """
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, count)
@@ -125,7 +130,7 @@ def misses(name, count):
     "name", ["737", "c182", pytest.param("DHC6", marks=pytest.mark.slow), "sgs126"]
 )
 def test_jet_propellers_and_glider_accelerate_as_in_jsbsim(name):
-    """A jet, propeller aircraft and a glider accelerate as in JSBSim."""
+    """Accelerations and thrust of a jet, propeller aircraft and a glider agree with JSBSim."""
     linear, rotation, thrust, turning = misses(name, 2)
     assert linear < 1e-12
     assert rotation < 1e-12
@@ -146,7 +151,7 @@ def test_all_aircraft_accelerate_as_in_jsbsim(name):
 
 @pytest.mark.parametrize("name", [pytest.param("f16", marks=pytest.mark.slow), "X15"])
 def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
-    """If the surface is the input, forces equal those at JSBSim's surfaces."""
+    """If a surface is the input, the pitch acceleration agrees at JSBSim's surface position."""
     model = read_model(f"jsbsim:{name}")
     points = random_points(model, 2)
     for point in points:
@@ -158,7 +163,7 @@ def test_where_surface_input_forces_those_at_jsbsims_surfaces(name):
 
 
 def test_reading_an_aircraft_loads_no_scipy():
-    """Reading an aircraft does not import scipy.optimize, which would double the time of a trim."""
+    """Reading an aircraft does not import SciPy, which would double the time of a trim."""
     code = (
         "import sys; from hfa_jsbsim.reader import read_model; read_model('jsbsim:737');"
         " print('scipy' in sys.modules)"

@@ -1,4 +1,4 @@
-"""Trims and linear models of JSBSim's own aircraft, and the reasons of those without a trim."""
+"""Trims of JSBSim's aircraft, and the reasons reported if there is no trim."""
 
 import importlib.util
 import re
@@ -29,7 +29,10 @@ def condition_of(model, **held):
     [("737", 250.0, 15000.0), ("c172p", 90.0, 5000.0), ("sgs126", 60.0, 3000.0)],
 )
 def test_jet_propeller_aircraft_glider_fly_at_calibrated_speed(name, kcas, altitude):
-    """A jet, a propeller aircraft and a glider are trimmed at a calibrated speed."""
+    """A jet, a propeller aircraft and a glider are trimmed at the imposed calibrated airspeed.
+
+    The flight path is level if the aircraft has a throttle.
+    """
     model = load_model(f"jsbsim:{name}")
     point = find_operating_point(model, condition_of(model, kcas=kcas, altitude=altitude))
     outputs = model.outputs_at(point.states, point.inputs)
@@ -69,7 +72,10 @@ def test_the_speed_of_the_propeller_is_a_mode():
 
 @needs_jsbsim
 def test_governed_propeller_may_rest_at_limit_of_blades():
-    """A governed propeller may settle at the limit of its blade angle."""
+    """At low speed a governed propeller is trimmed at the limit of its blade angle.
+
+    It then turns more slowly than the governor demands.
+    """
     model = load_model("jsbsim:c182")
     fast = find_operating_point(model, condition_of(model, kcas=110.0, altitude=5000.0))
     slow = find_operating_point(model, condition_of(model, kcas=60.0, altitude=1000.0))
@@ -118,7 +124,10 @@ def test_a_trim_that_does_not_exist_says_why(name, held, reason):
 
 
 def explained_failure(model, **held):
-    """Return the explanation if no trim exists."""
+    """Return the error text, with reasons, for a condition without a trim.
+
+    held: imposed values
+    """
     condition = condition_of(model, **held)
     with pytest.raises(TrimError) as caught:
         find_operating_point(model, condition)

@@ -1,4 +1,4 @@
-"""Flights of a deployed policy compared with the best ones, for `hfa assess --best`."""
+"""Flights of a deployed policy compared with the best flights, for `hfa assess --best`."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ def best_costs(
     progress: Progress,
     certificate: Path | None = None,
 ) -> BestCosts:
-    """Return the costs of the deployed policy and of the linear optimum relative to the best
+    """Return the costs of a deployed policy, and of the linear optimum, relative to the best
     flights.
 
-    The flights begin at `count` seeded initial conditions in the box of an assessed trim. The best
-    are those that were found.
+    The flights begin at `count` random initial conditions in the box of an assessed trim. The best
+    flights are the cheapest that were found.
 
-    deployed: the policy with the cost that it was trained for
-    certificate: file of a lower bound of the cost of these flights
+    deployed: the policy, with the cost for which it was trained
+    assessed: the assessed trim
+    certificate: file with a lower bound of the cost of these flights, or None
 
-    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound`.
+    Raises BadInputError and NoSolutionError as `hfa_optimal.bound.lower_bound` does.
     """
     point = assessed.point
     model = point.model
@@ -82,5 +83,7 @@ def best_costs(
 
 
 def _ratios(flights: Sequence[PolicyFlight]) -> Ratios | None:
-    """Return the cost ratios of the flights that end at the trim, or None if none does."""
+    """Return a summary of the cost ratios of the flights that converge to the trim, or None if none
+    does.
+    """
     return ratios([each.over_best for each in flights if each.over_best is not None])

@@ -1,4 +1,4 @@
-"""The best flight found from an initial condition to a trim, and its report."""
+"""Best flight found from an initial condition to a trim, and its report."""
 
 from __future__ import annotations
 
@@ -32,14 +32,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PolicyFlight(Result):
-    """The flight of a policy, compared with the best flight found from the same initial condition.
+    """Flight of a policy, compared with the best flight found from the same initial condition.
 
-    policy: its name.
-    converges: whether it ends in the trim.
-    cost: its cost, or None if it does not converge.
-    over_best: its cost over that of the best flight found.
-    departure: first departure from the envelope: state, time, value, limit; None without one.
-    saturated: names of saturated inputs.
+    policy: name of the policy. converges: whether the flight converges to the trim. cost: its cost,
+    or None if it does not converge. over_best: its cost divided by that of the best flight found,
+    or None without either. departure: first departure from the envelope (state, time, value,
+    limit), or None if it stays within. saturated: names of saturated inputs.
     """
 
     policy: str
@@ -51,12 +49,15 @@ class PolicyFlight(Result):
 
     @property
     def lost(self) -> bool:
-        """True if the flight left the envelope, or does not end at the trim."""
+        """True if the flight left the envelope or does not converge to the trim."""
         return self.departure is not None or not self.converges
 
     @staticmethod
     def of(flown: Flown, best: float | None) -> PolicyFlight:
-        """Return a flight compared with the cost of the best flight, if one was found."""
+        """Compare a flight with the cost of the best flight.
+
+        best: cost of the best flight, or None if none was found
+        """
         cost = flown.cost if flown.converges else None
         ratio = None if cost is None or best is None else cost / best
         return PolicyFlight(
@@ -66,13 +67,13 @@ class PolicyFlight(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
-    """The best flight found from an initial condition to a trim within limits.
+    """Best flight found from an initial condition to a trim within limits.
 
-    It was simulated, so that its cost is an upper bound of the least cost. It is not proved that no
-    flight costs less.
+    The flight was simulated. Its cost is therefore an upper bound of the least cost. A cheaper
+    flight may exist.
 
     problem: aircraft, trim, weights and limits.
-    found: the flight and the proposal that it follows.
+    found: the flight, and the optimizer's proposal that it follows.
     others: flights of policies from the same initial condition.
     bracket: bounds of the least cost, or None without a certificate.
 
@@ -102,41 +103,45 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def lower_bound(self) -> float | None:
         """Proved lower bound of the cost from this initial condition, or None without a
-        certificate."""
+        certificate.
+        """
         return None if self.bracket is None else self.bracket.lower_bound
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> its initial deviation from the trim."""
+        """State -> initial deviation from the trim, without states whose deviation is 0."""
         values = self.found.proposal.start.tolist()
         pairs = zip(self.problem.states, values, strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
     def cost(self) -> float:
-        """∫ z'Qz + v'Rv dt of the simulated flight, with the linear cost after its end."""
+        """Cost of the simulated flight, ∫ z'Qz + v'Rv dt, plus the linear cost after its end."""
         return self.found.flown.cost
 
     @property
     def proposed_cost(self) -> float:
-        """The cost that the optimizer reports."""
+        """Cost reported by the optimizer for its proposal."""
         return self.found.proposal.cost
 
     @property
     def spread(self) -> float:
-        """Largest relative difference of costs on the last two meshes, and from different
-        guesses."""
+        """Largest relative difference of the costs on the last two meshes and from different
+        guesses.
+        """
         return self.found.spread
 
     @property
     def linear_cost(self) -> float:
-        """x'Px, the cost of the linear model without limits, which differs from the aircraft's."""
+        """Cost x'Px of the linear model without limits. It differs from the cost of the
+        aircraft.
+        """
         start = self.found.proposal.start
         return float(start @ self.problem.P @ start)
 
     @property
     def seconds(self) -> float:
-        """Horizon of the optimizer, s; the linear policy holds the trim after it."""
+        """Horizon of the optimizer, s. The linear policy controls the aircraft after it."""
         return self.found.seconds
 
     @property
@@ -146,35 +151,36 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def time(self) -> Vector:
-        """Times of the flight (N,), s."""
+        """Times of the flight, s, (N,)."""
         return self.found.flown.times
 
     @property
     def states(self) -> Matrix:
-        """Absolute states (N, n), columns `state_names`."""
+        """Absolute states, (N, n), with the columns `state_names`."""
         return with_names(self.found.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
-        """Absolute inputs (N, m), columns `input_names`."""
+        """Absolute inputs, (N, m), with the columns `input_names`."""
         return with_names(self.found.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest value within which the flight stays."""
+        """State -> lowest and highest permitted value."""
         return envelope_pairs(self.problem)
 
     @property
     def policies(self) -> Sequence[PolicyFlight]:
-        """Flights of policies from the same initial condition, the saturated linear optimum
-        first."""
+        """Flights of policies from the same initial condition. The first is the saturated linear
+        optimum.
+        """
         return [PolicyFlight.of(flown, self.cost) for flown in self.compared]
 
     @property
     def over_bound(self) -> float | None:
-        """Cost divided by the lower bound, an upper bound of the ratio to the least cost.
+        """Cost divided by the lower bound, or None without a positive bound.
 
-        It is None without a positive bound.
+        The ratio of the cost to the least cost is at most this large.
         """
         if self.lower_bound is None or self.lower_bound <= 0.0:
             return None
@@ -182,13 +188,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def compared(self) -> tuple[Flown, ...]:
-        """The flights of `policies`."""
+        """Simulated flights of the policies in `policies`, in the same order."""
         return (self.found.linear, *self.others)
 
     def report(self) -> Report:
-        """Return the report of the costs of the flight and of the policies, and of the limits.
-
-        It states the difference from the optimizer's proposal.
+        """Return the report: costs and outcomes of the flight and the policies, bounds and
+        limits.
         """
         rows = [("best flight found", f"{self.cost:.6g}", "1", "converges")]
         lines = [_saturated("best flight found", self.saturated)]
@@ -212,7 +217,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """Return the aircraft, the initial condition and the cost."""
+        """Return the first lines of the report: aircraft, cost, policies and initial condition."""
         place = self.point.at_scheduled
         whose = f"{self.model.title} {place}".strip()
         first = f"Best flight, {whose}: found, cost {self.cost:.6g}"
@@ -228,7 +233,9 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return "\n".join([*lines, f"from {deviations_in_words(self.model, self.start)}"])
 
     def _bracket(self) -> str:
-        """Return a sentence on the known distance of the cost from the least cost."""
+        """Return a sentence on the difference between the cost and the least cost, as far as it is
+        known.
+        """
         if self.bracket is None:
             return (
                 "No cheaper flight from this initial condition was found. This does not prove that "
@@ -263,13 +270,13 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def plot(self) -> np.ndarray:
-        """Draw the flight and those of the policies in a pyplot figure; return its Axes."""
+        """Draw the flight and those of the policies in a pyplot figure and return its Axes."""
         from matplotlib import pyplot
 
         return np.array(self._drawn(pyplot.figure(layout="constrained")).axes)
 
     def figure(self) -> Figure:
-        """Return the picture of `plot` on a new figure."""
+        """Return a new figure with the flight and those of the policies."""
         from hfa_support.reporting.figure import new_figure
 
         return self._drawn(new_figure(10.0, 8.0))
@@ -287,12 +294,12 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 def bracket_of(
     bound: CostStatement, z: np.ndarray, start: Mapping[str, float], cost: float | None
 ) -> Bracket:
-    """Return the bracket of the least cost from an initial condition.
+    """Return the bounds of the least cost from an initial condition.
 
     bound: the proved lower bound
-    z: (n,), deviations from the trim
-    start: the deviations by name
-    cost: cost of the best flight found, or None without one
+    z: initial deviations from the trim, (n,)
+    start: the same deviations by name
+    cost: cost of the best flight found, or None
     """
     lower = float(bound.bound(z[None])[0])
     return Bracket(start, lower, cost, None, lower >= bound.level)
@@ -303,13 +310,13 @@ def _saturated(flight: str, names: Sequence[str]) -> str:
 
 
 def envelope_pairs(problem: FlightProblem) -> dict[str, np.ndarray]:
-    """Return state -> lowest and highest value within which a flight stays."""
+    """Return state -> lowest and highest permitted value."""
     pairs = np.column_stack([problem.envelope.lowest, problem.envelope.highest])
     return dict(zip(problem.envelope.names, pairs, strict=True))
 
 
 def limits_table(problem: FlightProblem) -> Table:
-    """Return a table of the limits of states and inputs within which flights stay."""
+    """Return a table of the limits of states and inputs."""
     model = problem.model
     pairs: dict[str, Any] = envelope_pairs(problem)
     signals = model.inputs
@@ -335,25 +342,25 @@ def best_flight(
     limits: Mapping[str, Any] | None = None,
     bound: str | Path | None = None,
 ) -> BestFlight:
-    """Return the flight of least ∫ z'Qz + v'Rv dt that was found from an initial condition to a
-    trim.
+    """Return the flight of least cost ∫ z'Qz + v'Rv dt that was found from an initial condition to
+    a trim.
 
-    z and v are the deviations from the trim. The flight is proposed by collocation and accepted
-    after simulation.
+    z and v are the deviations from the trim. Collocation proposes the flight. It is accepted if a
+    simulation confirms it.
 
     model: the aircraft
-    point: the trim at which the flight ends
+    point: trim at which the flight ends
     initial: state of the linear model -> deviation from the trim, in the units of the model; or
-        another trim
-    Q, R: as `hfa.game` accepts them; R of the inputs that move
-    seconds: the horizon; by default so long that the flight after it costs less than 0.1 %
-    inputs: the inputs that move, the others held at the trim; by default all
-    limits: state -> (lowest, highest), absolute, in place of the flight envelope's
-    start: the earlier name of `initial`, for one version
+      another trim
+    Q, R: weights, as `hfa.game` accepts them; R is that of the inputs that move
+    start: earlier name of `initial`, accepted for one version
+    seconds: horizon, s; by default so long that the flight after it costs less than 0.1 %
+    inputs: inputs that move, by default all; the others are constant
+    limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
     bound: certificate of `hfa prove cost`, which is verified; `.lower_bound` is its bound
 
     Raises BadInputError for unknown names, an initial condition outside the limits and a horizon
-    that is too short. Raises a NoSolutionError with the reason if no flight was found or the
+    that is too short. Raises NoSolutionError, with the reason, if no flight was found or the
     simulation refutes it.
 
     >>> import hfa

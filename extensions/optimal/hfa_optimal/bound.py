@@ -1,4 +1,4 @@
-"""Lower bounds of the cost of flights, proved on boxes and read from certificates."""
+"""Lower bounds of the cost of flights, read from certificates."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _CONDITION = 1e6
 
 
 def plant_of(problem: FlightProblem) -> Plant:
-    """Return the aircraft about the trim of a problem, with its envelope and input limits.
+    """Return the aircraft at the trim of a problem, with its envelope and input limits.
 
-    Raises BadInputError if rates depend on a state that the cost leaves out, because a bound would
-    hold this state at its trim.
+    Raises BadInputError if derivatives depend on a state that the cost omits. A bound would be
+    valid only while this state is constant.
     """
     model = problem.model
     if problem.carried:
@@ -58,10 +58,9 @@ def plant_of(problem: FlightProblem) -> Plant:
 
 
 def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
-    """Return indices of the unknowns of the equilibrium, in which the linear model is well
-    conditioned.
+    """Return the indices of the unknowns for which the equilibrium equations are well conditioned.
 
-    They are states, or states and inputs.
+    They are the states, or else a mixture of states and inputs.
     """
     n = len(plant.states)
     both = np.hstack([problem.linear.A, problem.linear.B])
@@ -73,9 +72,12 @@ def unknowns_of(problem: FlightProblem, plant: Plant) -> tuple[int, ...]:
 
 
 def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) -> dict[str, Given]:
-    """Return path of an entry of a certificate -> its value in a problem.
+    """Return the user's value for each entry of a certificate.
 
-    weights: Q and R if the user gave them
+    The keys are the entries' paths.
+
+    option: option that selects the aircraft, for messages
+    weights: Q and R if the user gave them, else {}
     """
     plant = plant_of(problem)
     widths = SAME_TRIM * plant.nominal
@@ -92,7 +94,11 @@ def given_of(problem: FlightProblem, option: str, weights: Mapping[str, Any]) ->
 
 
 def _not_narrower(stated: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
-    """Return whether the stated limits contain the user's limits."""
+    """Return whether the limits in the certificate contain the user's limits.
+
+    stated: limits in the certificate
+    own: limits of the user
+    """
     for name, (low, high) in stated.items():
         least, most = own.get(name, (-np.inf, np.inf))
         if (low is not None and least < low) or (high is not None and most > high):
@@ -108,10 +114,10 @@ def lower_bound(
 ) -> CostStatement:
     """Return the bound that a certificate proves for the flights of a problem.
 
-    weights_from: the file that gives Q and R, or "" if options do
+    weights_from: file that contains Q and R, or "" if they are given by options
 
-    Raises BadInputError or NoSolutionError if the certificate is about other flights, or does not
-    prove its statement.
+    Raises BadInputError if the certificate is about other flights, and BadInputError or
+    NoSolutionError if it does not prove its statement.
     """
     if problem.inputs != tuple(problem.model.inputs):
         raise BadInputError(f"{path} bounds flights in which all inputs move; leave inputs out")
@@ -125,7 +131,11 @@ def lower_bound(
 def refuse_other(
     path: Path, given: Mapping[str, Given], statement: CostStatement, advice: str = ""
 ) -> None:
-    """Raise BadInputError where the statement of a certificate differs from the given values."""
+    """Raise BadInputError if the statement of a certificate differs from the user's values.
+
+    given: path of an entry -> the user's value
+    advice: end of the message
+    """
     try:
         compare(statement.content(), COST_FIELDS, given)
     except NoSolutionError as error:

@@ -1,4 +1,4 @@
-"""Search for a lower bound of the cost of the flights of a problem."""
+"""Search for a lower bound of the cost of flights."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def bound_search(
     progress: Progress | None = None,
     save: Callable[[CostBound], None] | None = None,
 ) -> CostSearch:
-    """Return the search for a lower bound of the cost of the flights of a problem.
+    """Return the search for a lower bound of the cost of a problem's flights.
 
-    The initial conditions are in the usual box.
+    The initial conditions are in the box of `usual_box`.
 
-    degree: degree of W
-    margin: share of the cost by which W may be lower
+    degree: degree of the polynomial W
+    margin: fraction of the cost by which W may be lower
     seconds: processor time
-    save: called with the bound after each proved piece
+    save: function that is called with the bound after each proved piece
     """
     plant = plant_of(problem)
     solved = unknowns_of(problem, plant)

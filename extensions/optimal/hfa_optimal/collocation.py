@@ -1,6 +1,9 @@
-"""Proposed flights: Radau collocation, solved by IPOPT.
+"""Proposals of flights: Radau collocation, solved with IPOPT.
 
-The optimizer proves nothing. Source: Betts, Practical Methods for Optimal Control, Chapter 4."""
+A proposal proves nothing until it is simulated.
+
+Source: Betts, Practical Methods for Optimal Control, Chapter 4.
+"""
 
 from __future__ import annotations
 
@@ -51,15 +54,15 @@ FEASIBLE = 1e-6
 
 
 class Proposal(NamedTuple):
-    """A flight proposed by collocation, to be confirmed by simulation.
+    """Flight proposed by collocation, to be confirmed by simulation.
 
-    lengths: (N,), s, lengths of the intervals.
-    start: (k,), initial z.
-    z: (N, DEGREE, followed), deviations of the followed states at the collocation points.
-    v: (N + 1, m), inputs at the ends of the intervals, linear between them.
-    cost: cost by the quadrature of the collocation, with the linear cost of the end.
-    tail: the linear cost of the end alone.
-    feasible: whether the transcribed equations hold.
+    lengths: lengths of the intervals, s, (N,).
+    start: initial deviations z, (k,).
+    z: deviations of the followed states at the collocation points, (N, DEGREE, followed).
+    v: deviations of the inputs at the ends of the intervals, linear between them, (N + 1, m).
+    cost: cost by quadrature at the collocation points, plus the tail.
+    tail: linear cost after the last interval.
+    feasible: whether the collocation equations are satisfied.
     """
 
     lengths: np.ndarray
@@ -72,21 +75,25 @@ class Proposal(NamedTuple):
 
     @property
     def ends(self) -> np.ndarray:
-        """Ends of the intervals, (N + 1,), s, with the start first."""
+        """Times of the ends of the intervals, s, (N + 1,). The first is 0."""
         return np.append(0.0, np.cumsum(self.lengths))
 
     @property
     def nodes(self) -> np.ndarray:
-        """Followed states at the start and the collocation points of each interval.
+        """Deviations of the followed states at the start and the collocation points of each
+        interval.
 
-        Their shape is (N, 1 + DEGREE, followed).
+        The shape is (N, 1 + DEGREE, followed).
         """
         start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
         before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the followed states (N, followed) and v (N, m) at times, 0 after the end."""
+        """Return the followed states (N, followed) and v (N, m) at these times, 0 after the end.
+
+        times: s, (N,)
+        """
         ends = self.ends
         count = len(self.lengths)
         interval = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, count - 1)
@@ -100,12 +107,16 @@ class Proposal(NamedTuple):
 
 
 def collocation_points() -> np.ndarray:
-    """Return 0 and the collocation points in an interval of length 1."""
+    """Return 0 and the collocation points of an interval of length 1, (1 + DEGREE,)."""
     return np.array([0.0, *ca.collocation_points(DEGREE, "radau")])
 
 
 def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return the Lagrange polynomials of p points at tau (N,), (N, p)."""
+    """Return the values of the p Lagrange polynomials at tau, (N, p).
+
+    points: nodes of the polynomials, (p,)
+    tau: (N,)
+    """
     columns = []
     for index, point in enumerate(points):
         others = np.delete(points, index)
@@ -114,11 +125,12 @@ def _lagrange(points: np.ndarray, tau: np.ndarray) -> np.ndarray:
 
 
 def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndarray:
-    """Return lengths of intervals that grow geometrically and add up to a time, (N,).
+    """Return lengths of intervals that grow geometrically and add up to `seconds`, s, (N,).
 
-    fastest: 1/s, fastest mode of the linear loop. The first interval resolves it if the growth
-        permits.
-    step: as in `_on_steps`.
+    intervals: number N of intervals. fastest: frequency of the fastest mode of the linear loop,
+    1/s. The first interval resolves it if the
+      limit of the growth permits.
+    step: simulation step, s. Each length is a multiple of it.
     """
     equal = seconds / intervals
     growth = np.clip(equal * fastest, 4.0, _LONGEST_GROWTH)
@@ -127,12 +139,12 @@ def mesh(seconds: float, intervals: int, fastest: float, step: float) -> np.ndar
 
 
 def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
-    """Return lengths of the intervals between these ends, each rounded to steps of the simulator,
-    (N,).
+    """Return the lengths of intervals, rounded to multiples of the simulation step, s, (N,).
 
-    Each has at least one step. The simulator then applies the proposed inputs exactly.
+    Each length is at least one step. The simulation then applies the proposed inputs exactly.
 
-    step: s; the last end is a whole number of steps
+    ends: ends of the intervals, s, (N + 1,); the last is a multiple of the step
+    step: s
     """
     whole = np.round(ends / step).astype(int)
     number = np.arange(len(whole))
@@ -144,12 +156,14 @@ def _on_steps(ends: np.ndarray, step: float) -> np.ndarray:
 def adapted_mesh(
     proposal: Proposal, intervals: int, step: float, weights: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """Return lengths of intervals in which a proposal is about equally smooth, (N,).
+    """Return the lengths of intervals on which a proposal is about equally smooth, s, (N,).
 
-    Smoothness is measured by the leading terms of its polynomials.
+    Smoothness is measured by the leading coefficients of the state polynomials and by the kinks of
+    the inputs.
 
-    step: as in `_on_steps`
-    weights: of a unit of each z, (k,), and v, (m,)
+    intervals: number N of intervals
+    step: simulation step, s
+    weights: weights of unit changes of z, (k,), and of v, (m,)
     """
     of_states, of_inputs = weights
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), proposal.nodes)
@@ -166,15 +180,17 @@ def adapted_mesh(
 
 
 def _leading(points: np.ndarray) -> np.ndarray:
-    """Return the row that maps values at the points to the leading coefficient of their
-    polynomial."""
+    """Return the row that maps values at points to the leading coefficient of the polynomial
+    through them.
+    """
     return np.array([1.0 / np.prod(point - points[points != point]) for point in points])
 
 
 def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the unknowns of a program in order.
+    """Return the unknowns of the nonlinear program as a vector.
 
-    v at the start is first. For each interval z at its points and v at its end follow.
+    v at the start comes first. For each interval, z at the collocation points and v at the end
+    follow.
 
     z: (N DEGREE, k)
     v: (N + 1, m)
@@ -184,8 +200,11 @@ def unknowns_in_order(z: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
-    """Return the matrix from the unknowns of a program with k states and m inputs to (z, v) at all
-    collocation points, stacked."""
+    """Return the matrix that maps the unknowns of the program to (z, v) at all collocation points.
+
+    k: number of states
+    m: number of inputs
+    """
     inner = DEGREE * k + m
     columns = m + intervals * inner
     rows: list[int] = []
@@ -206,10 +225,11 @@ def points_of_unknowns(k: int, m: int, intervals: int) -> ca.DM:
 
 
 def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
-    """Return the solution of IPOPT with constraints g = 0.
+    """Return the solution of IPOPT with the constraints g = 0.
 
-    Raises KeyboardInterrupt if it was interrupted, which CasADi drops or turns into another
-    error."""
+    Raises KeyboardInterrupt if the user interrupted it, which CasADi ignores or reports as another
+    error.
+    """
     try:
         solved: dict[str, ca.DM] = solver(lbg=0.0, ubg=0.0, **arguments)
     except (RuntimeError, SystemError) as error:
@@ -222,9 +242,13 @@ def solved_by(solver: ca.Function, **arguments: np.ndarray) -> dict[str, ca.DM]:
 
 
 class Equations(NamedTuple):
-    """Equations of an aircraft at one point and their derivatives, from a `FlightProblem`.
+    """Equations of an aircraft and their derivatives at one point, from a `FlightProblem`.
 
-    They run in CasADi's virtual machine or as machine code.
+    They are CasADi functions, or machine code.
+
+    rates: scaled states and inputs -> scaled time derivatives
+    slopes: Jacobian of `rates`
+    curvature: Hessian of `rates`, weighted by multipliers
     """
 
     rates: ca.Function
@@ -233,10 +257,12 @@ class Equations(NamedTuple):
 
     @staticmethod
     def of(problem: FlightProblem, starts: int = 1) -> Equations:
-        """Return the equations of a problem, with derivatives as machine code if it pays.
+        """Return the equations of a problem.
 
-        The number of initial conditions decides. The rates stay in CasADi, which cannot
-        differentiate machine code.
+        Their derivatives are machine code if the number of initial conditions is large enough. The
+        rates are not, because CasADi cannot differentiate machine code.
+
+        starts: number of initial conditions
         """
         slopes, curvature = problem.slopes, problem.curvature
         if starts >= _MACHINE_CODE_STARTS:
@@ -246,10 +272,11 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """Nonlinear program of a problem with a number of intervals, compiled once.
+    """Nonlinear program of a problem with a given number of intervals. It is built once.
 
-    Its Jacobian and Hessian are assembled from those of the aircraft's equations at one point, in a
-    quarter of the time that differentiation of the whole program takes."""
+    Its Jacobian and Hessian are assembled from the derivatives of the equations at single points.
+    This takes a quarter of the time that differentiation of the entire program takes.
+    """
 
     problem: FlightProblem
     intervals: int
@@ -264,14 +291,14 @@ class Transcription:
         margin: float = MARGIN,
         price: float = 1.0,
     ) -> Proposal:
-        """Return the proposal of IPOPT from a guess.
+        """Return the proposal that IPOPT finds from a guess.
 
-        start: (k,), initial z.
-        lengths: (N,), s.
-        margin: distance kept from the state limits, as in `inner_limits`.
-        z: (N DEGREE, k), guess at the collocation points, or of all followed states.
-        v: (N + 1, m), guess at the ends.
-        price: factor of R.
+        start: initial deviations z, (k,).
+        lengths: lengths of the intervals, s, (N,).
+        z: guess at the collocation points, (N DEGREE, k), or for all followed states.
+        v: guess at the ends of the intervals, (N + 1, m).
+        margin: fraction by which the limits of the states are narrowed, as in `inner_limits`.
+        price: factor on R.
         """
         problem = self.problem
         of_states, of_inputs = problem.sizes
@@ -308,7 +335,11 @@ class Transcription:
 
     @cached_property
     def _solver(self) -> ca.Function:
-        """IPOPT solver (guess, parameters, bounds) -> solution."""
+        """IPOPT solver with the exact Jacobian and Hessian.
+
+        Its parameters are the initial state, the lengths of the intervals, the scale of the cost
+        and the factor on R.
+        """
         problem = self.problem
         k = len(problem.followed)
         both = k + len(problem.inputs)
@@ -369,13 +400,17 @@ class Transcription:
 
 
 def _without_symbols(expression: ca.MX, symbols: list[ca.MX]) -> ca.MX:
-    """Return a constant expression without the symbols from which it was built."""
+    """Return an expression that does not depend on the symbols, with the symbols replaced by 0."""
     zeros = [ca.MX.zeros(symbol.numel()) for symbol in symbols]
     (constant,) = ca.substitute([expression], symbols, zeros)
     return constant
 
 
 def _blocks(side_by_side: ca.MX, count: int, rows: int, columns: int) -> ca.MX:
-    """Return a sparse block-diagonal matrix of dense blocks that are side by side in a matrix."""
+    """Return the sparse block-diagonal matrix of blocks that are given side by side.
+
+    count: number of blocks
+    rows, columns: size of a block
+    """
     pattern = ca.diagcat(*[ca.Sparsity.dense(rows, columns)] * count)
     return ca.MX(pattern, ca.vec(ca.densify(side_by_side)))

@@ -32,7 +32,9 @@ _DEGREES = ("2", "4", "6", "8", "10", "12")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Request of `hfa prove cost`: flights to bound from below, or a certificate to check."""
+    """Request of `hfa prove cost`: flights whose cost is bounded from below, or a certificate to
+    verify.
+    """
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -67,7 +69,10 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
     )
 
     def problem(self) -> FlightProblem:
-        """Problem of the flights to the trim."""
+        """Return the optimal control problem of the flights to the trim.
+
+        Raises BadInputError for the option --delta.
+        """
         from hfa_optimal.problem import flight_problem
 
         self.refuse(("delta",), "applies only to a game; leave it out")
@@ -78,7 +83,7 @@ class CostRequest(WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
 
 
 def _part(text: str) -> float:
-    """Return the number in a text. Raises BadInputError unless it is between 0.0001 and 0.5."""
+    """Return the number in a text. Raises BadInputError unless it is from 0.0001 to 0.5."""
     part = number(text)
     if not 1e-4 <= part <= 0.5:
         raise BadInputError(f"is {text}; give a number from 0.0001 to 0.5")
