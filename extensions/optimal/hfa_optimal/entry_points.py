@@ -1,4 +1,4 @@
-"""Commands and formats of this extension."""
+"""Entry points of the optimization extension: commands and formats."""
 
 from hfa.entry_points import CommandEntry
 

@@ -1,4 +1,4 @@
-"""Flights of a problem in the project's simulator, and their costs."""
+"""Simulation of flights of a problem, and their costs."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ _FAR = 1e4
 
 
 class Flown(NamedTuple):
-    """A flight and its cost.
+    """Simulated flight with its cost.
 
     name: name of the policy.
-    times: (N,), s.
-    states: (N, n), absolute.
-    inputs: (N, m), absolute.
+    times: s, (N,).
+    states: absolute states, (N, n).
+    inputs: absolute inputs, (N, m).
     running_cost: cost until the end of the flight.
     tail: linear cost after the end, z'P z.
-    cost: sum of running cost and tail, or inf if it does not end at the trim.
-    departure: the state that first left the envelope, or None without one.
+    cost: running cost plus tail, or inf if the flight does not converge to the trim.
+    departure: first departure from the envelope, or None if the flight stays within.
     saturated: names of saturated inputs.
     """
 
@@ -62,24 +62,24 @@ class Flown(NamedTuple):
 
     @property
     def converges(self) -> bool:
-        """True if the flight ends at the trim, within the envelope or not."""
+        """True if the flight converges to the trim, even if it left the envelope."""
         return math.isfinite(self.cost)
 
     @property
     def lost(self) -> bool:
-        """True if the flight left the envelope, or does not end at the trim."""
+        """True if the flight left the envelope or does not converge to the trim."""
         return self.departure is not None or not self.converges
 
     @property
     def ending(self) -> str:
-        """Outcome of the flight in a few words."""
+        """Outcome of the flight in a few words, such as "leaves the envelope, converges"."""
         words = [] if self.departure is None else ["leaves the envelope"]
         if self.departure is None or self.converges:
             words.append("converges" if self.converges else "does not converge")
         return ", ".join(words)
 
     def outcome(self) -> str:
-        """Return the outcome in words, with the state that left the envelope first."""
+        """Return the outcome in words, with the state and the limit of the first departure."""
         if self.departure is None:
             return "converges" if self.converges else "does not converge"
         left = self.departure.text()
@@ -88,11 +88,11 @@ class Flown(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """Simulator of a problem, which compiles each policy once.
+    """Simulator of a problem. It compiles each policy once.
 
-    problem: the aircraft, its trim, weights and limits.
-    count: approximate number of flights, which decides whether machine code pays.
-    longest_step: s, largest step of the integration.
+    problem: aircraft, trim, weights and limits.
+    count: approximate number of flights, which decides whether machine code is used.
+    longest_step: largest integration step, s.
     """
 
     problem: FlightProblem
@@ -101,8 +101,9 @@ class Flights:
 
     @cached_property
     def step(self) -> float:
-        """Integration step, s, short compared with the fastest mode of the aircraft and of the
-        linear loop."""
+        """Integration step, s. It resolves the fastest modes of the aircraft and of the linear
+        loop.
+        """
         linear = self.problem.linear
         loop = linear.A - linear.B @ self.problem.K
         modes = np.concatenate([np.linalg.eigvals(linear.A), np.linalg.eigvals(loop)])
@@ -110,7 +111,7 @@ class Flights:
 
     @cached_property
     def tick(self) -> float:
-        """Time between two rows of held inputs, s."""
+        """Time for which tabulated inputs are constant, s."""
         return STEPS * self.step
 
     @cached_property
@@ -132,7 +133,11 @@ class Flights:
         return self.compiled(self.gain_policy("linear optimum, saturated", self.problem.K))
 
     def gain_policy(self, name: str, K: np.ndarray) -> FunctionPolicy:
-        """Return the policy v = -K z, K (m, k), within the limits; the other inputs are held."""
+        """Return the policy v = -K z, saturated at the limits. Inputs that do not move are
+        constant.
+
+        K: gain, (m, k)
+        """
         problem = self.problem
         z = ca.SX.sym("z", len(problem.states))
         u = ca.SX.zeros(len(problem.model.inputs))
@@ -140,7 +145,9 @@ class Flights:
         return self.function_policy(name, ca.Function("gain", [z], [u]))
 
     def function_policy(self, name: str, function: ca.Function) -> FunctionPolicy:
-        """Return a policy z -> u of all inputs, within the limits."""
+        """Return the policy of a function z -> deviations of all inputs, saturated at the
+        limits.
+        """
         problem = self.problem
         limits = [np.zeros(len(problem.model.inputs)) for _ in range(2)]
         for whole, moved in zip(limits, problem.input_limits, strict=True):
@@ -148,35 +155,49 @@ class Flights:
         return FunctionPolicy(name, function, *limits)
 
     def compiled(self, policy: Policy, scenario: Scenario | None = None) -> CompiledLoop:
-        """Return the compiled loop of a policy about the trim of the problem.
+        """Return the compiled closed loop of a policy at the trim of the problem.
 
-        scenario: scenario with the ticks of the policy; default: that of `scenario`"""
+        scenario: scenario with the sampling of the policy; by default that of `scenario`
+        """
         calm = scenario or self.scenario(self.tick)
         plant = NonlinearPlant(self.problem.model, self.problem.point)
         return CompiledLoop(ClosedLoop(plant, policy, calm), self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
-        """Return the scenario of a calm flight of at least this duration, s."""
+        """Return a scenario without disturbance that lasts at least `seconds`."""
         ticks = max(1, math.ceil(seconds / self.tick - 1e-9))
         start = np.zeros(len(self.problem.model.states))
         return Scenario(ticks * self.tick, self.step, self.tick, initial=start)
 
     def follow(self, proposal: Proposal, seconds: float) -> Flown:
-        """Return the flight that follows a proposal, with the linear policy after its end."""
+        """Return the flight that follows a proposal. The linear policy controls it after the
+        proposal's end.
+
+        seconds: duration of the flight, s
+        """
         loop = self._tracking
         policy = replace(loop.loop.policy, held=tracking_rows(self.problem, proposal, self.tick))
         return self.fly(loop, proposal.start, seconds, policy)
 
     def linear(self, start: np.ndarray, seconds: float) -> Flown:
-        """Return the flight of the linear optimum within the limits of the inputs."""
+        """Return the flight of the linear optimum, saturated at the limits of the inputs.
+
+        start: initial deviations z, (k,)
+        seconds: duration of the flight, s
+        """
         return self.fly(self._linear, start, seconds)
 
     def fly(
         self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
     ) -> Flown:
-        """Fly from an initial condition z, (k,); return the flight, its cost and its outcome.
+        """Simulate a closed loop from an initial condition and return the flight.
 
-        policy: differs from the policy of the loop only in its held inputs"""
+        The simulation stops early if the flight diverges.
+
+        start: initial deviations z, (k,)
+        seconds: duration of the flight, s
+        policy: policy of the loop with other tabulated inputs, or None
+        """
         problem = self.problem
         initial = np.zeros(len(problem.model.states))
         initial[problem.places] = start
@@ -193,7 +214,10 @@ class Flights:
         return self.priced(loop.loop.policy, rows)
 
     def priced(self, policy: Policy, rows: Deviations) -> Flown:
-        """Return a flight with its cost."""
+        """Return a simulated flight with its cost and outcome.
+
+        rows: deviations from the trim
+        """
         problem = self.problem
         trim = np.array(problem.point.states)
         z = rows.states[:, problem.places]

@@ -1,4 +1,4 @@
-"""Best flights from many initial conditions, compared with policies."""
+"""Best flights from many initial conditions, compared with flights of policies."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ _INSIDE = 0.9
 class StartFlights(Result):
     """Flights from one initial condition.
 
-    start: state -> its deviation from the trim.
-    cost: cost of the best flight found, or None without one.
-    reason: why no flight was found, or None.
-    spread: relative difference of costs between meshes and guesses, or None without a flight.
-    linear_cost: x'Px, of the linear model without limits.
+    start: state -> initial deviation from the trim.
+    cost: cost of the best flight found, or None if none was found.
+    reason: reason why none was found, or None.
+    spread: relative difference of the costs between meshes and guesses, or None if none was found.
+    linear_cost: cost x'Px of the linear model without limits.
     policies: flights of the policies.
     bracket: bounds of the least cost, or None without a certificate.
     """
@@ -59,22 +59,23 @@ class StartFlights(Result):
     @property
     def lower_bound(self) -> float | None:
         """Proved lower bound of the cost from this initial condition, or None without a
-        certificate."""
+        certificate.
+        """
         return None if self.bracket is None else self.bracket.lower_bound
 
 
 @dataclass(frozen=True, eq=False)
 class PolicySummary(Result):
-    """Results of a policy over the initial conditions from which a flight was found.
+    """Summary of a policy's flights, over all initial conditions from which a best flight was
+    found.
 
-    policy: its name.
-    lost: flights that left the envelope or do not end at the trim.
-    left: flights that left the envelope.
-    converged: flights that end at the trim, within the envelope or not.
-    median: median cost relative to the best flight found, over flights that converge; None where
-        none does.
-    high: 90 % quantile of that ratio.
-    worst: largest value of that ratio.
+    policy: name of the policy. lost: number of flights that left the envelope or do not converge to
+    the trim. left: number of flights that left the envelope. converged: number of flights that
+    converge to the trim, within the envelope or not. median: median cost relative to the best
+    flights found, over the flights that converge, or None if
+      none does.
+    high: 90 % quantile of that ratio, or None.
+    worst: largest value of that ratio, or None.
     """
 
     policy: str
@@ -92,7 +93,7 @@ class StartsTable(OfProblem, Result, Reported):
 
     problem: aircraft, trim, weights and limits.
     flights: flights from each initial condition.
-    asked: number of requested initial conditions; fewer were flown where the run was interrupted.
+    asked: number of requested initial conditions. `flights` contains fewer after an interruption.
     """
 
     schema = "hfa.best-flights/1"
@@ -105,39 +106,46 @@ class StartsTable(OfProblem, Result, Reported):
 
     @property
     def starts(self) -> int:
-        """Number of initial conditions flown."""
+        """Number of initial conditions that were simulated."""
         return len(self.flights)
 
     @property
     def found(self) -> int:
-        """Number of initial conditions with a flight."""
+        """Number of initial conditions from which a best flight was found."""
         return sum(each.cost is not None for each in self.flights)
 
     @property
     def refused(self) -> int:
-        """Number of initial conditions without a flight, or with a refuted one."""
+        """Number of initial conditions from which no flight was found, or only one that simulation
+        refutes.
+        """
         return self.starts - self.found
 
     @property
     def policies(self) -> Sequence[PolicySummary]:
-        """The summary of each policy over the initial conditions with a flight."""
+        """Summary of each policy's flights, over the initial conditions from which a best flight
+        was found.
+        """
         rows = [each.policies for each in self.flights if each.cost is not None]
         return [_summary(column) for column in zip(*rows, strict=True)]
 
     @property
     def over_bound(self) -> Sequence[float]:
-        """Cost of each flight that was found, divided by its positive lower bound."""
+        """Cost of each best flight divided by its lower bound, if that is positive."""
         return [each.best / each.lower_bound for each in self._bounded if each.best is not None]
 
     @property
     def _bounded(self) -> list[Bracket]:
-        """Brackets with a positive lower bound and a flight that was found."""
+        """Bounds of the least cost, from initial conditions with a best flight and a positive lower
+        bound.
+        """
         brackets = [each.bracket for each in self.flights if each.bracket is not None]
         return [each for each in brackets if each.best is not None and each.lower_bound > 0.0]
 
     def report(self) -> Report:
-        """Return the number found, each policy over the best, and the reasons of refused
-        flights."""
+        """Return the report: number of flights found, cost ratios of the policies, refused flights,
+        limits.
+        """
         whose = f"{self.problem.model.title} {self.point.at_scheduled}".strip()
         found = f"found from {self.found}" if self.found else "none found from 0"
         title = f"Best flights, {whose}: {found} of {self.starts}"
@@ -186,9 +194,9 @@ class StartsTable(OfProblem, Result, Reported):
 
 @dataclass(frozen=True, eq=False)
 class WithFlights(Result):
-    """The fields that `--flights N` adds to a result.
+    """Field that `--flights N` adds to a result.
 
-    flights: flights of the nonlinear aircraft, compared with the best found.
+    flights: flights of the nonlinear aircraft, compared with the best flights found.
     """
 
     flights: StartsTable | None = None
@@ -211,9 +219,9 @@ def _number(value: float | None) -> str:
 
 
 def usual_box(problem: FlightProblem) -> np.ndarray:
-    """Return the half-widths (k,) of the initial-condition box, inside the limits.
+    """Return the half-widths of the default box of initial deviations, reduced to the limits, (k,).
 
-    They are usual deviations for the HFA, and the box of `hfa assess` for other aircraft.
+    For the HFA they are typical deviations. For other aircraft they are those of `hfa assess`.
     """
     states = problem.states
     box = ordinary_box(states, tuple(problem.model.inputs), problem.model.units(states))
@@ -222,7 +230,10 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Return half-widths reduced to stay inside the limits."""
+    """Return the half-widths reduced so that the box is within the limits.
+
+    half: half-widths, (k,)
+    """
     lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
     return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
 
@@ -230,11 +241,11 @@ def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
 def drawn_starts(
     problem: FlightProblem, count: int, seed: int, box: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return initial conditions in a box, (count, k).
+    """Return random initial deviations in a box, (count, k).
 
-    The first ones do not depend on the count.
+    For the same seed, a larger count only appends rows.
 
-    box: (k,), half-widths, reduced to the limits; by default the usual box
+    box: half-widths, (k,), reduced to the limits; by default those of `usual_box`
     """
     rng = np.random.default_rng(seed)
     half = usual_box(problem) if box is None else _inside(problem, box)
@@ -248,9 +259,13 @@ def starts_table(
     progress: Progress | None = None,
     bound: CostStatement | None = None,
 ) -> StartsTable:
-    """Return the best flights from initial conditions (N, k), and those of policies.
+    """Return the best flights, and the flights of policies, from each initial condition.
 
-    After Ctrl-C only the finished ones are returned.
+    After Ctrl-C the finished ones are returned.
+
+    starts: initial deviations, (N, k)
+    pilots: policies
+    bound: lower bound of the cost, or None
     """
     done: list[StartFlights] = []
     with interruption() as asked:
@@ -268,9 +283,12 @@ def starts_table(
 
 
 def flights_from(search: BestFlights, start: np.ndarray, pilots: Sequence[Pilot]) -> StartFlights:
-    """Return the best flight from an initial condition z, (k,), and the flights of policies.
+    """Return the best flight from an initial condition, and the flights of the policies.
 
-    The flights of policies are also returned where no best flight was found.
+    The policies are simulated even if no best flight is found.
+
+    start: initial deviations z, (k,)
+    pilots: policies
     """
     problem = search.problem
     by_name = dict(zip(problem.states, start.tolist(), strict=True))

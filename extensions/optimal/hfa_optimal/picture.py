@@ -1,4 +1,4 @@
-"""Figure of flights from the same initial condition."""
+"""Figure of several flights from the same initial condition."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ def drawn(
     seconds: float,
     title: str,
 ) -> Figure:
-    """Draw a panel for each state of the linear model and for each input that moves, and return the
-    figure.
+    """Draw a panel for each state of the linear model and each moving input, and return the figure.
 
-    flights: flights with their names in the legend, the best one first."""
+    flights: (flight, label) pairs, the best flight first
+    seconds: end of the time axis, s
+    """
     names = [*problem.states, *problem.inputs]
     panels = figure.subplots(-(-len(names) // 3), 3, sharex=True).ravel()
     for name, axes in zip(names, panels, strict=False):
@@ -57,7 +58,10 @@ def drawn(
 
 
 def _draw(axes: Axes, problem: FlightProblem, name: str, flights: list[tuple[Flown, str]]) -> None:
-    """Draw a signal in all flights, with its limits. The view fits the flights that converge."""
+    """Draw one state or input of all flights, with its limits.
+
+    The vertical range fits the first flight and those that converge.
+    """
     model = problem.model
     unit = model.unit(name)
     limits = model.limits[name]

@@ -1,4 +1,4 @@
-"""Policies, as they are deployed, for comparison with the best flight."""
+"""Policies as they are deployed, compiled for comparison with the best flight."""
 
 from __future__ import annotations
 
@@ -16,26 +16,31 @@ from hfa_policy.flown import flown_card, sampled_scenario
 
 
 class Pilot(NamedTuple):
-    """A policy that is compiled for flights.
+    """Policy that is compiled for simulation.
 
-    name: its name in reports.
-    loop: its closed loop."""
+    name: name in reports.
+    loop: compiled closed loop.
+    """
 
     name: str
     loop: CompiledLoop
 
     def fly(self, flights: Flights, start: np.ndarray, seconds: float) -> Flown:
-        """Return its flight from the initial condition z, (k,)."""
+        """Return the policy's flight from an initial condition.
+
+        start: initial deviations z, (k,)
+        seconds: duration of the flight, s
+        """
         return flights.fly(self.loop, start, seconds)._replace(name=self.name)
 
 
 def gain_pilot(flights: Flights, name: str, K: np.ndarray) -> Pilot:
-    """Return the policy v = -K z, within the limits of the inputs."""
+    """Return the policy v = -K z, saturated at the limits of the inputs."""
     return Pilot(name, flights.compiled(flights.gain_policy(name, K)))
 
 
 def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
-    """Return the policy of a critic, within the limits of the inputs."""
+    """Return the policy of a critic, saturated at the limits of the inputs."""
     if critic.linear:
         return gain_pilot(flights, name, critic.K)
     policy = function_policy(name, critic.policy, flights.problem.point)
@@ -43,7 +48,10 @@ def critic_pilot(flights: Flights, name: str, critic: Critic) -> Pilot:
 
 
 def card_pilot(flights: Flights, path: Path) -> Pilot:
-    """Return the policy of a deployment file, sampled, held and delayed."""
+    """Return the policy of a deployment file, with its sampling and delays.
+
+    path: the deployment file
+    """
     point = flights.problem.point
     policy = flown_card(path, flights.problem.model, point)
     start = np.zeros(len(flights.problem.model.states))
@@ -54,5 +62,5 @@ def card_pilot(flights: Flights, path: Path) -> Pilot:
 
 
 def deployed_pilot(flights: Flights, name: str, policy: Policy, scenario: Scenario) -> Pilot:
-    """Return a policy that runs at the ticks of a scenario."""
+    """Return a policy with the sampling of a scenario."""
     return Pilot(name, flights.compiled(policy, scenario))

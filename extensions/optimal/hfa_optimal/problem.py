@@ -1,4 +1,4 @@
-"""Optimal control problem of a flight: aircraft, target, cost and limits."""
+"""Optimal control problem of flights: aircraft, trim, cost and limits."""
 
 from __future__ import annotations
 
@@ -38,15 +38,16 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FlightProblem:
-    """Problem of the least ∫ z'Qz + v'Rv dt of flights to a trim within limits.
+    """Problem of minimizing ∫ z'Qz + v'Rv dt for flights to a trim within limits.
 
-    z and v are the deviations of linear-model states and moved inputs from the trim.
+    z are the deviations of the linear model's states from the trim, and v those of the moving
+    inputs.
 
-    linear: the linear model at the trim, with the moved inputs alone.
+    linear: linear model at the trim, with the moving inputs only.
     Q: (k, k).
     R: (m, m).
-    P: (k, k), the cost z'Pz of the linear model without limits.
-    K: (m, k), its policy v = -K z.
+    P: matrix of the linear model's least cost z'Pz without limits, (k, k).
+    K: gain of its policy v = -K z, (m, k).
     envelope: limits of all states.
     """
 
@@ -59,33 +60,35 @@ class FlightProblem:
 
     @property
     def point(self) -> OperatingPoint:
-        """Trim at which flights end."""
+        """Trim to which flights converge."""
         return self.linear.point
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """Model of the aircraft."""
         return self.point.model
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of z."""
+        """Names of the states in z."""
         return self.linear.states
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of v, the inputs that move."""
+        """Names of the moving inputs, which are those in v."""
         return self.linear.inputs
 
     @cached_property
     def places(self) -> list[int]:
-        """Indices of the states of z among all."""
+        """Indices of the states in z among all states."""
         names = list(self.model.states)
         return [names.index(name) for name in self.states]
 
     @cached_property
     def carried(self) -> tuple[str, ...]:
-        """States outside the linear model on which the rates of z depend, such as altitude."""
+        """States outside the linear model on which the derivatives of z depend, such as
+        altitude.
+        """
         every = ca.SX.sym("x", len(self.model.states))
         vectors = ca.vertsplit(every), list(self.point.inputs), components(ca.DM(self.model.p))
         every_rate, _ = self.model.layout.expressions(vectors, ())
@@ -101,55 +104,58 @@ class FlightProblem:
 
     @property
     def followed(self) -> tuple[str, ...]:
-        """Names of the states that the optimizer follows: z, then the carried states."""
+        """Names of the states that the optimizer includes: those in z, then the carried states."""
         return (*self.states, *self.carried)
 
     @cached_property
     def followed_places(self) -> list[int]:
-        """Indices of the followed states among all."""
+        """Indices of the followed states among all states."""
         names = list(self.model.states)
         return [names.index(name) for name in self.followed]
 
     def padded(self, z: np.ndarray) -> np.ndarray:
-        """Return the followed states of z (..., k), with the carried states at their trim.
+        """Return the deviations of the followed states, (..., followed), with the carried states at
+        0.
 
-        Followed states are returned unchanged.
+        z: (..., k), or deviations of all followed states, which are returned unchanged
         """
         missing = len(self.followed) - z.shape[-1]
         return np.pad(z, [(0, 0)] * (z.ndim - 1) + [(0, missing)])
 
     @cached_property
     def moved(self) -> list[int]:
-        """Indices of the inputs of v among all."""
+        """Indices of the moving inputs among all inputs."""
         names = list(self.model.inputs)
         return [names.index(name) for name in self.inputs]
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Nominal sizes of the followed states, and of v, (m,): the units of the optimizer."""
+        """Nominal values of the followed states, and of the moving inputs, (m,): the units of the
+        optimizer.
+        """
         signals = self.model.signals
         of_states = np.array([signals[name].nominal for name in self.followed])
         return of_states, np.array([signals[name].nominal for name in self.inputs])
 
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest v, (m,) each."""
+        """Lowest and highest values of v, (m,) each."""
         limits = control_limits(self.model)
         trim = np.array(self.point.inputs)
         return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
 
     @cached_property
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest deviations of the followed states."""
+        """Lowest and highest deviations of the followed states, (followed,) each."""
         trim = np.array(self.point.states)
         lowest = (self.envelope.lowest - trim)[self.followed_places]
         return lowest, (self.envelope.highest - trim)[self.followed_places]
 
     def inner_limits(self, start: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lowest and highest deviations of the followed states in a proposal.
+        """Return narrowed lowest and highest deviations of the followed states, for a proposal.
 
-        They are the limits of a flight, moved toward the trim by the fraction `margin` unless the
-        start is beyond.
+        The fraction `margin` of each limit is left to the policy. A limit is wide enough to contain
+        the initial condition.
 
         start: initial deviations of the followed states
         """
@@ -159,9 +165,9 @@ class FlightProblem:
 
     @cached_property
     def rates(self) -> ca.Function:
-        """Function (followed states, v) -> rates of the followed states, all in nominal sizes.
+        """CasADi function (followed states, v) -> their time derivatives, in nominal values.
 
-        Inputs that do not move are held at the trim.
+        Inputs that do not move have their trim values.
         """
         of_states, of_inputs = self.sizes
         both = ca.SX.sym("both", len(self.followed) + len(self.inputs))
@@ -178,14 +184,14 @@ class FlightProblem:
 
     @cached_property
     def has_kinks(self) -> bool:
-        """True if the equations have tables or kinks, so that the optimizer has a smooth copy."""
+        """True if the equations have tables or kinks. The optimizer then uses smoothed
+        equations.
+        """
         return self.smooth_rates is not self.rates
 
     @cached_property
     def smooth_rates(self) -> ca.Function:
-        """Function `rates` for the optimizer: a smooth copy for an aircraft with tables or
-        kinks.
-        """
+        """The function `rates` for the optimizer. Tables and kinks are smoothed."""
         of_states, of_inputs = self.sizes
         pairs = zip(self.state_limits, self.input_limits, strict=True)
         below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
@@ -200,15 +206,19 @@ class FlightProblem:
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """Function (followed states, v) in nominal sizes -> dense Jacobian of `smooth_rates`."""
+        """CasADi function (followed states, v) -> dense Jacobian of `smooth_rates`, in nominal
+        values.
+        """
         at = ca.SX.sym("at", self.smooth_rates.numel_in(0))
         slopes = ca.densify(ca.jacobian(self.smooth_rates(at), at))
         return ca.Function("slopes", [at], [slopes], {"cse": True})
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """Function (followed states and v in nominal sizes, multipliers) -> dense Hessian of the
-        rates weighted by the multipliers."""
+        """CasADi function (followed states and v, multipliers) -> dense Hessian, in nominal values.
+
+        It is the Hessian of the multipliers' dot product with `smooth_rates`.
+        """
         rates = self.smooth_rates
         at = ca.SX.sym("at", rates.numel_in(0))
         multipliers = ca.SX.sym("multipliers", rates.numel_out(0))
@@ -216,7 +226,7 @@ class FlightProblem:
         return ca.Function("curvature", [at, multipliers], [ca.densify(bent)], {"cse": True})
 
     def scaled_weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Q, R and P of the followed states and v in nominal sizes. Carried states cost nothing."""
+        """Q, R and P for followed states and v in nominal values. Carried states have weight 0."""
         of_states, of_inputs = self.sizes
         of_both = np.outer(of_states, of_states)
         carried = [(0, len(self.carried))] * 2
@@ -224,11 +234,12 @@ class FlightProblem:
         return Q, self.R * np.outer(of_inputs, of_inputs), P
 
     def deviations(self, start: Mapping[str, float] | OperatingPoint) -> np.ndarray:
-        """Return an initial condition by name, or another trim, as z, (k,).
+        """Return an initial condition as deviations z, (k,).
 
-        Raises BadInputError for an unknown name and for a number that is not finite. Raises
-        BadInputError for a point outside the limits, for the trim itself, and for a trim that no
-        flight reaches.
+        start: state -> deviation, or another trim
+
+        Raises BadInputError for an unknown name, a number that is not finite, a point outside the
+        limits, the trim itself, or a trim that no flight reaches.
         """
         z = self._deviations_of(start)
         if not z.any():
@@ -248,7 +259,11 @@ class FlightProblem:
         return z
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
-        """Return another trim as z, (k,)."""
+        """Return another trim as deviations z, (k,).
+
+        Raises BadInputError if it is a trim of another model, or if it differs in a state that the
+        linear model lacks.
+        """
         other.refuse_other(self.model)
         off: np.ndarray = np.array(other.states) - np.array(self.point.states)
         for place, name in enumerate(self.model.states):
@@ -263,7 +278,10 @@ class FlightProblem:
         return off[self.places]
 
     def refuse_outside(self, z: np.ndarray) -> None:
-        """Raise BadInputError if an initial condition z, (k,), is not within the limits."""
+        """Raise BadInputError if an initial condition is outside the limits.
+
+        z: initial deviations, (k,)
+        """
         X = np.array(self.point.states)
         X[self.places] += z
         broken = self.envelope.broken(X)
@@ -273,32 +291,32 @@ class FlightProblem:
 
 
 class OfProblem:
-    """Access to aircraft, trim and weights of a result with a `problem`."""
+    """Base class of results that have a `problem`: access to its aircraft, trim and weights."""
 
     problem: FlightProblem
 
     @property
     def point(self) -> OperatingPoint:
-        """Trim at which flights end."""
+        """Trim to which flights converge."""
         return self.problem.point
 
     @property
     def model(self) -> Model:
-        """The aircraft."""
+        """Model of the aircraft."""
         return self.problem.model
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return a state, an input or an output over time, absolute, (N,)."""
+        """Return the history of a state, an input or an output, absolute, (N,)."""
         return series(self, name, self.model.p)
 
     @property
     def Q(self) -> Matrix:
-        """Weight of the linear-model states, (k, k)."""
+        """Weight of the linear model's states, (k, k)."""
         return self.problem.Q
 
     @property
     def R(self) -> Matrix:
-        """Weight of the inputs that move, (m, m)."""
+        """Weight of the moving inputs, (m, m)."""
         return self.problem.R
 
 
@@ -310,14 +328,14 @@ def flight_problem(
     inputs: Sequence[str] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> FlightProblem:
-    """Return the problem of flights of a model to a trim.
+    """Return the optimal control problem of flights to a trim.
 
-    Q, R: as `hfa.game` accepts them, R of the moved inputs.
-    inputs: the inputs that move, the others held at their trim; by default all.
-    limits: state -> (lowest, highest) in place of the flight envelope's.
+    Q, R: weights, as `hfa.game` accepts them; R is that of the moving inputs.
+    inputs: inputs that move, by default all. The others are constant.
+    limits: state -> (lowest, highest), replacing the limits of the flight envelope.
 
-    Raises BadInputError for names and weights that do not fit. Raises NoSolutionError where the
-    linear model at the trim cannot be stabilized at a finite cost.
+    Raises BadInputError for names and weights that do not fit the model. Raises NoSolutionError if
+    the linear model cannot be stabilized at a finite cost.
     """
     point.refuse_other(model)
     linear = linearize(model, point)
@@ -335,7 +353,7 @@ def named_initial(
     initial: Mapping[str, float] | OperatingPoint | None,
     start: Mapping[str, float] | OperatingPoint | None,
 ) -> Mapping[str, float] | OperatingPoint:
-    """Return the argument `initial`, or `start` of earlier versions.
+    """Return `initial`, or `start`, the name of the same argument in earlier versions.
 
     Raises BadInputError unless exactly one is given.
     """

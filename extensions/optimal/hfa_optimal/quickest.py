@@ -1,4 +1,4 @@
-"""Search for the quickest flight to a trim: proposed by collocation, then simulated."""
+"""Search for the quickest flight to a trim, proposed by collocation and then simulated."""
 
 from __future__ import annotations
 
@@ -57,15 +57,15 @@ _HELD = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
-    """The quickest flight found from an initial condition to a trim within limits.
+    """Quickest flight found from an initial condition to a trim within limits.
 
-    It was simulated, so that its time is an upper bound of the least time. It is not proved that no
-    flight is quicker.
+    The flight was simulated. Its time is therefore an upper bound of the least time. A quicker
+    flight may exist.
 
-    problem: aircraft, target and limits.
-    proposal: the flight of the optimizer, which is followed.
-    flown: the flight, with the linear policy after the arrival.
-    meshes: intervals -> proposed time, s.
+    problem: aircraft, trim and limits.
+    proposal: the optimizer's flight.
+    flown: the simulated flight, which follows the proposal and then the linear policy.
+    meshes: number of intervals -> proposed time, s.
     reserve: fraction of the distance to each limit that the proposal leaves to the policy.
     """
 
@@ -84,34 +84,36 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def start(self) -> Mapping[str, float]:
-        """State -> its initial deviation from the trim."""
+        """State -> initial deviation from the trim, without states whose deviation is 0."""
         pairs = zip(self.problem.states, self.proposal.start.tolist(), strict=True)
         return {name: value for name, value in pairs if value}
 
     @property
     def seconds(self) -> float:
-        """Time of the flight, s."""
+        """Duration of the flight, s."""
         return self.proposal.cost
 
     @property
     def spread(self) -> float:
-        """Relative difference of the times on the last two meshes."""
+        """Relative difference of the proposed times on the last two meshes."""
         return difference_of_meshes(self.meshes)
 
     @property
     def box(self) -> Mapping[str, float]:
-        """State -> half-width of the box about the trim in which the flight arrives."""
+        """State -> half-width of the box about the trim within which the flight counts as
+        arrived.
+        """
         return dict(zip(self.problem.states, arrival_box(self.proposal).tolist(), strict=True))
 
     @property
     def arrival(self) -> Mapping[str, float]:
-        """State -> its deviation from the trim at the time of arrival."""
+        """State -> deviation from the trim at the time of arrival."""
         at_end = deviations_at(self.problem, self.flown, self.seconds)
         return dict(zip(self.problem.states, at_end.tolist(), strict=True))
 
     @property
     def saturated(self) -> Sequence[str]:
-        """Inputs that were at a limit, or at the fraction of it that the proposal may use."""
+        """Inputs that were at a limit, or at the part of it that the proposal may use."""
         lowest, highest = self.problem.input_limits
         used = 1.0 - 1.01 * self.reserve
         at_limit = (self.proposal.v <= used * lowest) | (self.proposal.v >= used * highest)
@@ -120,26 +122,28 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     @property
     def time(self) -> Vector:
-        """Times of the flight (N,), s."""
+        """Times of the flight, s, (N,)."""
         return self.flown.times
 
     @property
     def states(self) -> Matrix:
-        """Absolute states (N, n), columns `state_names`."""
+        """Absolute states, (N, n), with the columns `state_names`."""
         return with_names(self.flown.states, (), self.state_names)
 
     @property
     def inputs(self) -> Matrix:
-        """Absolute inputs (N, m), columns `input_names`."""
+        """Absolute inputs, (N, m), with the columns `input_names`."""
         return with_names(self.flown.inputs, (), self.input_names)
 
     @property
     def envelope(self) -> Mapping[str, Vector]:
-        """State -> lowest and highest value within which the flight stays."""
+        """State -> lowest and highest permitted value."""
         return envelope_pairs(self.problem)
 
     def report(self) -> Report:
-        """Return the report: time, initial condition, trim, and limits."""
+        """Return the report: duration, deviations at start and arrival, saturated inputs, and
+        limits.
+        """
         rows = []
         most = largest_deviations(self.proposal)
         for name, farthest in zip(self.problem.states, most.tolist(), strict=True):
@@ -159,7 +163,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, data=self.as_data(), records=self._records())
 
     def title(self) -> str:
-        """Return the aircraft, the duration and the initial condition."""
+        """Return the first lines of the report: aircraft, trim, duration and initial condition."""
         whose = f"{self.model.title} {self.point.at_scheduled}".strip()
         begin = deviations_in_words(self.model, self.start)
         found = f"Quickest flight, to {whose}: found, {self.seconds:.4g} s"
@@ -179,7 +183,7 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
         return Table(("time", *self.state_names, *self.input_names), [tuple(row) for row in rows])
 
     def figure(self) -> Figure:
-        """Return a figure of states and inputs over time."""
+        """Return a figure of states and inputs versus time."""
         from hfa_optimal.picture import drawn
         from hfa_support.reporting.figure import new_figure
 
@@ -189,18 +193,23 @@ class QuickestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
 
 def largest_deviations(proposal: Proposal) -> np.ndarray:
-    """Return the largest absolute z of a proposal, (k,)."""
+    """Return the largest absolute deviation of each state in a proposal, (k,)."""
     states = proposal.nodes[..., : len(proposal.start)]
     return np.asarray(np.abs(states).max(axis=(0, 1)))
 
 
 def arrival_box(proposal: Proposal) -> np.ndarray:
-    """Return the half-widths (k,) of the box about the trim in which a flight has arrived."""
+    """Return the half-widths of the box about the trim within which a flight counts as arrived,
+    (k,).
+    """
     return ARRIVED * largest_deviations(proposal)
 
 
 def deviations_at(problem: FlightProblem, flown: Flown, seconds: float) -> np.ndarray:
-    """Return z (k,) of a flight at a time, s."""
+    """Return the deviations z of a flight at a time, (k,).
+
+    seconds: time, s
+    """
     z = flown.states[:, problem.places] - np.array(problem.point.states)[problem.places]
     return np.array([np.interp(seconds, flown.times, column) for column in z.T])
 

@@ -113,7 +113,11 @@ def cost(request: CostRequest) -> int:
 
 
 def check(request: CheckRequest | CostRequest, certificate: Path) -> int:
-    """Verify the certificate of a bound, also for `hfa prove --check`, and return the exit code."""
+    """Verify the certificate of a lower bound, print the report, and return the exit code 0.
+
+    This also serves `hfa prove --check`. Raises BadInputError or NoSolutionError if the certificate
+    contradicts the request or proves nothing.
+    """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_boxes.cost_report import checked_bound_report
     from hfa_boxes.fields import COST_FIELDS
@@ -177,7 +181,10 @@ def _prove(request: CostRequest) -> int:
 
 
 def _earlier(request: CostRequest, problem: FlightProblem) -> VerifiedCost | None:
-    """Return the verified bound of an earlier run. Raises BadInputError for other flights."""
+    """Return the verified bound of an earlier run, or None without --resume.
+
+    Raises BadInputError if the earlier certificate is about other flights.
+    """
     from hfa_boxes.check.cost_checker import check_cost_certificate
     from hfa_optimal.bound import given_of, refuse_other
 

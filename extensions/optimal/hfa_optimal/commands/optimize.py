@@ -35,7 +35,7 @@ _OF_COST = ("starts", "weights", "policy", "seconds", "bound")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, OutputOptions):
-    """Request of `hfa optimize`: one or many initial conditions of flights to a trim."""
+    """Request of `hfa optimize`: one initial condition or many, and the final trim."""
 
     start: None = None
     limit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -90,7 +90,7 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
     picture: Path | None = picture_option("the best flight found, and those of the policies")
 
     def search(self) -> tuple[BestFlights, Game]:
-        """Return the search for the best flights to the trim, and the game of the policies."""
+        """Return the search for the best flights to the trim, and the game at this trim."""
         from hfa_optimal.problem import flight_problem
         from hfa_optimal.search import BestFlights
 
@@ -102,7 +102,10 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return BestFlights(problem, count), game
 
     def end(self) -> OptimizeRequest:
-        """Return a request with the options of the final trim."""
+        """Return the request with the values of --to as the trim.
+
+        Raises BadInputError if --to contains a parameter.
+        """
         held = dict(self.to)
         for name in held:
             if name in self.model.parameters:
@@ -113,13 +116,18 @@ class OptimizeRequest(SeedOption, WeightOptions, AircraftOptions, TrimOptions, O
         return replace(self, at=at, hold={**self.hold, **held})
 
     def begin(self, problem: FlightProblem) -> Mapping[str, float] | OperatingPoint:
-        """Return the initial condition: a trim, or deviations from the final trim."""
+        """Return the initial trim if --to is given, else the initial deviations from the final
+        trim.
+        """
         if self.to:
             return self.operating_point(problem.model)
         return self.deviations
 
     def pilots(self, search: BestFlights, game: Game) -> list[Pilot]:
-        """Return the exact policy of a game with a disturbance, and the policies of the files."""
+        """Return the policies to be compared: the exact game policy, --weights and --policy.
+
+        The exact policy is omitted for a game without disturbance.
+        """
         from controller.critic.critic_file import Reading, critic_in
         from controller.riccati.gare import solve_game
         from hfa_optimal.pilots import card_pilot, critic_pilot, gain_pilot
@@ -167,7 +175,7 @@ def optimize(request: OptimizeRequest) -> int:
 
 
 def _quickest(request: OptimizeRequest) -> int:
-    """Report the quickest flight from one initial condition; return the exit code."""
+    """Search for the quickest flight, print its report, and return the exit code."""
     from hfa_optimal.quickest import quickest_flight
 
     search, game = request.search()
@@ -182,7 +190,11 @@ def _quickest(request: OptimizeRequest) -> int:
 
 
 def _bound(path: Path, search: BestFlights) -> CostStatement:
-    """Return the verified bound of a certificate."""
+    """Return the lower bound in a certificate, after its verification.
+
+    Raises BadInputError or NoSolutionError if the certificate is about other flights or proves
+    nothing.
+    """
     from hfa_optimal.bound import lower_bound
     from hfa_proof.arithmetic import flint_or_refusal
 
@@ -196,7 +208,9 @@ def _one(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """Report the best flight from one initial condition; return the exit code."""
+    """Search for the best flight from one initial condition, print its report, and return the exit
+    code.
+    """
     from hfa_optimal.best_flight import BestFlight, bracket_of
     from hfa_optimal.search import AFTER
 
@@ -218,8 +232,10 @@ def _table(
     pilots: list[Pilot],
     bound: CostStatement | None,
 ) -> int:
-    """Report the best flights from many initial conditions; return exit code 1 if none was
-    found."""
+    """Search for the best flights from many initial conditions and print a table.
+
+    Returns exit code 0, or 1 if no flight was found.
+    """
     from hfa_optimal.initial_conditions import drawn_starts, starts_table
 
     assert request.starts is not None

@@ -1,4 +1,4 @@
-"""Section of `hfa verify --flights`: the critic and the exact policy on the nonlinear aircraft."""
+"""Section that `hfa verify --flights` adds: critic and exact policy on the nonlinear aircraft."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ _SEED = 0
 
 
 def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, count: int) -> Report:
-    """Return the report with a section on flights of the nonlinear aircraft within its limits.
+    """Return the report with a section on simulated flights of the critic's policy.
 
-    The flights are those of the critic's policy and of the exact one, compared with the best found.
+    They are compared with flights of the exact policy and with the best flights found, all within
+    the limits of the nonlinear aircraft.
 
-    verdicts: verdict on one critic
-    named: the game, of the linear model of an aircraft
+    verdicts: the verdict on the critic
+    named: game of the aircraft's linear model
     count: number of initial conditions
+
+    Raises BadInputError if there is no nonlinear aircraft, or not exactly one critic.
     """
     if named.linear is None:
         raise BadInputError("--flights needs the nonlinear equations of an aircraft; name one")
@@ -54,8 +57,5 @@ def with_flights(report: Report, verdicts: list[Verdict], named: NamedGame, coun
 
 
 def _of_critic(sentences: Sequence[str]) -> list[str]:
-    """Return the sentences except for that on the linear optimum.
-
-    The game's own policies are compared in its place.
-    """
+    """Return all sentences but the first, which is about the linear optimum."""
     return list(sentences[1:])
