@@ -174,7 +174,10 @@ def slowest_delayed(
 
 
 def requirements(aircraft: Model, controller: ScheduledController) -> Report:
-    """Return requirements and reached values, without the commands and faults of `comparison`."""
+    """Return a report of the required and reached values of a servo controller.
+
+    The values are margins, gusts, and the effects of a biased gyro and noisy sensors.
+    """
     degrees = np.arange(21.0)
     single = check_margins(aircraft, controller, np.radians(degrees), (2.0, 10.0)).single
     found: list[dict[str, Any]] = [

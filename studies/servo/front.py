@@ -1,6 +1,6 @@
-"""The cost of following A_z: the servo with other gains of A_z.
+"""Trade-off of the servo's gain on the vertical acceleration A_z.
 
-A gain is a compromise between commands with a fault, gusts and margins.
+The gain affects tracking with a fault, the largest gusts and the margins.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ LARGEST = 60.0
 
 
 def front(aircraft: Model) -> Report:
-    """Return the rms of A_z with the fault of `order-1-fault`, the largest updrafts held and the
-    margins.
+    """Return a report of tracking errors, largest updrafts and margins for several gains on A_z.
 
-    The aircraft is at 11 deg, with actuators of order 1. The margins are the smallest.
+    The tracking error of A_z is simulated with the fault of `order-1-fault`. The dihedral angle is
+    11 deg, and the actuators are of order 1. The margins are the smallest of all inputs.
     """
     design = load_design("servo", hfa.aircraft()).of(aircraft)
     model = level_model(aircraft, math.radians(TRIM_DEG))

@@ -1,7 +1,7 @@
-"""The servos of SimVFA: an LQR that feeds back the state of a reference model, and adaptive laws.
+"""The servo controllers of SimVFA: an LQR on the state of a reference model, and adaptive laws.
 
-Source: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. Regressors and rates of the adaptive
-laws, for actuators of order 1 and of order 2, are those of the simulation released with them.
+Sources: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1. The regressors and adaptation
+rates, for actuators of order 1 and 2, are those of the simulation released with these publications.
 """
 
 from __future__ import annotations
@@ -48,18 +48,18 @@ _THIRD = np.array([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel:
-    """Reference model x_m' = A x_m + B u - [0; I] r + L (y - C x_m),  u = -K x_m (Qu 2018).
+    """Reference model x_m' = A x_m + B u - [0; I] r + L (y - C x_m) with u = -K x_m (Qu 2018).
 
-    y = [pitch rate; integrals].
+    The measured output is y = [pitch rate; integrals].
 
     A: (n, n)
     B: (n, 2)
     C: (3, n)
     K: (2, n)
-    L: (n, 3), B1 R⁻¹S, with B1 (n, 3) the squared-up input path of relative degree 1
-    squared_up: (n, 3), B squared up
-    S: (3, 3), of the mixed output S y, for which S C B1 is symmetric and positive definite
+    L: (n, 3), L = B1 R⁻¹ S; B1 (n, 3) is the squared-up input path of relative degree 1
+    S: (3, 3), for which S C B1 is symmetric and positive definite
     R_inverse: (3, 3)
+    squared_up: B with a third column that squares up the plant, (n, 3)
     """
 
     A: np.ndarray
@@ -73,10 +73,11 @@ class ReferenceModel:
 
 
 def reference_model(built: DesignModel) -> ReferenceModel:
-    """Return the reference model of the design model `simvfa-1` or `simvfa-2`.
+    """Return the reference model for the design model `simvfa-1` or `simvfa-2`.
 
-    R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I. Source: Qu, Thomsen,
-    Annaswamy 2018; Thomsen 2018, Section 4.1.
+        R⁻¹ = (S C B1)⁻¹ [S C (A + σ I) B1 + its transpose] (S C B1)⁻¹ + ε I
+
+    Sources: Qu, Thomsen, Annaswamy 2018; Thomsen 2018, Section 4.1.
     """
     from scipy.linalg import polar
 
@@ -104,13 +105,14 @@ def reference_model(built: DesignModel) -> ReferenceModel:
 
 
 def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return c (n,), a further row of outputs, with stable zeros.
+    """Return an additional output row c, (n,), with which (A, B, [C; c]) is square with stable
+    zeros.
 
-    (A, B, [C; c]) has as many outputs as inputs, and the same relative degree. With T = [B⁺; N'],
-    N'B = 0, the part of T z that no input reaches directly is a smaller plant with the same
-    outputs. Where its C B has full rank, the zeros are the eigenvalues of an LQR and c its gain.
-    Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission zeros,
-    2014.
+    The relative degree is unchanged. With T = [B⁺; N'] and N'B = 0, the part of T z that no input
+    drives directly is a smaller plant with the same outputs. If its C B has full rank, c is the
+    gain of an LQR and the zeros are the closed-loop eigenvalues. Otherwise the reduction is
+    repeated. Source: Qu, Wiese, Annaswamy, Lavretsky, Squaring-up in the presence of transmission
+    zeros, 2014.
     """
     from scipy.linalg import null_space, solve_continuous_are
 
@@ -137,7 +139,7 @@ def _third_row(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 
 def simvfa_design(name: str) -> Design:
-    """Return SimVFA's settings with actuators of order 1 or 2: `simvfa-1` or `simvfa-2`."""
+    """Return SimVFA's design for actuators of order 1 ("simvfa-1") or 2 ("simvfa-2")."""
     return replace(
         load_design(str(Path(__file__).parent / "designs" / f"{name}.toml"), hfa.aircraft()),
         name=name,
@@ -145,10 +147,13 @@ def simvfa_design(name: str) -> Design:
 
 
 def reference_servo(aircraft: Model, design: str, dihedrals: np.ndarray) -> ScheduledController:
-    """Return the LQR with its reference model, scheduled over the dihedral angle, rad.
+    """Return SimVFA's LQR with its reference model, scheduled over the dihedral angle in rad.
 
-    It is `simvfa-1` or `simvfa-2`. x = [e; x_m]: e' = z - r of the regulated outputs, and the
-    reference model corrected by [pitch rate; e].
+    design: "simvfa-1" or "simvfa-2"
+    dihedrals: breakpoints, rad
+
+    The controller's state is x = [e; x_m]. The integrals obey e' = z - r for the regulated outputs
+    z, and the reference model is corrected by [pitch rate; e].
     """
     chosen = simvfa_design(design)
     built = [
@@ -215,16 +220,16 @@ _TABLED = ("A", "B", "K", "L", "S", "R_inverse", "squared_up")
 
 
 class Part(NamedTuple):
-    """A part of the memory: its place and its value."""
+    """A part of the memory: its number and its current value."""
 
     place: int
     now: ca.SX
 
 
 class MemoryParts:
-    """The memory in parts, each with its initial value and its rate.
+    """Division of a policy's memory into parts, each with an initial value and a rate.
 
-    memory: the memory, or None to compute the initial values alone
+    memory: the memory, or None if only the initial values are needed
     """
 
     def __init__(self, memory: ca.SX | None = None) -> None:
@@ -234,7 +239,10 @@ class MemoryParts:
         self._rates: dict[int, ca.SX] = {}
 
     def take(self, rows: int, columns: int = 1, start: np.ndarray | None = None) -> Part:
-        """Return the next part (rows, columns), with the initial value 0 by default."""
+        """Return the next part of the memory as a matrix (rows, columns).
+
+        start: initial value; default 0
+        """
         size = rows * columns
         self._starts.append(np.zeros(size) if start is None else start.ravel(order="F"))
         flat = (
@@ -246,22 +254,22 @@ class MemoryParts:
         return Part(len(self._starts) - 1, ca.reshape(flat, rows, columns))
 
     def move(self, part: Part, rate: ca.SX) -> None:
-        """Set the rate of a part."""
+        """Set the time derivative of a part."""
         self._rates[part.place] = ca.vec(rate)
 
     @property
     def rate(self) -> ca.SX:
-        """Return the rate of the whole memory."""
+        """Time derivative of the complete memory."""
         return ca.vertcat(*(self._rates[place] for place in range(len(self._starts))))
 
     @property
     def start(self) -> np.ndarray:
-        """Return the initial value of the whole memory."""
+        """Initial value of the complete memory."""
         return np.concatenate(self._starts)
 
 
 class Filter:
-    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x."""
+    """Filter α2 ξ'' + α1 ξ' + α0 ξ = x. Its denominator is Π = α2 s² + α1 s + α0."""
 
     def __init__(self, memory: MemoryParts, size: int) -> None:
         self._memory = memory
@@ -269,11 +277,11 @@ class Filter:
 
     @property
     def low_now(self) -> ca.SX:
-        """Return α2 / Π x, which does not depend on the present x."""
+        """Output α2 / Π x, which does not depend on the current x."""
         return A2 * self._parts[0].now
 
     def drive(self, x: ca.SX) -> Filter:
-        """Set the input x."""
+        """Set the input x and return the filter."""
         xi, xi_rate = self._parts
         bend = (x - A0 * xi.now - A1 * xi_rate.now) / A2
         self._memory.move(xi, xi_rate.now)
@@ -283,20 +291,20 @@ class Filter:
 
     @property
     def low(self) -> tuple[ca.SX, ...]:
-        """Return α2 / Π x, with two derivatives."""
+        """Return α2 / Π x and its first two derivatives."""
         return tuple(A2 * each for each in self.plain)
 
     def high(self, x_rate: ca.SX | None = None) -> tuple[ca.SX, ...]:
-        """Return (α2 s + α1) / Π x, with one derivative, or two where x' is given."""
+        """Return (α2 s + α1) / Π x and its first derivative, also the second one if x' is given."""
         xi, xi_rate, bend = self.plain
         found = A1 * xi + A2 * xi_rate, A1 * xi_rate + A2 * bend
         return found if x_rate is None else (*found, x_rate - A0 * xi_rate)
 
 
 class Tuner:
-    """Tuner Ψ = α0 g X,  α2 X'' = Φ - g (α0 X + α1 X'),  Φ' = γ ν e'.
+    """Tuner Ψ = α0 g X with α2 X'' = Φ - g (α0 X + α1 X') and Φ' = γ ν e'.
 
-    g = 1 + μ ν'ν of the regressor ν.
+    The normalization is g = 1 + μ ν'ν, where ν is the regressor.
     """
 
     def __init__(
@@ -309,7 +317,7 @@ class Tuner:
         self._X_rate = memory.take(rows, columns)
 
     def drive(self, gamma: float, regressor: ca.SX, error: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Return Ψ with two derivatives."""
+        """Set regressor ν and error e, and return Ψ with its first two derivatives."""
         g = 1 + MU * ca.dot(regressor, regressor)
         X = self._X.now
         X_rate = self._X_rate.now
@@ -321,24 +329,31 @@ class Tuner:
 
 
 def product_rate(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
-    """Return (Ψ'x)'."""
+    """Return the derivative (Ψ'x)' of a product.
+
+    psi, x: a matrix and a vector, each with its first derivative
+    """
     return ca.mtimes(psi[1].T, x[0]) + ca.mtimes(psi[0].T, x[1])
 
 
 def operated(psi: Sequence[ca.SX], x: Sequence[ca.SX]) -> ca.SX:
-    """Return Π{Ψ'x}."""
+    """Return Π{Ψ'x} = α2 (Ψ'x)'' + α1 (Ψ'x)' + α0 Ψ'x.
+
+    psi, x: a matrix and a vector, each with its first two derivatives
+    """
     second = ca.mtimes(psi[2].T, x[0]) + 2 * ca.mtimes(psi[1].T, x[1]) + ca.mtimes(psi[0].T, x[2])
     return A2 * second + A1 * product_rate(psi, x) + A0 * ca.mtimes(psi[0].T, x[0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AdaptivePolicy(Policy, ABC):
-    """A law with a reference model, scheduled over the measured dihedral angle.
+    """Adaptive law with a reference model, scheduled over the measured dihedral angle.
 
-    outputs: pitch rate and the regulated outputs
-    dihedral: dihedral angle of the trim in which the flight begins, rad
-    angles: (N,), rad, of `models`
-    inputs: names of u
+    outputs: measured outputs: pitch rate and the regulated outputs
+    dihedral: dihedral angle of the trim at which the flight begins, rad
+    angles: dihedral angles of `models`, (N,), rad
+    models: reference models to interpolate
+    inputs: names of the controlled inputs
     """
 
     commands: CommandSteps
@@ -356,17 +371,15 @@ class AdaptivePolicy(Policy, ABC):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Take the parts of the memory, set their rates and return u, (m,).
+        """Assign the parts of the memory, set their rates, and return u, (m,).
 
-        tables: A, B, K, L, S, R⁻¹ and the squared-up B
+        tables: interpolated A, B, K, L, S, R⁻¹ and squared-up B
+        measured: measured outputs
         command: r and r'
         """
 
     def nominal_memory(self) -> np.ndarray:
-        """Memory of reference model, filters and adaptive parameters, with the nominal parameters.
-
-        Everything else is 0.
-        """
+        """Initial memory, in which the adaptive parameters are nominal and everything else is 0."""
         memory = MemoryParts()
         nothing = ca.SX.zeros(len(self.inputs))
         self.law(
@@ -378,14 +391,14 @@ class AdaptivePolicy(Policy, ABC):
         return memory.start
 
     def control(self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX) -> ca.SX:
-        """Return u of the inputs, and 0 for the others."""
+        """Return the inputs of the aircraft. Inputs that the law does not control are 0."""
         chosen = np.array([[float(name == one) for one in self.inputs] for name in INPUTS])
         return ca.mtimes(ca.DM(chosen), self._flown(t, measurements, memory)[0])
 
     def memory_rate(
         self, t: ca.SX, measurements: Measurements, memory: ca.SX, held: ca.SX, applied: ca.SX
     ) -> ca.SX:
-        """Return the rate that `law` sets."""
+        """Return the time derivative of the memory."""
         return self._flown(t, measurements, memory)[1]
 
     def _flown(self, t: ca.SX, measurements: Measurements, memory: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -402,16 +415,16 @@ class AdaptivePolicy(Policy, ABC):
 
 
 class AdaptiveDegree2(AdaptivePolicy):
-    """Law u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2},  Π = α0 + α1 d/dt.
+    """Law u = Π{Λ̂'v̄ - Ψ1'x̄1 - Ψ2'x̄2} with Π = α0 + α1 d/dt.
 
-    v = -K x_m and α0 v̄ + α1 v̄' = α0 v, with x̄ from x_m alike:
+    v = -K x_m is filtered by α0 v̄ + α1 v̄' = α0 v, and x̄ follows from x_m by the same filter:
 
         x_m' = (A - B K) x_m - [0; I] r + L e_y + B_s Π{Ψm'ē},
         e_y = y - C x_m,   ē' = R⁻¹S e_y - (α0/α1) ē,
         Λ̂' = -Γ v̄ (S1 e_y)',  Ψ1' = Γ x̄1 (S1 e_y)',  Ψ2' = Γ x̄2 (S1 e_y)',  Ψm' = Γ ē (S e_y)'.
 
-    x̄1 is that of the six states of the aircraft, x̄2 includes the actuators. S1 are the first two
-    rows of S, and B_s is the squared-up input matrix.
+    x̄1 contains the six states of the aircraft, and x̄2 also the actuators. S1 consists of the
+    first two rows of S, and B_s is the squared-up input matrix.
     """
 
     def law(
@@ -421,7 +434,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs. The equations are in the docstring of the class."""
+        """Return the commanded inputs. The docstring of the class contains the equations."""
         a0, a1 = ALPHAS[1]
         A, B, K, L, S, R_inverse, squared_up = tables
         integrals = memory.take(_M)
@@ -433,7 +446,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         v = -ca.mtimes(K, model.now)
 
         def followed(size: int, x: ca.SX, gain: float) -> tuple[ca.SX, ca.SX]:
-            """Return x through gain / (s + α0/α1), with its rate."""
+            """Return x filtered by gain / (s + α0/α1), and its derivative."""
             part = memory.take(size)
             rate = gain * x - a0 / a1 * part.now
             memory.move(part, rate)
@@ -442,7 +455,7 @@ class AdaptiveDegree2(AdaptivePolicy):
         def operated(
             weights: Part, gamma: float, regressor: tuple[ca.SX, ca.SX], error: ca.SX
         ) -> ca.SX:
-            """Return Π{Ψ'x} of weights with Ψ' = γ x e'."""
+            """Set the rate Ψ' = γ x e' of the weights Ψ and return Π{Ψ'x}."""
             rate = gamma * ca.mtimes(regressor[0], error.T)
             memory.move(weights, rate)
             slow = ca.mtimes(weights.now.T, regressor[1]) + ca.mtimes(rate.T, regressor[0])
@@ -466,14 +479,15 @@ class AdaptiveDegree2(AdaptivePolicy):
 class AdaptiveDegree3(AdaptivePolicy):
     """Law u = Π{Λ̂'v̄ - Ψ1'x_p - Ψ2'x̄1 - Ψ3'x̄2} - (α1 Ψ1' + α2 Ψ1'')' ε.
 
-    The derivatives of Ψ are those of tuners (`Tuner`):
+    Tuners (`Tuner`) supply Ψ and its derivatives:
 
         x_m' = (A - B K) x_m - [0; I] r + L e_y + F_e - F_ε,
         ε' = the rows of L e_y that belong to the aircraft,
         F_e = B32 (Ψ4'ē1)' + B3 (α0 Ψ4'ē1 + Π{Ψ4'ē12} + Π{Ψ5'ē2}),
         F_ε = B32 (Λ̂2'ε̄1)' + B3 (α0 Λ̂2'ε̄1 + Π{Ψ6'ε̄12}).
 
-    B3 = α2 B and B32 = α2 A B + α1 B are squared up in F_e. ē is that of R⁻¹S e_y. The filters are:
+    B3 = α2 B and B32 = α2 A B + α1 B. In F_e, B is squared up. ē is the filtered R⁻¹S e_y. The
+    filters are:
 
     - 1/Π: v̄ from -K x_m
     - (α2 s + α1)/Π: x̄1 and ē1, and ε̄1 from (Ψ1'ε)'
@@ -487,7 +501,7 @@ class AdaptiveDegree3(AdaptivePolicy):
         measured: ca.SX,
         command: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return the commanded inputs. The equations are in the docstring of the class."""
+        """Return the commanded inputs. The docstring of the class contains the equations."""
         A, B, K, L, S, R_inverse, squared_up = tables
         r, r_rate = command
         one = np.eye(_M)
@@ -528,7 +542,12 @@ class AdaptiveDegree3(AdaptivePolicy):
     def _of_errors(
         memory: MemoryParts, scaled: ca.SX, mixed: ca.SX, path: tuple[ca.SX, ca.SX]
     ) -> ca.SX:
-        """Return F_e."""
+        """Return the term F_e in the docstring of the class.
+
+        scaled: R⁻¹S e_y
+        mixed: S e_y
+        path: (B3, A)
+        """
         bar = Filter(memory, _Y).drive(scaled)
         bar_12 = Filter(memory, _Y)
         psi_4 = Tuner(memory, _Y, _Y)
@@ -548,7 +567,12 @@ class AdaptiveDegree3(AdaptivePolicy):
         error: ca.SX,
         path: tuple[ca.SX, ca.SX],
     ) -> ca.SX:
-        """Return F_ε."""
+        """Return the term F_ε in the docstring of the class.
+
+        drift: ε and its derivative
+        error: S1 e_y
+        path: (B3, A)
+        """
         bar_1 = Filter(memory, _M).drive(product_rate(psi_1, drift)).high()
         effect = memory.take(_M, _M, np.eye(_M))
         bar_12 = Filter(memory, _M)
@@ -561,7 +585,10 @@ class AdaptiveDegree3(AdaptivePolicy):
 
 
 def _along(path: tuple[ca.SX, ca.SX], moved: ca.SX, still: ca.SX) -> ca.SX:
-    """Return B32 moved + B3 still of path = (B3, A), B32 = A B3 + (α1 / α2) B3."""
+    """Return B32 moved + B3 still, where B32 = A B3 + (α1 / α2) B3.
+
+    path: (B3, A)
+    """
     B3, A = path
     return ca.mtimes(A, ca.mtimes(B3, moved)) + ca.mtimes(B3, A1 / A2 * moved + still)
 
@@ -573,9 +600,10 @@ def adaptive_law(
     commands: CommandSteps,
     angles: np.ndarray,
 ) -> Policy:
-    """Return the law for actuators of this order, from its nominal parameters.
+    """Return SimVFA's adaptive law for actuators of this order, with nominal initial parameters.
 
-    angles: angles of its tables, rad
+    order: 1 or 2
+    angles: breakpoints of the dihedral angle, rad
     """
     kind = AdaptiveDegree2 if order == 1 else AdaptiveDegree3
     design = simvfa_design(f"simvfa-{order}")

@@ -1,1 +1,1 @@
-"""Bands of `hfa identify` compared with those of NASA's program SIDPAC."""
+"""Confidence bands of `hfa identify` compared with those of NASA's program SIDPAC."""

@@ -1,9 +1,10 @@
-"""Bands of `hfa identify` compared with the Cramér-Rao bounds that NASA's SIDPAC prints.
+"""Confidence bands of `hfa identify` compared with Cramér-Rao bounds printed by NASA's SIDPAC.
 
-`python -m studies.sidpac [COUNT]` prints the table of README.md for COUNT records, by default 24.
+`python -m studies.sidpac [COUNT]` prints the table of README.md for COUNT records (default 24).
 
-SciPy simulates the Twin Otter of example 6.1 of Klein and Morelli with the printed derivatives, the
-inputs of the record and white noise of the printed residuals. `hfa.identify` begins 30 % off.
+The aircraft is the Twin Otter of example 6.1 of Klein and Morelli. SciPy simulates it with the
+printed derivatives and the recorded inputs, and adds white noise of the size of the printed
+residuals. `hfa.identify` begins 30 % off.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ _STEP = 1e-4
 
 
 def main(words: Sequence[str]) -> int:
-    """Print a row for each parameter, and the bands that contain the printed estimates."""
+    """Print a table row for each parameter, and count the bands that contain the printed estimates.
+
+    words: [COUNT], the number of records
+    """
     count = int(words[0]) if words else 24
     found = [identified(seed) for seed in range(count)]
     known, unknown = bounds(start_known=True), bounds(start_known=False)
@@ -63,14 +67,14 @@ def main(words: Sequence[str]) -> int:
 
 
 def identified(seed: int) -> Identified:
-    """Return the identification of a record with the noise of this seed."""
+    """Identify the parameters from a record whose noise has this seed."""
     rng = np.random.default_rng(seed)
     values = {name: value * (1.0 + _OFF * rng.choice([-1, 1])) for name, value in PRINTED.items()}
     return identify(lateral_model().with_parameters(**values), record(rng), list(PRINTED))
 
 
 def record(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return the columns of a record: SciPy's response with noise."""
+    """Return the columns of a simulated record with noise, by name."""
     times, inputs = manoeuvre()
     measured = response(PRINTED, np.zeros(len(STATES)))
     deviations = np.array(list(SOURCE["residuals"].values()))
@@ -80,14 +84,19 @@ def record(rng: np.random.Generator) -> dict[str, np.ndarray]:
 
 
 def manoeuvre() -> tuple[np.ndarray, np.ndarray]:
-    """Return the times, s, and the aileron and rudder, rad, as straight lines between points."""
+    """Return the times (samples,) in s, and aileron and rudder (samples, 2) in rad.
+
+    The inputs are interpolated linearly between recorded points.
+    """
     read = SOURCE["inputs"]
     times = SOURCE["record"]["interval"] * np.arange(SOURCE["record"]["samples"])
     return times, np.transpose([np.interp(times, read["time"], read[name]) for name in INPUTS])
 
 
 def response(parameters: Mapping[str, float], start: np.ndarray) -> np.ndarray:
-    """Return SciPy's response (samples, measured) from the initial state `start`."""
+    """Return the response (samples, outputs) that SciPy simulates from the initial state
+    `start`.
+    """
     times, inputs = manoeuvre()
     with_bias = np.column_stack([inputs, np.ones(len(times))])
     system = matrices(parameters)
@@ -95,8 +104,10 @@ def response(parameters: Mapping[str, float], start: np.ndarray) -> np.ndarray:
 
 
 def matrices(parameters: Mapping[str, float]) -> tuple[np.ndarray, ...]:
-    """Return A, B, C, D of x = (beta, p, r, phi), u = (aileron, rudder, 1) and
-    y = (x, lateral acceleration)."""
+    """Return A, B, C, D of the lateral model.
+
+    x = (beta, p, r, phi), u = (aileron, rudder, 1), y = (x, lateral acceleration)
+    """
     a, p = SOURCE["aircraft"], parameters
     turn = a["span"] / (2.0 * a["speed"])
     force = a["pressure"] * a["area"] / (a["mass"] * a["speed"])
@@ -129,9 +140,9 @@ def matrices(parameters: Mapping[str, float]) -> tuple[np.ndarray, ...]:
 
 
 def bounds(*, start_known: bool) -> dict[str, float]:
-    """Return the Cramér-Rao bounds, parameter -> standard deviation.
+    """Return parameter -> Cramér-Rao bound (standard deviation).
 
-    They follow from SciPy's response and central differences.
+    Sensitivities are central differences of SciPy's response.
 
     start_known: whether the initial state is known, as in SIDPAC
     """
@@ -153,7 +164,7 @@ def bounds(*, start_known: bool) -> dict[str, float]:
 
 
 def lateral_model() -> Model:
-    """Return the lateral model with the derivatives and biases as parameters."""
+    """Return the lateral model, whose parameters are the derivatives and biases."""
     a = SOURCE["aircraft"]
     turn = a["span"] / (2.0 * a["speed"])
     force = a["pressure"] * a["area"] / (a["mass"] * a["speed"])

@@ -1,1 +1,1 @@
-"""Validity of results on the `unsteady` dynamics."""
+"""Validity of servo designs and gust limits on the `unsteady` dynamics."""

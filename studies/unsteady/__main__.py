@@ -1,11 +1,12 @@
-"""Servos and gusts on the `unsteady` dynamics, compared with `published` and `newton`. Two minutes:
+"""Servos and gusts on the `unsteady` dynamics, compared with `published` and `newton`.
 
     python -m studies.unsteady
 
-Servos are designed on the named dynamics and simulated (linear) with actuators of 2 rad/s on each.
-Gusts are the largest under the paper's policy: the nonlinear aircraft with u = -K (x - x0), K the
-exact gain of the paper's game on `published` at that angle, without actuators. The flight must stay
-inside the envelope and the control limits for 20 s.
+The study takes two minutes. Servos are designed for one of the dynamics. Their linear loops with
+actuators of 2 rad/s are then analyzed for each of the dynamics. The largest gusts are found by
+simulation of the nonlinear aircraft with the policy u = -K (x - x0), without actuators. K is the
+exact gain of the paper's game for the `published` dynamics at this angle. The flight must stay
+within the envelope and the control limits for 20 s.
 """
 
 from __future__ import annotations
@@ -33,18 +34,20 @@ PLANTS["unsteady"] = UNSTEADY
 
 @cache
 def model_at(plant: str, degrees: float) -> LinearModel:
-    """Return the linear model at the paper's level flight with this dihedral."""
+    """Return the linear model of a plant at the paper's level flight, with this dihedral angle."""
     return level_model(PLANTS[plant], np.radians(degrees))
 
 
 def margins(
     plant: str, degrees: float, servo: ScheduledController, order: int
 ) -> tuple[float, float]:
-    """Return the abscissa of the closed loop, 1/s, and the smallest disk margin of one command.
+    """Return (spectral abscissa of the closed loop in 1/s, smallest disk margin of an input).
 
-    The loop has actuators of 2 rad/s. For the margin the other commands are closed. It is nan when
-    unstable. A disk margin a means a gain of (2 + a) / (2 - a) and a phase of 2 atan(a / 2) at
-    least.
+    The loop has actuators of 2 rad/s. Each margin is computed with the other loops closed, and is
+    nan if the loop is unstable. A disk margin a guarantees a gain margin of (2 + a) / (2 - a) and a
+    phase margin of 2 atan(a / 2).
+
+    order: order of the actuators
     """
     actuators = dict.fromkeys(servo.inputs, Actuator(order, 2.0))
     loop = servo_loop(servo_plant(PLANTS[plant], model_at(plant, degrees), servo, actuators), servo)
@@ -55,9 +58,10 @@ def margins(
 
 
 def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
-    """Return the function (length ft, sign) -> the largest 1-cosine updraft, ft/s to 0.5.
+    """Return the function (length in ft, sign) -> largest tolerated 1-cosine updraft in ft/s.
 
-    With it every state and input stays within its limits. 60 means that or more.
+    The updraft is tolerated if every state and input stays within its limits. The resolution is 0.5
+    ft/s, and 60 is the largest value tested.
     """
     model = model_at(plant, degrees)
     K = solve_game(published_game(model_at("published", degrees))).K
@@ -82,7 +86,7 @@ def flier(plant: str, degrees: float) -> Callable[[float, float], float]:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Run the study and print both tables."""
     argparse.ArgumentParser(
         "python -m studies.unsteady", description=__doc__.partition("\n\n")[0]
     ).parse_args()

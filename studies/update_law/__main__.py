@@ -1,7 +1,7 @@
-"""Runs the paper's update law in every setting of the study and prints the table of its README.md.
+"""Run the paper's update law in every setting of the study and print the table of its README.md.
 
-The README.md states the causes. Writes FOLDER/published_study.json with every run, and each
-finished row into FOLDER/rows. Takes about a minute on two cores.
+README.md states the causes. The study writes FOLDER/published_study.json with every run, and each
+finished row to FOLDER/rows. It takes about a minute on two cores.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _HEADER = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and return the exit code.
 
-    0 whatever the law does, because its failure is the result. 1: no reference solution. 2: bad
-    usage.
+    - 0: finished; a failure of the law is a result, not an error
+    - 1: there is no reference solution
+    - 2: bad usage or input
     """
     parser = argparse.ArgumentParser("python -m studies.update_law", description=__doc__)
     about = "the rows whose name contains TEXT; repeatable; default: all"
@@ -70,9 +71,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def study(
     names: Sequence[str], folder: Path, *, resume: bool = False, workers: int = 1
 ) -> list[dict[str, Any]]:
-    """Return the rows, each written into folder/rows when it is finished.
+    """Return the rows of the study. Each is written to folder/rows when it is finished.
 
-    resume: whether to keep the rows that exist
+    resume: whether to reuse finished rows
     """
     (folder / "rows").mkdir(parents=True, exist_ok=True)
     of = references()
@@ -98,8 +99,9 @@ def study(
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return one line for each row as Markdown: counts, and smallest to largest number over its
-    runs.
+    """Return a Markdown table with one line for each row of the study.
+
+    The cells are counts, and the smallest and largest numbers of the runs.
     """
     header = _HEADER.split(",")
     lines = [header, ["---"] * len(header)]

@@ -1,6 +1,6 @@
-"""Off-policy integral reinforcement learning with known B and E, as a user's law.
+"""Off-policy integral reinforcement learning with known B and E, as a user-defined learning law.
 
-It is the baseline of paper Section 5.2.
+It is the baseline of Section 5.2 of the paper.
 """
 
 from __future__ import annotations
@@ -36,15 +36,17 @@ LARGEST_STATE = 1e100
 class IrlSettings:
     """Settings of integral reinforcement learning.
 
-    interval: Δ, s; longer intervals distinguish the slow modes better
-    intervals: N >= M, number of simulated intervals. `iterations` policy updates follow, one for
-        each Δ. None means 40, and more where the basis has more than 26 weights (`enough_for`).
+    interval: length Δ of an interval, s; longer intervals distinguish the slow modes better
+    intervals: number N of simulated intervals, at least the number M of weights. None means 40, or
+    more
+      if the basis has more than 26 weights (`enough_for`).
+    iterations: number of policy updates, one for each Δ after the simulation
     form: "game" (both policies are learned) or "lqr" (1/δ² = 0, the nominal controller)
-    initial_weights: W(0) of the first policies, model's units; 0 is u = 0 and requires a stable
-        plant
+    initial_weights: W(0) of the first policies in the model's units; 0 means u = 0 and requires a
+      stable plant
     probe: amplitude of the probing inputs
     disturbance: amplitude of the simulated disturbance
-    disturbance_measured: whether the learner uses the disturbance
+    disturbance_measured: whether the learner measures the disturbance
     """
 
     interval: float = 0.2
@@ -63,13 +65,13 @@ Memory = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Data of N intervals in coordinates z / scales.
+    """Data of N intervals in coordinates z / scales. The integrals are over one interval.
 
-    change: (N, M), ψ(z(t+Δ)) - ψ(z(t))
-    zz: (N, n, n), ∫ z z'
-    zu: (N, n, m), ∫ z u'
-    zd: (N, n, k), ∫ z d'
-    states: (N, n), z(t)
+    change: ψ(z(t+Δ)) - ψ(z(t)), (N, M)
+    zz: ∫ z z', (N, n, n)
+    zu: ∫ z u', (N, n, m)
+    zd: ∫ z d', (N, n, k)
+    states: z(t), (N, n)
     scales: (n,)
     """
 
@@ -84,7 +86,8 @@ class Record:
     def monomials(self) -> np.ndarray:
         """∫ ψ(z) for the quadratic basis, (N, M).
 
-        A row of the least squares is this times the closed-loop operator.
+        Each row of the least-squares problem is a row of this matrix times the closed-loop
+        operator.
         """
         row, column = np.triu_indices(self.zz.shape[1])
         return self.zz[:, row, column]
@@ -92,15 +95,15 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class IntegralLearning:
-    """Policy iteration on simulated data. Of the game only B, E, Q, R and δ are read, never A.
+    """Policy iteration on simulated data.
 
-    For the policies u = -K z, d = L z of the last iteration, their value z'Pz satisfies over every
-    interval
+    The update uses B, E, Q, R and δ. A is used only to simulate the data and to report residuals.
+    Over every interval, the value z'Pz of the policies u = -K z and d = L z satisfies
 
         [z'Pz] - 2 ∫ (u + K z)'B'P z - 2 ∫ (d - L z)'E'P z = -∫ z'(Q + K'RK - δ²L'L) z,
 
-    for any applied u and d (Jiang & Jiang 2012; for the game Wu & Luo 2012). P follows by least
-    squares, then K = R⁻¹B'P, L = δ⁻²E'P.
+    for any applied u and d (Jiang & Jiang 2012; for the game Wu & Luo 2012). P is computed by least
+    squares, and the next policies are K = R⁻¹B'P and L = δ⁻²E'P.
     """
 
     game: Game
@@ -116,9 +119,9 @@ class IntegralLearning:
 
     @cached_property
     def record(self) -> Record:
-        """The flight and its integrals.
+        """The simulated flight and its integrals.
 
-        Raises BadInputError when the flight grows without bound.
+        Raises BadInputError if the flight grows without bound.
         """
         s = self.settings
         nodes, quadrature = np.polynomial.legendre.leggauss(NODES)
@@ -156,14 +159,14 @@ class IntegralLearning:
 
     @cached_property
     def target(self) -> Game:
-        """The problem that is learned: the game, or its LQ problem."""
+        """The problem to learn: the game, or its LQ problem."""
         return self.game if self.settings.form == "game" else self.game.with_delta(np.inf)
 
     @cached_property
     def equations(self) -> StackEquations:
-        """Bellman residuals at the simulated states, for the history alone.
+        """Bellman residuals at the simulated states, which are recorded in the history only.
 
-        They use A, but the learning does not.
+        They use A. The learning does not.
         """
         flown = record(self.target, self.record.states * self.record.scales)
         return StackEquations.build(self.target, self.basis, flown, self.record.scales)
@@ -174,9 +177,9 @@ class IntegralLearning:
         return self.settings.iterations
 
     def start(self) -> Memory:
-        """Return W(0).
+        """Return the initial memory with the weights W(0).
 
-        Raises BadInputError when the flight does not determine M weights.
+        Raises BadInputError if the flight does not determine M weights.
         """
         weights = initial_weights(self.settings.initial_weights, self.basis)
         scaled = weights * self.basis.scaling(self.record.scales)
@@ -189,8 +192,9 @@ class IntegralLearning:
         return {"weights": scaled, "misfit": np.array(np.inf)}
 
     def _least_squares(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rows (N, M) and right side (N,) of the equations for the policies of scaled
-        weights.
+        """Return the rows (N, M) and the right side (N,) of the least-squares problem.
+
+        weights: scaled weights of the policies to evaluate, (M,)
         """
         data = self.record
         game = self.target
@@ -208,9 +212,9 @@ class IntegralLearning:
         return data.change - pushed, -np.einsum("jab,ab->j", data.zz, cost)
 
     def advance(self, tick: int, memory: Memory) -> Memory:
-        """Return the weights after one policy evaluation and improvement.
+        """Return the memory after one policy evaluation and improvement.
 
-        Raises NoSolutionError when the numbers overflow.
+        Raises NoSolutionError if the numbers overflow.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             rows, right = self._least_squares(memory["weights"])
@@ -224,9 +228,9 @@ class IntegralLearning:
         return {"weights": weights, "misfit": np.array(misfit)}
 
     def observe(self, tick: int, memory: Memory) -> Mapping[str, Any]:
-        """Return the row of the history, as for `controller.run`.
+        """Return the quantities to record at this tick.
 
-        The law's residual is the misfit of the last least squares.
+        The residual of the law is the relative misfit of the last least-squares problem.
         """
         return {
             "time": (self.intervals + tick) * self.settings.interval,
@@ -236,7 +240,7 @@ class IntegralLearning:
         }
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """Return the training run of finished ticks."""
+        """Return the training run after all ticks."""
         weights = finished.history["weights"]
         change = np.linalg.norm(np.diff(weights, axis=0), axis=1) / np.linalg.norm(weights[-1])
         late = np.flatnonzero(change > 1e-3)
@@ -260,7 +264,8 @@ class IntegralLearning:
 
 
 def learn_by_integrals(game: Game, seed: int = 0, **options: Any) -> TrainingRun:
-    """Return the result of the law on a probing flight, with the quadratic basis.
+    """Run the law on a simulated probing flight with the quadratic basis, and return the training
+    run.
 
     options: fields of `IrlSettings`
     """
@@ -277,11 +282,15 @@ _BAND = (0.5, 12.0)
 def probing_flight(
     game: Game, seed: int, times: np.ndarray, amplitudes: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return states (N_t, n), inputs (N_t, m) and disturbances (N_t, k) at increasing times, s.
+    """Return states (N_t, n), inputs (N_t, m) and disturbances (N_t, k) of a probing flight.
 
-    z' = A z + B u + E d with sines of random phase in every channel of u and d, whose largest sums
-    are the two amplitudes. It is one linear system for [z; w], w' = Ω w. z(0) is random in the box
-    of `natural_spread`, which excites the slow modes that the sines do not excite.
+    Every channel of u and d is a sum of sines with random phases. The largest possible sums are the
+    two amplitudes. z' = A z + B u + E d is simulated as one linear system for [z; w] with w' = Ω w.
+    z(0) is random in the box of `natural_spread`, to excite slow modes that the sines do not
+    excite.
+
+    times: increasing, (N_t,), s
+    amplitudes: of u and of d
     """
     from scipy.linalg import expm
 
@@ -316,9 +325,10 @@ def probing_flight(
 
 
 def baseline_value(game: Game) -> np.ndarray:
-    """Return P, (n, n), with A'P + P A + Q - P B (f R)⁻¹ B'P = 0, f = BASELINE_EFFORT.
+    """Return the solution P, (n, n), of A'P + P A + Q - P B (f R)⁻¹ B'P = 0 with f =
+    BASELINE_EFFORT.
 
-    It gives a small gain without a game. Raises NoSolutionError when (A, B) cannot be stabilized.
+    Its gain is small. Raises NoSolutionError if (A, B) is not stabilizable.
     """
     from scipy.linalg import solve_continuous_are
 
@@ -332,11 +342,11 @@ def baseline_value(game: Game) -> np.ndarray:
 
 
 def baseline_gain(game: Game) -> np.ndarray:
-    """Return K = (f R)⁻¹ B'P of `baseline_value`, (m, n)."""
+    """Return the gain K = (f R)⁻¹ B'P, (m, n), where P is the result of `baseline_value`."""
     return game.gain(baseline_value(game)) / BASELINE_EFFORT
 
 
 def baseline_weights(game: Game) -> tuple[float, ...]:
-    """Return quadratic weights whose policy is that of `baseline_gain`, (M,)."""
+    """Return the quadratic weights (M,) whose policy has the gain of `baseline_gain`."""
     weights = basis("quadratic", len(game.A)).weights(baseline_value(game) / BASELINE_EFFORT)
     return tuple(weights.tolist())

@@ -1,9 +1,9 @@
-"""The critic update of the paper, Eq. (46), the gains of its Theorem 1, and the step that they
+"""The critic update of the paper, Eq. (46), with the gains of Theorem 1 and the step that they
 require.
 
-It is also an example of a user's own learning law. A law is an object with `ticks`, `start`,
-`advance` and `observe` that `controller.run` runs. `conclude` turns its last weights into P and K
-with certificates.
+It is also an example of a user-defined learning law. Such a law is an object with `ticks`, `start`,
+`advance` and `observe`, which `controller.run` calls. `conclude` converts the final weights to P
+and K with certificates.
 """
 
 from __future__ import annotations
@@ -43,22 +43,23 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class PublishedSettings:
-    """Settings of the update law, by default those of Section 5.1.
+    """Settings of the update law. The defaults are those of Section 5.1.
 
-    The paper does not print theta, samples (N_h), basis and normalization, which are assumed.
+    The paper does not print theta, samples, basis and normalization. They are assumed.
 
-    gamma: Γ = γ I
-    samples: N_h, the most different ones of `pool_samples` random states
-    normalisation: "root" n = sqrt(1 + σ'σ) or "squared" n = 1 + σ'σ
-    stack_policies: "frozen", the policies of `recorded_weights` stored with the samples, or
-        "reevaluated" with the current weights
-    gains: (α₁, α₂), or None for those of Theorem 1
-    integrator: "explicit" (forward Euler) or "proximal" (implicit)
-    coordinates: "raw" units of the model or "scaled" by the root mean square of each recorded
-        channel. Γ, σ̄ and λ₀ are those in these coordinates. Initial and recorded weights are in
-        the model's units in both.
-    flight_start: z(0) of the flight z' = A z + B û that gives the current sample, for explicit
-        steps; () learns from the stack alone
+    gamma: γ in Γ = γ I
+    samples: number N_h of recorded samples, the most different ones of `pool_samples` random states
+    normalisation: "root", n = sqrt(1 + σ'σ), or "squared", n = 1 + σ'σ
+    stack_policies: "frozen" for the policies of `recorded_weights`, stored with the samples, or
+      "reevaluated" for the policies of the current weights
+    gains: (α₁, α₂), or None for the gains of Theorem 1 integrator: "explicit" (forward Euler) or
+    "proximal" (implicit) coordinates: "raw" for the units of the model, or "scaled" by the root
+    mean square of each recorded
+      channel. Γ, σ̄ and λ₀ refer to these coordinates. Initial and recorded weights are in the
+        model's
+      units in both cases.
+    flight_start: z(0) of the flight z' = A z + B û that supplies the current sample, for explicit
+      steps; () learns from the recorded samples alone
     """
 
     predefined_time: float = 10.0
@@ -79,7 +80,7 @@ class PublishedSettings:
     flight_start: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse an unknown word, and a flight that implicit steps would leave out."""
+        """Raise BadInputError for an unknown word, or for a flight with implicit steps."""
         for name, words in _WORDS.items():
             if getattr(self, name) not in words:
                 raise BadInputError(
@@ -93,7 +94,7 @@ class PublishedSettings:
 
 
 class Sample(NamedTuple):
-    """Regressors σ̄_j = σ_j/n_j, (N, M), and residuals ē_j = e_j/n_j, (N,)."""
+    """Normalized samples: regressors σ̄_j = σ_j/n_j, (N, M), and residuals ē_j = e_j/n_j, (N,)."""
 
     regressors: np.ndarray
     residuals: np.ndarray
@@ -102,7 +103,7 @@ class Sample(NamedTuple):
 class TheoremGains(NamedTuple):
     """Gains of Theorem 1.
 
-    lambda_0: smallest eigenvalue of Σ
+    lambda_0: smallest eigenvalue of Σ_j σ̄_j σ̄_j'
     c1, c2, alpha1, alpha2: Eq. (48)-(49)
     """
 
@@ -114,9 +115,9 @@ class TheoremGains(NamedTuple):
 
 
 def normaliser(regressors: np.ndarray, kind: str) -> np.ndarray:
-    """Return n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root").
+    """Return the normalization n_j = 1 + σ'σ ("squared") or sqrt(1 + σ'σ) ("root"), (N,).
 
-    The paper does not state which it uses.
+    The paper does not state which one it uses.
     """
     squared = 1.0 + (regressors**2).sum(axis=-1)
     return squared if kind == "squared" else np.sqrt(squared)
@@ -130,15 +131,19 @@ def bellman(
     weights: np.ndarray,
     policy: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return σ_j = ∂ψ_j (F_j + B û_j + E d̂_j), (N, M), and e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂,
-    (N,).
+    """Return the regressors and Bellman residuals of samples, Eq. 32-33.
 
-    These are Eq. 32-33. The policies are those of the value with the weights `policy`, W_p: B û + E
-    d̂ = -½ S ∂ψ'W_p. Their cost is ¼ (∂ψ'W_p)' S (∂ψ'W_p).
+        σ_j = ∂ψ_j (F_j + B û_j + E d̂_j), (N, M)
+        e_j = W'σ_j + z'Qz + û'Rû - δ²d̂'d̂, (N,)
 
-    gradient: (N, M, n), ∂ψ_j
-    drifts: (N, n), F_j
-    costs: (N,), z'Qz
+    The policies are those of the weights W_p: B û + E d̂ = -½ S ∂ψ'W_p, and their cost is
+    ¼ (∂ψ'W_p)' S (∂ψ'W_p).
+
+    gradient: ∂ψ_j, (N, M, n)
+    drifts: F_j, (N, n)
+    costs: z'Qz, (N,)
+    weights: W, (M,)
+    policy: W_p, (M,)
     """
     value_gradient = policy @ gradient
     pushed = value_gradient @ S
@@ -151,11 +156,11 @@ def theorem_gains(
 ) -> TheoremGains:
     """Return the gains of Theorem 1 (Eq. 48-49).
 
-    c₁ = (2γλ₀)^(1-η/2),  c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2),  α_i = π / (θ T η c_i),  T = T_w/2
+        c₁ = (2γλ₀)^(1-η/2),  c₂ = N_h^(-η/2) (2γλ₀)^(1+η/2),  α_i = π / (θ T η c_i),  T = T_w/2
 
-    regressors: (N_h, M), σ̄_j; λ₀ = λ_min(Σ_j σ̄_j σ̄_j')
+    λ₀ is the smallest eigenvalue of Σ_j σ̄_j σ̄_j'. If it is 0, α_i is inf.
 
-    A stack of rank below M except for rounding gives α = inf.
+    regressors: σ̄_j, (N_h, M)
     """
     lambda_0 = float(np.linalg.svd(regressors, compute_uv=False)[-1] ** 2)
     c1 = math.pow(2.0 * gamma * lambda_0, 1.0 - eta / 2.0)
@@ -165,7 +170,10 @@ def theorem_gains(
 
 
 def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: float) -> np.ndarray:
-    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), sig^p(x) = |x|^p sign(x)."""
+    """Return (α₁+1) sig^(1-η)(ē) + (α₂+1) sig^(1+η)(ē), where sig^p(x) = |x|^p sign(x).
+
+    residuals: ē
+    """
     magnitude = np.abs(residuals)
     low = magnitude ** (1.0 - eta)
     # |e|^(1+η) = |e|² / |e|^(1-η) costs no second power; at 0 both are 0.
@@ -177,9 +185,9 @@ def signed_powers(residuals: np.ndarray, alpha1: float, alpha2: float, eta: floa
 def update_direction(
     sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
 ) -> np.ndarray:
-    """Return the contribution of the given samples to W', Eq. (46).
+    """Return the sum in Eq. (46) over the given samples, (M,).
 
-    It is -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)].
+    -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)]
     """
     return -gamma * (signed_powers(sample.residuals, alpha1, alpha2, eta) @ sample.regressors)
 
@@ -187,10 +195,10 @@ def update_direction(
 def explicit_step_limit(
     sample: Sample, gamma: float, alpha1: float, alpha2: float, eta: float
 ) -> float:
-    """Return the largest stable step of explicit Euler on Eq. (46) at these weights, s.
+    """Return the largest stable step of explicit Euler for Eq. (46) at the current weights, s.
 
-    It is 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), with c_j the slope of `signed_powers` at ē_j. The limit
-    decreases to 0 as any residual approaches 0.
+    The limit is 2 / λ_max(γ Σ_j c_j σ̄_j σ̄_j'), where c_j is the slope of `signed_powers` at ē_j.
+    It approaches 0 if any residual approaches 0.
     """
     size = np.maximum(np.abs(sample.residuals), TINY)
     slopes = (alpha1 + 1.0) * (1.0 - eta) * size**-eta + (alpha2 + 1.0) * (1.0 + eta) * size**eta
@@ -210,13 +218,18 @@ def proximal_step(
     alpha2: float,
     eta: float,
 ) -> np.ndarray:
-    """Return W of Eq. (46) after a step h with the right side taken at the end of the step.
+    """Return the weights W after an implicit step h of Eq. (46).
 
-    It minimizes |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η). The
-    method is Gauss-Newton with the curvature that bounds |ē|^(2-η) from above, and a backtracking
-    line search. The result has entries that are not finite when the powers overflow.
+    W minimizes
 
-    at: W -> Sample, with ∂ē/∂W = σ̄
+        |W - W_k|²/(2γh) + Σ_j (α₁+1)|ē_j|^(2-η)/(2-η) + (α₂+1)|ē_j|^(2+η)/(2+η).
+
+    The method is Gauss-Newton with a backtracking line search. Its curvature bounds |ē|^(2-η) from
+    above. The result contains nan if the powers overflow.
+
+    at: function W -> Sample, with ∂ē/∂W = σ̄
+    weights: W_k
+    step: h, s
     """
 
     def tried(trial: np.ndarray) -> tuple[float, Sample]:
@@ -257,8 +270,8 @@ def proximal_step(
 class PublishedLaw:
     """Law W' = -Γ Σ_{0..N_h} σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)], Eq. (46).
 
-    It is for `controller.run`. Sample 0 is the current one, with the policies of the current
-    weights. It exists in flight only.
+    The law is run by `controller.run`. Sample 0 is the current state with the policies of the
+    current weights, and exists only in flight.
     """
 
     game: Game
@@ -276,12 +289,12 @@ class PublishedLaw:
 
     @cached_property
     def _S_control(self) -> np.ndarray:
-        """S_u, (n, n), in the coordinates of the law."""
+        """S_u = B R⁻¹ B' in the coordinates of the law, (n, n)."""
         return self.game.S_control / np.outer(self.equations.scales, self.equations.scales)
 
     @cached_property
     def S(self) -> np.ndarray:
-        """S_u - S_d/δ² of the game itself, (n, n)."""
+        """S = S_u - S_d/δ² in the coordinates of the law, (n, n)."""
         outer = np.outer(self.equations.scales, self.equations.scales)
         return self._S_control - self.game.S_disturbance / self.game.delta**2 / outer
 
@@ -293,7 +306,7 @@ class PublishedLaw:
 
     @cached_property
     def _stored(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """σ_j, the cost, n_j and σ̄_j of the stored policies, independent of the current
+        """σ_j, cost, n_j and σ̄_j for the stored policies, which do not depend on the current
         weights.
         """
         e = self.equations
@@ -305,10 +318,10 @@ class PublishedLaw:
         return regressors, costs, n, regressors / n[:, None]
 
     def terms(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return σ_j and e_j of the recorded samples.
+        """Return σ_j, (N_h, M), and e_j, (N_h,), of the recorded samples.
 
-        The paper stores the policies. The stack's fixed point is then their value and not that of
-        the game.
+        As in the paper, the stored policies are used by default. The fixed point of the update is
+        then the value of these policies and not that of the game.
         """
         if self.settings.stack_policies == "reevaluated":
             e = self.equations
@@ -317,7 +330,7 @@ class PublishedLaw:
         return regressors, regressors @ weights + costs
 
     def recorded(self, weights: np.ndarray) -> Sample:
-        """Return σ̄_j and ē_j of the recorded samples at the current weights."""
+        """Return the normalized recorded samples at the current weights."""
         regressors, residuals = self.terms(weights)
         if self.settings.stack_policies == "reevaluated":
             return self._normalised(regressors, residuals)
@@ -329,7 +342,10 @@ class PublishedLaw:
         return Sample(regressors / n[:, None], residuals / n)
 
     def _all_samples(self, weights: np.ndarray, error: np.ndarray) -> Sample:
-        """Return the recorded samples, preceded in flight by the current one."""
+        """Return the current sample (only in flight) and the recorded samples.
+
+        error: z of the flight, empty without a flight
+        """
         stored = self.recorded(weights)
         e = self.equations
         if len(error) == 0:
@@ -343,31 +359,33 @@ class PublishedLaw:
 
     @cached_property
     def _plant(self) -> np.ndarray:
-        """A in the coordinates of the law."""
+        """A in the coordinates of the law, (n, n)."""
         scales = self.equations.scales
         return self.game.A * scales[None, :] / scales[:, None]
 
     @cached_property
     def theorem(self) -> TheoremGains:
-        """Gains of Theorem 1 for this stack at the initial weights."""
+        """Gains of Theorem 1 for the recorded samples at the initial weights."""
         s = self.settings
         sample = self.recorded(self._scaled(s.initial_weights))
         return theorem_gains(sample.regressors, s.gamma, s.eta, s.theta, s.predefined_time)
 
     @property
     def gains(self) -> tuple[float, float]:
-        """(α₁, α₂) of the law."""
+        """(α₁, α₂), from the settings or from Theorem 1."""
         return self.settings.gains or (self.theorem.alpha1, self.theorem.alpha2)
 
     @cached_property
     def explicit_step_limit(self) -> float:
-        """The largest stable explicit step at the start, with the current sample, s."""
+        """Largest stable explicit step at the initial weights, s. In flight it includes the current
+        sample.
+        """
         sample = self._all_samples(*self.start().values())
         return explicit_step_limit(sample, self.settings.gamma, *self.gains, self.settings.eta)
 
     @property
     def facts(self) -> dict[str, float]:
-        """Return λ₀, the gains and the step that they require, at the start."""
+        """λ₀, the gains, and the largest stable explicit step, at the initial weights."""
         alpha1, alpha2 = self.gains
         named = {"lambda_0": self.theorem.lambda_0, "alpha1": alpha1, "alpha2": alpha2}
         return named | {"explicit_step_limit": self.explicit_step_limit}
@@ -388,19 +406,19 @@ class PublishedLaw:
 
     @property
     def ticks(self) -> int:
-        """Number of rows of history after the first."""
+        """Number of ticks, which is the number of history rows after the first."""
         return min(ROWS, self._steps)
 
     def start(self) -> dict[str, np.ndarray]:
-        """Return W(0) and z(0) in the coordinates of the law."""
+        """Return the initial memory, W(0) and z(0), in the coordinates of the law."""
         flight = np.array(self.settings.flight_start, dtype=float)
         error = flight / self.equations.scales if len(flight) else flight
         return {"weights": self._scaled(self.settings.initial_weights), "error": error}
 
     def advance(self, tick: int, memory: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Take the integration steps of one tick.
+        """Return the memory after the integration steps of one tick.
 
-        Raises NoSolutionError when the numbers overflow.
+        Raises NoSolutionError if the numbers overflow.
         """
         weights = memory["weights"]
         error = memory["error"]
@@ -412,7 +430,7 @@ class PublishedLaw:
         return {"weights": weights, "error": error}
 
     def observe(self, tick: int, memory: dict[str, np.ndarray]) -> Mapping[str, Any]:
-        """Return the row of history after `tick` ticks."""
+        """Return the quantities to record after `tick` ticks."""
         weights = memory["weights"]
         return {
             "time": min(self._steps_done(tick) * self.settings.step, self.settings.predefined_time),
@@ -451,7 +469,7 @@ class PublishedLaw:
         )
 
     def conclude(self, finished: Run) -> TrainingRun:
-        """Return the training run of finished ticks."""
+        """Return the training run after all ticks."""
         return training_run(
             "published",
             self.game,
@@ -467,9 +485,9 @@ class PublishedLaw:
 def published_law(
     game: Game, chosen: PublishedSettings, seed: int, pool: Stack | None = None
 ) -> PublishedLaw:
-    """Return the law on a pool of recorded samples, by default random states.
+    """Return the law with recorded samples selected from a pool.
 
-    The N_h most different ones are used.
+    pool: recorded samples, or None for random states
     """
     functions = basis(chosen.basis, game.A.shape[0])
     recorded = random_pool(game, chosen.pool_samples, seed) if pool is None else pool

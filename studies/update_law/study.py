@@ -1,6 +1,6 @@
 """The rows of the study and their runs, as values for JSON.
 
-None is a number that is not finite or was not reached.
+None replaces a number that is not finite or was not reached.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ _IMPLICIT: dict[str, Any] = {"integrator": "proximal", "step": 0.01}
 
 
 class Case(NamedTuple):
-    """One run of a row.
+    """One case of a row.
 
-    changes: changes of `PublishedSettings`
-    seed: seed of the stack
-    from_lqr: weights set to the stabilizing start
-    box: whether the stack is drawn from `FLIGHT_BOX` instead of the plant's stationary deviations
+    changes: changed fields of `PublishedSettings`
+    seed: seed of the recorded samples
+    from_lqr: fields set to the weights of the stabilizing start
+    box: whether samples are drawn from `FLIGHT_BOX` instead of the plant's stationary deviations
     nearby: relative changes of W(0) with which the run is repeated
     """
 
@@ -67,8 +67,8 @@ class Case(NamedTuple):
 class Row(NamedTuple):
     """A row of the table.
 
-    cases: cases, each of which is run on both printed models
-    cause: reason for the end of the runs
+    cases: function that yields the cases, each of which is run on both printed models
+    cause: cause of the outcome
     """
 
     cases: Callable[[], Iterator[Case]]
@@ -163,9 +163,9 @@ ROWS = {
 
 
 class Reference(NamedTuple):
-    """A game, its exact solution, and the stabilizing start.
+    """The game of a printed model, its exact solution, and the stabilizing start.
 
-    The start has the weights of the LQ solution for Q = 1000 I.
+    lqr_weights: weights of the LQ solution for Q = 1000 I
     """
 
     dihedral_deg: float
@@ -174,14 +174,14 @@ class Reference(NamedTuple):
     lqr_weights: tuple[float, ...]
 
     def settings(self, case: Case) -> PublishedSettings:
-        """Return the settings of one run on this model."""
+        """Return the settings of the law for one case."""
         return PublishedSettings(**case.changes | dict.fromkeys(case.from_lqr, self.lqr_weights))
 
 
 def references() -> tuple[Reference, ...]:
-    """Return the references of both printed models, with the critics of the certified law.
+    """Return the references of both printed models, learned by the certified law.
 
-    Raises NoSolutionError where the law does not settle.
+    Raises NoSolutionError if the law does not settle.
     """
     found = []
     for model in published_models():
@@ -198,15 +198,16 @@ def references() -> tuple[Reference, ...]:
 
 
 def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[str, Any]:
-    """Return the result of one run of the published law.
+    """Run the published law once and return the result.
 
-    - overflow: the reason, "" when the run reached T_w
-    - P_error, K_error: relative to the exact game
-    - settled: time after which the law's own residual stays below `SETTLED` of its start, s
+    - overflow: the reason, or "" if the run reached T_w
+    - P_error, K_error: relative to the exact solution
+    - settled: time after which the residual of the law stays below `SETTLED` times its initial
+      value, s
     - stabilizing: whether A - S P and A - B K are Hurwitz
     - lambda_0, alpha1, alpha2, explicit_step_limit: at the start
-    - last_lambda_0: at T_w
-    - P_errors_nearby: P_error from the W(0) of `case.nearby`
+    - last_lambda_0: lambda_0 at T_w
+    - P_errors_nearby: P_error for the changed W(0) of `case.nearby`
     """
     game = reference.game
     exact = reference.exact
@@ -255,7 +256,7 @@ def made(reference: Reference, case: Case, chosen: PublishedSettings) -> dict[st
 def planned(
     name: str, of: tuple[Reference, ...]
 ) -> list[tuple[Reference, Case, PublishedSettings]]:
-    """Return the runs of a row of `ROWS`, every case on both models."""
+    """Return the runs of a row of `ROWS`: every case on both models."""
     return [
         (reference, case, reference.settings(case))
         for case in ROWS[name].cases()
@@ -264,9 +265,9 @@ def planned(
 
 
 def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return a row of these runs: counts, ranges [smallest, largest] and all of them.
+    """Return a row of the table: counts, ranges [smallest, largest], and the runs.
 
-    decided_by_rounding is None where no run was repeated from a start nearby.
+    decided_by_rounding is None if no run was repeated from a nearby start.
     """
     finished = [one for one in runs if not one["overflow"]]
     return {
@@ -288,10 +289,7 @@ def summed_up(name: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def by_rounding(one: dict[str, Any]) -> bool:
-    """Return whether starts that differ in the ninth digit end elsewhere.
-
-    P_error is then one of several numbers.
-    """
+    """Return whether runs from nearby starts end with a different P_error."""
     return any(
         abs(other - one["P_error"]) > SAME_END * one["P_error"] for other in one["P_errors_nearby"]
     )

@@ -1,4 +1,4 @@
-"""`python -m studies.validation`."""
+"""Run the comparison by `python -m studies.validation`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studies.validation.outside import validate
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationRequest(HfaOptions, OutputOptions):
-    """Request of the comparison of the model with published data."""
+    """Options of the comparison with published data."""
 
 
 @command(ValidationRequest)

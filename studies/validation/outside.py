@@ -1,4 +1,4 @@
-"""The model compared with published and released data, with a limit on each difference."""
+"""Comparison of the model with published and released data, with a limit for each difference."""
 
 from __future__ import annotations
 
@@ -40,9 +40,10 @@ class ReleasedTrim(NamedTuple):
     """One trim of the released simulation.
 
     speed: ft/s
+    altitude: ft
     dihedral, alpha: rad
-    inputs: lbf (throttle) and rad
-    eigenvalues: of its six-state A, one of each conjugate pair, 1/s, fastest first
+    inputs: throttle in lbf, surfaces in rad
+    eigenvalues: of the released A with six states, one of each conjugate pair, 1/s, fastest first
     """
 
     speed: float
@@ -54,9 +55,13 @@ class ReleasedTrim(NamedTuple):
 
 
 class TrimDifference(NamedTuple):
-    """Differences of our values from the released ones at one trim.
+    """Differences between the model and one released trim.
 
-    They are the largest of four deflections, the relative thrust, and the largest eigenvalue.
+    speed: ft/s
+    dihedral, alpha: rad
+    deflection_difference: largest difference of a deflection
+    thrust_difference: relative difference of the thrust
+    eigenvalue_difference: largest difference of an eigenvalue
     """
 
     speed: float
@@ -72,7 +77,7 @@ _UNITS = dict(zip(TrimDifference._fields, ("ft/s", "rad", "rad", "rad", "1", "1/
 
 @cache
 def outside_data() -> dict[str, Any]:
-    """Return the content of the file."""
+    """Return the content of outside.json."""
     return dict(json.loads(Path(__file__).with_name("outside.json").read_text("utf-8")))
 
 
