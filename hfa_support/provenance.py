@@ -37,13 +37,17 @@ class Change(Result):
 class Provenance(Result):
     """The provenance stored in every output.
 
-    command: command line as typed. dynamics: name of the equations of motion, or "" for the user's
-    plant. parameters: name or file of the parameters. parameter_hash: hash of the parameter values,
-    equal for two files with equal numbers. changed: parameter -> its value and the identified
-    value, if these differ. condition: imposed, free and limited variables of a trim; angles in
-    radians. flight: the trim condition in words, as changes from the paper's level flight; not
-    stored as data. model: file of the plant. version: version of the program. date: date and time
-    in UTC; from SOURCE_DATE_EPOCH if it is set, for reproducible output.
+    command: command line as typed.
+    dynamics: name of the equations of motion, or "" for the user's plant.
+    parameters: name or file of the parameters.
+    parameter_hash: hash of the parameter values, equal for two files with equal numbers.
+    changed: parameter -> its value and the identified value, if these differ.
+    condition: imposed, free and limited variables of a trim; angles in radians.
+    flight: the trim condition in words, as changes from the paper's level flight; not stored as
+        data.
+    model: file of the plant.
+    version: version of the program.
+    date: date and time in UTC; from SOURCE_DATE_EPOCH if it is set, for reproducible output.
     """
 
     schema = "hfa.provenance/1"

@@ -105,9 +105,9 @@ def quadratic_form(piece: Piece) -> Matrix | None:
 class FoundBoxes(BoxSet):
     """Set that a search has found and proved.
 
-    origin: origin of V. decrease_fails_at: state -> deviation at the point of lowest V where V' >=
-    0 was found, or None if
-        no such point was found.
+    origin: origin of V.
+    decrease_fails_at: state -> deviation at the point of lowest V where V' >= 0 was found, or None
+        if no such point was found.
     stopped: why no larger level is proved.
     """
 

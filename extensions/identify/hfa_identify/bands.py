@@ -119,10 +119,11 @@ def weighted_scores(fit: Fit, halves: bool = False) -> list[Score]:
 class Noise:
     """Noise of one measured quantity in a record.
 
-    fitted: number of unknowns that the samples of the quantity determine. lost: ratio of the noise
-    variance to the variance of the residuals, which the fit reduces. variance: noise variance.
+    fitted: number of unknowns that the samples of the quantity determine.
+    lost: ratio of the noise variance to the variance of the residuals, which the fit reduces.
+    variance: noise variance.
     correlation: autocorrelation at lags 0, 1, ..., up to the last lag at which it is not
-    negligible.
+        negligible.
     """
 
     fitted: float
@@ -204,11 +205,12 @@ def smooth_autocorrelation(residual: np.ndarray, present: np.ndarray, fitted: fl
     The noise is modeled as an autoregressive process of order 0 to 4, or as white noise plus a
     first-order process. The model with the least BIC (Bayesian information criterion) is chosen.
 
-    residual: residuals of one quantity, (N,) present: whether each sample was measured, (N,)
+    residual: residuals of one quantity, (N,)
+    present: whether each sample was measured, (N,)
     fitted: number of unknowns fitted to this quantity. The fit removes a part of the slow noise
-    from
-      the residuals. Therefore the sum a of the coefficients is corrected by the first-order bias of
-      its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954) 390-402).
+        from the residuals. Therefore the sum a of the coefficients is corrected by the first-order
+        bias of its estimate, fitted (1 + 3 a) / N (Marriott and Pope, Biometrika 41 (1954)
+        390-402).
     """
     from scipy.linalg import solve_toeplitz
 

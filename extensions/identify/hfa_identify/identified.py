@@ -76,21 +76,23 @@ class FittedQuantity(Result):
 class Identified(Result, Reported):
     """Parameters of a model identified from flight records.
 
-    model: the aircraft with the estimates as its parameters. records: names of the records.
-    parameters: name -> estimate with its 95 % band, corrected for colored residuals. quantities:
-    measured state or output -> quality of its fit. covariance: covariance of the estimates, in the
-    order of `parameters`. coloured: largest factor by which the correction widened a band.
-    correlated: (name, name, coefficient) of each pair correlated by more than 0.9. undetermined:
-    parameter that the records do not determine -> the motionless state or input that it
-      multiplies, "" if there is none.
-    at_bounds: parameters with an estimate at a limit of the model. unexplained: quantities whose
-    simulated motion contradicts the measured motion. column_errors: name of a bias, scale error or
-    delay that is not free -> its estimate by one Newton
-      step.
-    faults: sentences on faults of the records that explain residuals. other_minimum: name ->
-    estimate at a second minimum that explains the records equally well. parts_disagree: the
-    parameter on which parts of the records disagree most beyond their bands, "" if
-      they agree.
+    model: the aircraft with the estimates as its parameters.
+    records: names of the records.
+    parameters: name -> estimate with its 95 % band, corrected for colored residuals.
+    quantities: measured state or output -> quality of its fit.
+    covariance: covariance of the estimates, in the order of `parameters`.
+    coloured: largest factor by which the correction widened a band.
+    correlated: (name, name, coefficient) of each pair correlated by more than 0.9.
+    undetermined: parameter that the records do not determine -> the motionless state or input that
+        it multiplies, "" if there is none.
+    at_bounds: parameters with an estimate at a limit of the model.
+    unexplained: quantities whose simulated motion contradicts the measured motion.
+    column_errors: name of a bias, scale error or delay that is not free -> its estimate by one
+        Newton step.
+    faults: sentences on faults of the records that explain residuals.
+    other_minimum: name -> estimate at a second minimum that explains the records equally well.
+    parts_disagree: the parameter on which parts of the records disagree most beyond their bands, ""
+        if they agree.
     turbulence: disturbed state -> standard deviation of its random change in 1 s.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.

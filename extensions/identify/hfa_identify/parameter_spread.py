@@ -14,9 +14,10 @@ from hfa_aircraft.model import Model
 class ParameterSpread:
     """Uncertain parameters whose values, or logarithms, are normally distributed.
 
-    values: name -> mean value p_i. covariance: covariance C of the values, (n, n). of_logarithms:
-    if True, a random value is p_i exp(z_i), where z has the covariance C_ij / (p_i p_j).
-      Otherwise it is p_i + z_i, where z has the covariance C.
+    values: name -> mean value p_i.
+    covariance: covariance C of the values, (n, n).
+    of_logarithms: if True, a random value is p_i exp(z_i), where z has the covariance C_ij / (p_i
+        p_j). Otherwise it is p_i + z_i, where z has the covariance C.
     """
 
     values: Mapping[str, float]

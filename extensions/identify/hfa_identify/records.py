@@ -35,11 +35,12 @@ _FAR = 4.0
 class Record:
     """Flight record of one maneuver.
 
-    name: name of the record, such as its file name. time: increasing times, not necessarily
-    equidistant, s, (N,). inputs: (N, m) in the order and units of the model's inputs. measured:
-    state or output -> (N,) in the model's unit, NaN for a missing sample. has_steps: whether each
-    input is constant until the next sample, as commands of a flight computer
-      are. Otherwise inputs are linear between samples.
+    name: name of the record, such as its file name.
+    time: increasing times, not necessarily equidistant, s, (N,).
+    inputs: (N, m) in the order and units of the model's inputs.
+    measured: state or output -> (N,) in the model's unit, NaN for a missing sample.
+    has_steps: whether each input is constant until the next sample, as commands of a flight
+        computer are. Otherwise inputs are linear between samples.
     """
 
     name: str

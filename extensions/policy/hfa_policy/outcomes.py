@@ -84,10 +84,11 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
 class Place:
     """A trim, its initial-condition box, and the equilibrium to which flights converge.
 
-    point: the trim. box: (k,), half-widths of the initial conditions about the trim. equilibrium:
-    the equilibrium, or None if it does not exist. stable: whether the loop is stable at the
-    equilibrium; a flight that enters the ball about it has
-        then converged.
+    point: the trim.
+    box: (k,), half-widths of the initial conditions about the trim.
+    equilibrium: the equilibrium, or None if it does not exist.
+    stable: whether the loop is stable at the equilibrium; a flight that enters the ball about it
+        has then converged.
     reach: states that the actions move, or None without an equilibrium.
     seconds: duration of a flight.
     swing: half a period of the slowest oscillation about the equilibrium, s; 0 if modes are not

@@ -104,11 +104,12 @@ class ProvedSet(ProvedResult):
 class FoundSet(ProvedSet):
     """Set that a search has found and proved.
 
-    origin: origin of V. decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
+    origin: origin of V.
+    decrease_fails_at: the lowest V at which V' >= 0 was found, or None.
     leaves_limits_at: the lowest V of an initial condition whose trajectory exceeds a limit, or
-    None. lost_at: the lowest V of an initial condition whose trajectory diverges, or None.
-    Trajectories that
-        neither converge nor diverge within the simulated time are not counted.
+        None.
+    lost_at: the lowest V of an initial condition whose trajectory diverges, or None. Trajectories
+        that neither converge nor diverge within the simulated time are not counted.
     limits_that_bind: signals whose limits the set nearly touches.
     stopped: "interrupted" after Ctrl-C, else "".
     """

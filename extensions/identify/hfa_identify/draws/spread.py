@@ -44,12 +44,15 @@ class Band(Result):
 class Draws(Result):
     """Result for aircraft with drawn parameters.
 
-    count: number of aircraft. seed: seed of the draws. parameters: names of the drawn parameters.
-    trimmed: number of aircraft that have a trim within their limits. stable: number of aircraft
-    whose linear model the gain stabilizes, or None without a gain. stable_alone: number of aircraft
-    whose linear model is stable without control, or None with a gain. cost_lost_worst_percent:
-    largest excess of the gain's cost over the optimum of an aircraft's linear
-      model, percent, or None without a gain.
+    count: number of aircraft.
+    seed: seed of the draws.
+    parameters: names of the drawn parameters.
+    trimmed: number of aircraft that have a trim within their limits.
+    stable: number of aircraft whose linear model the gain stabilizes, or None without a gain.
+    stable_alone: number of aircraft whose linear model is stable without control, or None with a
+        gain.
+    cost_lost_worst_percent: largest excess of the gain's cost over the optimum of an aircraft's
+        linear model, percent, or None without a gain.
     bands: quantity -> its band.
     unsolved: number of aircraft whose game has no solution, or None without a gain.
     """
