@@ -26,7 +26,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "published.md"
 
 _HEAD = """# Verdicts on published answers
 
-`hfa printed` judges a printed answer with its plant:
+`hfa printed` checks the digits of a published solution against the solution computed for the
+published plant:
 
 ```console
 $ hfa printed studies/published/sources/radp_suspension.toml
@@ -34,10 +35,10 @@ as printed: all 20 entries
 ...
 ```
 
-[Each verdict](critics.md#a-printed-answer) concerns digits, not causes. [The table of
-results](../studies/published/results.csv) lists every answer with its verdict. [The
-sources](../studies/published/sources) contain the printed digits. `python -m
-studies.published` judges all answers.
+[A verdict](critics.md#a-printed-answer) describes the agreement of digits, not the cause of a
+difference. [The results](../studies/published/results.csv) list every solution with its verdict.
+[The sources](../studies/published/sources) contain the printed digits. `python -m
+studies.published` checks all of them.
 """
 
 
